@@ -1,0 +1,1 @@
+"""How well problems are solved: measuring, storing and showing."""

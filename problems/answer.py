@@ -1,0 +1,54 @@
+"""What is known about the solution of a problem: impulses where they are unique, else velocities and sums."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import ProblemError
+from .laws import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The known part of a solution; what is left out is not unique or not known.
+
+    Attributes:
+        impulses: all admissible Λ [N s], each of shape (n_rows,), where there are finitely many; any of them is right.
+        velocity: ξ [m/s], shape (n_rows,), where the relative velocity is unique.
+        functionals: A, shape (k, n_rows), where only A Λ = values is determined (a sum of supports, a moment).
+        values: the right-hand side of ``functionals``, shape (k,).
+        solvable: False where the problem has no solution and must be reported as infeasible.
+    """
+
+    impulses: tuple[FloatArray, ...] = ()
+    velocity: FloatArray | None = None
+    functionals: FloatArray | None = None
+    values: FloatArray | None = None
+    solvable: bool = True
+
+    def check(self, n_rows: int) -> None:
+        """Raise ``ProblemError`` unless every array fits a problem of ``n_rows`` rows."""
+        for index, impulses in enumerate(self.impulses):
+            if np.shape(impulses) != (n_rows,):
+                raise ProblemError(f"answer.impulses[{index}] must have shape ({n_rows},), got {np.shape(impulses)}.")
+        if self.velocity is not None and np.shape(self.velocity) != (n_rows,):
+            raise ProblemError(f"answer.velocity must have shape ({n_rows},), got {np.shape(self.velocity)}.")
+        if (self.functionals is None) != (self.values is None):
+            raise ProblemError("answer.functionals and answer.values belong together; one of them is missing.")
+        if self.functionals is not None and np.shape(self.functionals) != (np.size(self.values), n_rows):
+            raise ProblemError(
+                f"answer.functionals must have shape (len(values), {n_rows}), got {np.shape(self.functionals)}."
+            )
+
+    def impulse_error(self, impulses: ArrayLike) -> float | None:
+        """Return the largest deviation from the known impulses, or from the known sums [N s]; None if neither is known.
+
+        With several admissible solutions it is the distance to the nearest.
+        """
+        given = np.asarray(impulses, dtype=np.float64)
+        if self.impulses:
+            return float(min(np.abs(given - known).max(initial=0.0) for known in self.impulses))
+        if self.functionals is not None and self.values is not None:
+            return float(np.abs(self.functionals @ given - self.values).max(initial=0.0))
+        return None

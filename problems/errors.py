@@ -1,0 +1,22 @@
+"""Errors that a user can cause, and the sentence that mends them."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class ProxbenchError(Exception):
+    """A mistake in what was asked for; its text says what is wrong, where, and what to do."""
+
+
+class ProblemError(ProxbenchError, ValueError):
+    """A contact problem, or its name, does not hold together."""
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or the list of known names."""
+    names = sorted(known)
+    lowered = {candidate.lower(): candidate for candidate in names}
+    close = get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
+    if close:
+        return f"; did you mean {lowered[close[0]]!r}?"
+    return f"; known are {', '.join(names)}." if names else "; none are known."

@@ -1,0 +1,152 @@
+"""The factors of a Delassus matrix: force directions W and inverse mass M⁻¹, with G = Wᵀ M⁻¹ W."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
+
+from .errors import ProblemError
+from .laws import FloatArray, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """W, M⁻¹ and the free motion of the system that a problem comes from; build it with ``create``.
+
+    Attributes:
+        force_directions: W, shape (n_dofs, n_rows), scipy CSC.
+        inverse_mass: M⁻¹, symmetric positive definite and block diagonal, shape (n_dofs, n_dofs), scipy CSR.
+        free_motion: u_B + M⁻¹ h Δt, the velocity the system would have without contacts, shape (n_dofs,), or ``None``.
+    """
+
+    force_directions: sp.csc_array
+    inverse_mass: sp.csr_array
+    free_motion: FloatArray | None = None
+
+    @staticmethod
+    def create(force_directions: Any, inverse_mass: Any, free_motion: ArrayLike | None = None) -> "Factors":
+        """Return checked, read-only factors; see ``ContactProblem.from_factors`` for the arguments.
+
+        Raises:
+            ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
+        """
+        directions = sp.csc_array(force_directions, dtype=np.float64, copy=True)
+        directions.sum_duplicates()
+        n_dofs = directions.shape[0]
+        if np.ndim(inverse_mass) == 1 and not sp.issparse(inverse_mass):
+            inverse = sp.csr_array(sp.dia_array((np.atleast_2d(inverse_mass), [0]), shape=(len(inverse_mass),) * 2))
+        else:
+            inverse = sp.csr_array(inverse_mass, dtype=np.float64, copy=True)
+        if inverse.shape != (n_dofs, n_dofs):
+            raise ProblemError(f"M⁻¹ must have shape ({n_dofs}, {n_dofs}) to go with W, got {inverse.shape}.")
+        inverse.sum_duplicates()
+        for name, matrix in (("W", directions), ("M⁻¹", inverse)):
+            if not np.isfinite(matrix.data).all():
+                coordinates = matrix.tocoo()
+                at = int(np.argmin(np.isfinite(coordinates.data)))
+                place = f"{name}[{coordinates.row[at]}, {coordinates.col[at]}]"
+                raise ProblemError(f"{place} = {coordinates.data[at]} must be finite.")
+            for array in (matrix.data, matrix.indices, matrix.indptr):
+                array.setflags(write=False)
+        motion = None
+        if free_motion is not None:
+            motion = frozen(free_motion, np.float64)
+            if motion.shape != (n_dofs,) or not np.isfinite(motion).all():
+                raise ProblemError(f"free_motion must be {n_dofs} finite numbers, got shape {motion.shape}.")
+        factors = Factors(directions, inverse, motion)
+        _ = factors.inverse_mass_root  # fails here, with the reason, if M⁻¹ is not positive definite
+        return factors
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of degrees of freedom."""
+        return int(self.force_directions.shape[0])
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows of the problem."""
+        return int(self.force_directions.shape[1])
+
+    @property
+    def has_diagonal_mass(self) -> bool:
+        """Whether M⁻¹ has no entries off its diagonal."""
+        n_dofs = self.n_dofs
+        return bool(self.inverse_mass.nnz == n_dofs and np.array_equal(self.inverse_mass.indices, np.arange(n_dofs)))
+
+    @cached_property
+    def inverse_mass_root(self) -> sp.csr_array:
+        """A factor S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
+        if self.has_diagonal_mass:
+            diagonal = self.inverse_mass.data
+            if (diagonal <= 0).any():
+                dof = int(np.argmax(diagonal <= 0))
+                raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
+            return sp.csr_array(
+                (np.sqrt(diagonal), self.inverse_mass.indices, self.inverse_mass.indptr), shape=self.inverse_mass.shape
+            )
+        return _block_cholesky(self.inverse_mass)
+
+    @cached_property
+    def scaled_directions(self) -> sp.csc_array:
+        """W̃ = Sᵀ W, so that G = W̃ᵀ W̃, shape (n_dofs, n_rows), columns sorted."""
+        if self.has_diagonal_mass:
+            directions = self.force_directions
+            values = directions.data * self.inverse_mass_root.data[directions.indices]
+            return sp.csc_array((values, directions.indices, directions.indptr), shape=directions.shape)
+        scaled = sp.csc_array(self.inverse_mass_root.T @ self.force_directions)
+        scaled.sort_indices()
+        return scaled
+
+    def delassus_times(self, impulses: FloatArray) -> FloatArray:
+        """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
+        product: FloatArray = self.force_directions.T @ (self.inverse_mass @ (self.force_directions @ impulses))
+        return product
+
+    def delassus_diagonal(self) -> FloatArray:
+        """Return the diagonal of Wᵀ M⁻¹ W [1/kg], shape (n_rows,)."""
+        scaled = self.scaled_directions
+        diagonal = np.zeros(self.n_rows)
+        np.add.at(diagonal, np.repeat(np.arange(self.n_rows), np.diff(scaled.indptr)), scaled.data**2)
+        return diagonal
+
+    def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
+        """Return the labelled arrays that define W and M⁻¹, with index types that do not depend on their size."""
+        return [
+            (f"{label}{part}", array if array.dtype == np.float64 else array.astype(np.int64))
+            for label, matrix in (("W", self.force_directions), ("Minv", self.inverse_mass))
+            for part, array in (("", matrix.data), (".indices", matrix.indices), (".indptr", matrix.indptr))
+        ]
+
+    def fresh(self) -> "Factors":
+        """Return equal factors that share no memory with these."""
+        motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
+        return Factors(self.force_directions.copy(), self.inverse_mass.copy(), motion)
+
+
+def _block_cholesky(matrix: sp.csr_array) -> sp.csr_array:
+    """Return S with S Sᵀ = matrix, computed block by block (connected components of the sparsity pattern)."""
+    count, label = connected_components(matrix, directed=False)
+    order = np.argsort(label, kind="stable")
+    starts = np.searchsorted(label[order], np.arange(count + 1))
+    rows, columns, values = [], [], []
+    for block in range(count):
+        dofs = order[starts[block] : starts[block + 1]]
+        dense = matrix[np.ix_(dofs, dofs)].toarray()
+        if np.abs(dense - dense.T).max() > 1e-12 * np.abs(dense).max():
+            raise ProblemError(f"M⁻¹ must be symmetric; the block of degree of freedom {dofs[0]} is not.")
+        try:
+            root = np.linalg.cholesky(dense)
+        except np.linalg.LinAlgError:
+            raise ProblemError(
+                f"M⁻¹ must be positive definite; the block of degree of freedom {dofs[0]} is not."
+            ) from None
+        at = np.nonzero(root)
+        rows.append(dofs[at[0]])
+        columns.append(dofs[at[1]])
+        values.append(root[at])
+    indices = (np.concatenate(rows), np.concatenate(columns))
+    return sp.csr_array((np.concatenate(values), indices), shape=matrix.shape)

@@ -1,0 +1,319 @@
+"""The judge: how well impulses solve a contact problem, from the impulses alone.
+
+For law i with α_i = the largest diagonal entry of its block of G, and the prox taken onto the law's set C_i(Λ),
+
+    R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_i α_i ‖R_i‖ / max_i |c_i|:
+
+the largest velocity by which a law is violated, relative to the largest free velocity. It depends on no solver's step
+size, on no unit and not on the number of contacts, and it holds across mass ratios, where an impulse error relative to
+max|Λ| does not.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from .errors import ProblemError
+from .laws import FloatArray, LawKind
+from .model import Model
+from .projections import onto_friction_cone, onto_polygon
+
+if TYPE_CHECKING:
+    from .contact import ContactProblem
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the judge says of one vector of impulses.
+
+    Attributes:
+        residual: the number that counts, see the module; inf if Λ is not finite or the problem is infeasible.
+        energy_residual: max_i √α_i ‖R_i‖ over max_i |c_i|/√α_i, the same violation in the scale of energy.
+        natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + μ‖ξ_T‖ e_N (De Saxcé) and ρ = 1.
+        natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), as Siconos relates it.
+        penetration_velocity: max_i (−ξ_N)₊ [m/s].
+        cone_violation: how far Λ lies outside its bounds, max of (−Λ_N)₊ and (‖Λ_T‖ − b)₊ [N s].
+        complementarity: max_i |Λ_N ξ_N| [J].
+        dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], what the impulses take from the free motion; exact for ε = 0.
+        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ where the problem knows ξ*, else None.
+        infeasible: a unilateral law with α_i = 0 and c_i < 0, which no impulse can satisfy.
+        model: the model that ``residual`` and ``energy_residual`` hold the impulses to.
+    """
+
+    residual: float
+    energy_residual: float
+    natural_map_q: float
+    natural_map_max: float
+    penetration_velocity: float
+    cone_violation: float
+    complementarity: float
+    dissipated_energy: float
+    velocity_error: float | None
+    infeasible: bool
+    model: Model
+
+
+class Residual:
+    """The judge's residual of one problem, prepared once for many impulses (solvers stop on it).
+
+    Attributes:
+        alpha: α_i of each law [1/kg], shape (n_laws,).
+        scale: max |c_i| [m/s].
+        infeasible: whether some unilateral law has α_i = 0 and c_i < 0.
+    """
+
+    def __init__(self, problem: "ContactProblem") -> None:
+        laws, diagonal = problem.laws, problem.delassus_diagonal
+        alpha = diagonal[laws.first_row].copy()
+        spatial = laws.kind == LawKind.SPATIAL_FRICTION
+        alpha[spatial] = np.maximum(alpha[spatial], diagonal[laws.first_row[spatial] + 1])
+        self.alpha: FloatArray = alpha
+        self.scale = float(np.abs(problem.free_velocity).max(initial=0.0))
+        stuck = (laws.kind == LawKind.UNILATERAL) & (alpha == 0.0)
+        self.infeasible = bool((problem.free_velocity[laws.first_row[stuck]] < 0.0).any())
+        self._laws = laws
+        self._arguments = (laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner, alpha)
+
+    def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
+        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        if self.infeasible:
+            return np.inf
+        return _relative(_largest_violation(*self._arguments, impulses, velocity), self.scale)
+
+
+def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
+    """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
+
+    Args:
+        problem: the contact problem.
+        impulses: Λ, shape (n_rows,).
+        model: hold Λ to this model instead of Coulomb's law; everything but the two residuals stays as it is.
+
+    Raises:
+        ProblemError: if Λ has the wrong shape, or the model does not apply to the problem's laws.
+    """
+    given = np.asarray(impulses, dtype=np.float64)
+    if given.shape != (problem.n_rows,):
+        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry a row; got {given.shape}.")
+    residual = Residual(problem)
+    if not np.isfinite(given).all():
+        inf = np.inf
+        velocity_error = None if problem.answer is None or problem.answer.velocity is None else inf
+        return Verdict(inf, inf, inf, inf, inf, inf, inf, np.nan, velocity_error, residual.infeasible, model)
+    velocity = problem.relative_velocity(given)
+    violation = _violations(problem, residual, given, velocity, model)
+    alpha = residual.alpha
+    energy_scale = _largest_ratio(np.abs(problem.free_velocity), np.sqrt(alpha[_law_of_row(problem)]))
+    energy = _largest_ratio(violation, np.sqrt(alpha))
+    natural_map = _natural_map(problem, given, velocity)
+    norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
+    infeasible = residual.infeasible
+    return Verdict(
+        residual=np.inf if infeasible else _relative(violation.max(initial=0.0), residual.scale),
+        energy_residual=np.inf if infeasible else _relative(energy, energy_scale),
+        natural_map_q=_relative(natural_map, norms[0]),
+        natural_map_max=_relative(natural_map, max(norms)),
+        penetration_velocity=_penetration_velocity(problem, velocity),
+        cone_violation=_cone_violation(problem, given),
+        complementarity=_complementarity(problem, given, velocity),
+        dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
+        velocity_error=_velocity_error(problem, velocity, residual.scale),
+        infeasible=infeasible,
+        model=model,
+    )
+
+
+@njit(cache=True)
+def _law_violation(law, kind, first_row, mu, fixed, partner, alpha, impulses, velocity):  # type: ignore[no-untyped-def]
+    """α ‖Λ − prox_C(Λ − ξ/α)‖ of one law [m/s]; 0 where α = 0, because no impulse of that law moves anything."""
+    a = alpha[law]
+    if a == 0.0:
+        return 0.0
+    row = first_row[law]
+    x = impulses[row] - velocity[row] / a
+    if kind[law] == 0:
+        return a * abs(impulses[row] - max(x, 0.0))
+    bound = fixed[law]
+    if partner[law] >= 0:
+        bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
+    if kind[law] == 1:
+        return a * abs(impulses[row] - min(max(x, -bound), bound))
+    y = impulses[row + 1] - velocity[row + 1] / a
+    length = np.sqrt(x * x + y * y)
+    if length > bound:
+        x *= bound / length
+        y *= bound / length
+    return a * np.sqrt((impulses[row] - x) ** 2 + (impulses[row + 1] - y) ** 2)
+
+
+@njit(cache=True)
+def _largest_violation(kind, first_row, mu, fixed, partner, alpha, impulses, velocity):  # type: ignore[no-untyped-def]
+    """Largest violation over all laws; inf as soon as one is not a number."""
+    largest = 0.0
+    for law in range(len(kind)):
+        violation = _law_violation(law, kind, first_row, mu, fixed, partner, alpha, impulses, velocity)
+        if not violation <= largest:  # also true for NaN
+            if not violation < np.inf:
+                return np.inf
+            largest = violation
+    return largest
+
+
+@njit(cache=True)
+def _all_violations(kind, first_row, mu, fixed, partner, alpha, impulses, velocity):  # type: ignore[no-untyped-def]
+    violations = np.empty(len(kind))
+    for law in range(len(kind)):
+        violations[law] = _law_violation(law, kind, first_row, mu, fixed, partner, alpha, impulses, velocity)
+    return violations
+
+
+def _violations(
+    problem: "ContactProblem", residual: Residual, impulses: FloatArray, velocity: FloatArray, model: Model
+) -> FloatArray:
+    """Return α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,)."""
+    laws = problem.laws
+    if model.kind == "convex":
+        return _convex_violations(problem, residual.alpha, impulses, velocity)
+    if model.kind == "pyramid":
+        return _pyramid_violations(problem, residual.alpha, impulses, velocity, model.sides)
+    weight = 0.0 if model.kind == "frictionless" else 1.0
+    violations: FloatArray = _all_violations(
+        laws.kind,
+        laws.first_row,
+        weight * laws.friction_coefficient,
+        weight * laws.fixed_bound,
+        laws.partner,
+        residual.alpha,
+        impulses,
+        velocity,
+    )
+    if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is asked for
+        tangent = _tangent(problem, impulses)
+        friction = laws.is_friction
+        violations[friction] = residual.alpha[friction] * np.sqrt((tangent**2).sum(axis=1))
+    return violations
+
+
+def convex_obstacle(problem: "ContactProblem") -> str | None:
+    """Say why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
+    layout = problem.layout
+    remote = np.flatnonzero(layout.partner != np.arange(layout.n_blocks))
+    if len(remote):
+        law = int(layout.friction_law[remote[0]])
+        return (
+            f"friction law {law} is bounded by a unilateral law that it does not follow, so contact and cone are apart"
+        )
+    return None
+
+
+def _convex_violations(
+    problem: "ContactProblem", alpha: FloatArray, impulses: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Violation of −ξ ∈ N_K(Λ) with K the whole set {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N} of a contact, α its largest."""
+    obstacle = convex_obstacle(problem)
+    if obstacle:
+        raise ProblemError(f"the convex model does not apply to {problem.name!r}: {obstacle}.")
+    layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
+    with_none = np.append(alpha, 0.0)  # the last entry answers for law −1
+    block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
+    step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
+    target = lanes - step[:, None] * moved
+    normal, tangent = onto_friction_cone(target[:, 0], target[:, 1:], layout.friction_coefficient, layout.fixed_bound)
+    violation = block_alpha * np.sqrt((lanes[:, 0] - normal) ** 2 + ((lanes[:, 1:] - tangent) ** 2).sum(axis=1))
+    of_law = np.zeros(problem.laws.n_laws)
+    owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
+    of_law[owner] = violation
+    return of_law
+
+
+def _pyramid_violations(
+    problem: "ContactProblem", alpha: FloatArray, impulses: FloatArray, velocity: FloatArray, sides: int
+) -> FloatArray:
+    """As Coulomb's law, with the disc of a spatial friction law replaced by its inscribed polygon."""
+    laws = problem.laws
+    violations: FloatArray = _all_violations(
+        laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner, alpha, impulses, velocity
+    )
+    spatial = np.flatnonzero((laws.kind == LawKind.SPATIAL_FRICTION) & (alpha > 0))
+    rows = laws.first_row[spatial]
+    held = np.column_stack([impulses[rows], impulses[rows + 1]])
+    moved = np.column_stack([velocity[rows], velocity[rows + 1]])
+    target = held - moved / alpha[spatial, None]
+    projected = onto_polygon(target, _bounds(problem, impulses)[spatial], sides)
+    violations[spatial] = alpha[spatial] * np.sqrt(((held - projected) ** 2).sum(axis=1))
+    return violations
+
+
+def _bounds(problem: "ContactProblem", impulses: FloatArray) -> FloatArray:
+    """Friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""
+    laws = problem.laws
+    normal = np.maximum(impulses[laws.first_row[np.maximum(laws.partner, 0)]], 0.0) if laws.n_laws else np.zeros(0)
+    bounds: FloatArray = laws.fixed_bound + np.where(laws.partner >= 0, laws.friction_coefficient * normal, 0.0)
+    return bounds
+
+
+def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
+    """Both tangential entries of every friction law, the second 0 for planar ones, shape (n_friction_laws, 2)."""
+    laws = problem.laws
+    friction = laws.is_friction
+    first = laws.first_row[friction]
+    second = np.where(laws.kind[friction] == LawKind.SPATIAL_FRICTION, first + 1, 0)
+    other = np.where(second > 0, rows[second], 0.0)
+    return np.column_stack([rows[first], other])
+
+
+def _law_of_row(problem: "ContactProblem") -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    laws = problem.laws
+    return np.repeat(np.arange(laws.n_laws), np.where(laws.kind == LawKind.SPATIAL_FRICTION, 2, 1))
+
+
+def _natural_map(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:
+    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + μ‖ξ_T‖ e_N; a friction law apart from its partner keeps its present bound."""
+    layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
+    own = layout.partner == np.arange(layout.n_blocks)
+    remote_bound = layout.friction_coefficient * np.maximum(lanes[layout.partner, 0], 0.0)
+    friction = np.where(own, layout.friction_coefficient, 0.0)
+    fixed = layout.fixed_bound + np.where(own, 0.0, remote_bound)
+    lifted = moved[:, 0] + friction * np.sqrt((moved[:, 1:] ** 2).sum(axis=1))
+    normal, tangent = onto_friction_cone(lanes[:, 0] - lifted, lanes[:, 1:] - moved[:, 1:], friction, fixed)
+    return float(np.sqrt(((lanes[:, 0] - normal) ** 2).sum() + ((lanes[:, 1:] - tangent) ** 2).sum()))
+
+
+def _penetration_velocity(problem: "ContactProblem", velocity: FloatArray) -> float:
+    laws = problem.laws
+    return float((-velocity[laws.first_row[~laws.is_friction]]).max(initial=0.0))
+
+
+def _cone_violation(problem: "ContactProblem", impulses: FloatArray) -> float:
+    laws = problem.laws
+    pulling = (-impulses[laws.first_row[~laws.is_friction]]).max(initial=0.0)
+    tangent = np.sqrt((_tangent(problem, impulses) ** 2).sum(axis=1))
+    return float(max(pulling, (tangent - _bounds(problem, impulses)[laws.is_friction]).max(initial=0.0)))
+
+
+def _complementarity(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:
+    rows = problem.laws.first_row[~problem.laws.is_friction]
+    return float(np.abs(impulses[rows] * velocity[rows]).max(initial=0.0))
+
+
+def _velocity_error(problem: "ContactProblem", velocity: FloatArray, scale: float) -> float | None:
+    if problem.answer is None or problem.answer.velocity is None:
+        return None
+    return _relative(float(np.abs(velocity - problem.answer.velocity).max(initial=0.0)), scale)
+
+
+def _relative(value: float, scale: float) -> float:
+    """Return value / scale with 0/0 = 0 and x/0 = inf; NaN reads as inf."""
+    if value == 0.0:
+        return 0.0
+    ratio = float(value) / scale if scale > 0.0 else np.inf
+    return ratio if ratio == ratio else np.inf
+
+
+def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:
+    """Largest value/scale over the entries of positive scale."""
+    positive = scales > 0
+    return float((values[positive] / scales[positive]).max(initial=0.0))

@@ -1,0 +1,1 @@
+"""The frozen problems of the standard suites, as compressed arrays."""

@@ -1,0 +1,1 @@
+"""Scenes that contact problems are taken from."""

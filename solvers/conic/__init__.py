@@ -1,0 +1,1 @@
+"""Formulations as conic programs."""

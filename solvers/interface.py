@@ -1,0 +1,141 @@
+"""What a solver is: one interface for every method.
+
+``Solver.prepare`` does once what depends on the problem alone (assemble, factorise, compile), and is timed apart;
+``Prepared.solve`` iterates until the judge's residual reaches the tolerance asked for, or says why it does not.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from ..problems.contact import ContactProblem
+from ..problems.errors import ProxbenchError
+from ..problems.laws import FloatArray
+from ..problems.model import Model
+
+Observer = Callable[[int, FloatArray], None]
+"""``observe(iteration, impulses)``, called once per iteration with a read-only view of Λ over rows."""
+
+
+class SolverError(ProxbenchError, ValueError):
+    """A solver or one of its options does not exist, or cannot be used as asked."""
+
+
+class Status(StrEnum):
+    """How a solve ended."""
+
+    SOLVED = "solved"
+    ITERATION_LIMIT = "iteration limit"
+    TIME_LIMIT = "time limit"
+    STALLED = "stalled"
+    OSCILLATING = "oscillating"
+    DIVERGED = "diverged"
+    INFEASIBLE = "infeasible"
+    UNSUPPORTED = "unsupported"
+
+    @property
+    def sentence(self) -> str:
+        """What the status means, as a sentence."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.SOLVED: "The tolerance was reached.",
+    Status.ITERATION_LIMIT: "The iteration limit came before the tolerance.",
+    Status.TIME_LIMIT: "The time limit came before the tolerance.",
+    Status.STALLED: "Further iterations no longer lower the residual.",
+    Status.OSCILLATING: "The iterates repeat themselves in a cycle without coming closer to a solution.",
+    Status.DIVERGED: "The iterates grow without bound.",
+    Status.INFEASIBLE: "The problem has no solution.",
+    Status.UNSUPPORTED: "The solver cannot treat this problem.",
+}
+
+
+@dataclass(frozen=True)
+class Stop:
+    """When to stop.
+
+    Attributes:
+        tolerance: the judge's residual to reach, dimensionless, positive.
+        max_iterations: largest number of iterations.
+        max_seconds: largest wall time [s].
+
+    Raises:
+        SolverError: if a limit is not positive.
+    """
+
+    tolerance: float = 1e-6
+    max_iterations: int = 10_000
+    max_seconds: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0:
+            raise SolverError(f"tolerance must be positive, got {self.tolerance}.")
+        if not self.max_iterations >= 0:
+            raise SolverError(f"max_iterations must not be negative, got {self.max_iterations}.")
+        if not self.max_seconds > 0:
+            raise SolverError(f"max_seconds must be positive, got {self.max_seconds}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a solver returns: the best finite iterate it has, and how it ended.
+
+    Attributes:
+        impulses: Λ [N s], shape (n_rows,).
+        status: how the solve ended.
+        iterations: number of iterations done.
+        message: the reason behind the status, in words; may be empty.
+    """
+
+    impulses: FloatArray
+    status: Status
+    iterations: int
+    message: str = ""
+
+
+class Prepared(Protocol):
+    """A solver made ready for one problem."""
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Solve from ``start`` (zeros if None), calling ``observe`` once per iteration if given."""
+        ...
+
+
+@runtime_checkable
+class Solver(Protocol):
+    """A method with its options.
+
+    Attributes:
+        name: unique, with the options that differ from the defaults: ``"SORprox(relaxation=1.5)"``.
+        model: what it solves, which need not be Coulomb friction.
+        has_iterates: whether ``observe`` is called; False for a solver without meaningful inner iterates.
+    """
+
+    has_iterates: ClassVar[bool]
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def model(self) -> Model: ...
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None if it can."""
+        ...
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        """Do what depends on the problem alone."""
+        ...
+
+
+def described(solver: Any) -> str:
+    """Return the name of a dataclass solver: its class, and every option that differs from its default."""
+    options = []
+    for field in solver.__dataclass_fields__.values():
+        value = getattr(solver, field.name)
+        if value != field.default:
+            options.append(f"{field.name}={value!r}")
+    name = type(solver).__name__
+    return f"{name}({', '.join(options)})" if options else name

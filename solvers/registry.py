@@ -1,0 +1,82 @@
+"""The list of solvers, and how a name with options becomes one."""
+
+import ast
+import inspect
+from importlib import import_module
+from typing import Any
+
+from ..problems.contact import ContactProblem
+from ..problems.errors import suggestion
+from .interface import Solution, Solver, SolverError, Status, Stop
+
+_BUILT_IN = {
+    "Jprox": "prox.jacobi",
+    "JORprox": "prox.jacobi",
+    "SORprox": "prox.gauss_seidel",
+    "ClarabelSOCP": "conic.clarabel_socp",
+}
+"""Module of each built-in solver, imported when the solver is created."""
+
+
+def available() -> list[str]:
+    """Return the names that ``create`` accepts."""
+    return list(_BUILT_IN)
+
+
+def create(name: str, **options: Any) -> Solver:
+    """Return a solver by name and options: ``create("SORprox", relaxation=1.5)`` or ``create("SORprox(relaxation=1.5)")``.
+
+    Raises:
+        SolverError: for an unknown name or option (with the nearest known one), or an option out of range.
+    """
+    plain, written = parse(name)
+    options = {**written, **options}
+    if plain not in _BUILT_IN:
+        raise SolverError(f"there is no solver {plain!r}{suggestion(plain, _BUILT_IN)}")
+    factory = getattr(import_module(f"..{_BUILT_IN[plain]}", __name__), plain)
+    known = list(inspect.signature(factory).parameters)
+    for option in options:
+        if option not in known:
+            raise SolverError(f"{plain} has no option {option!r}{suggestion(option, known)}")
+    solver: Solver = factory(**options)
+    return solver
+
+
+def parse(text: str) -> tuple[str, dict[str, Any]]:
+    """Split ``"SORprox(relaxation=1.5)"`` into its name and its options; values are Python literals.
+
+    Raises:
+        SolverError: if the text is not a name, or a name with keyword options.
+    """
+    try:
+        node = ast.parse(text.strip(), mode="eval").body
+        if isinstance(node, ast.Name):
+            return node.id, {}
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.args:
+            return node.func.id, {str(word.arg): ast.literal_eval(word.value) for word in node.keywords}
+    except (SyntaxError, ValueError):
+        pass
+    raise SolverError(
+        f"cannot read {text!r} as a solver; write a name, or a name with options: SORprox(relaxation=1.5)."
+    )
+
+
+def solve(
+    problem: ContactProblem, solver: str | Solver = "SORprox", tolerance: float = 1e-6, **limits: Any
+) -> Solution:
+    """Solve one problem: ``solve(problem, "SORprox", tolerance=1e-6)``.
+
+    Args:
+        problem: the contact problem.
+        solver: a solver, or its name.
+        tolerance: the judge's residual to reach.
+        limits: max_iterations, max_seconds.
+
+    Raises:
+        SolverError: for an unknown solver or option.
+    """
+    method = create(solver) if isinstance(solver, str) else solver
+    reason = method.supports(problem)
+    if reason:
+        return Solution(0.0 * problem.free_velocity, Status.UNSUPPORTED, 0, reason)
+    return method.prepare(problem).solve(Stop(tolerance, **limits))
