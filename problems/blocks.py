@@ -1,7 +1,7 @@
 """The contacts of a problem as blocks of equal width, the layout that kernels run over.
 
-A block is a unilateral law with the friction law it bounds, or one law alone. Its lanes are N, T1, T2, cut to the width
-of the widest block: 1 (no friction anywhere), 2 (planar) or 3 (spatial). A lane that a block does not use has a zero row
+A block is a unilateral law with the friction law it bounds, or one law alone. Its lanes are N, T1, T2, cut to
+the width of the widest block: 1 (no friction anywhere), 2 (planar) or 3 (spatial). A lane that a block does not use has a zero row
 and column in G and c, and stays at Λ = 0 under every projection, so kernels need no case distinctions.
 """
 
@@ -26,7 +26,7 @@ class BlockLayout:
         friction_law: index of the block's friction law, −1 for none, shape (n_blocks,).
         friction_coefficient: μ, shape (n_blocks,).
         fixed_bound: a [N s], shape (n_blocks,).
-        partner: block whose normal impulse bounds the friction, the block itself where there is none, shape (n_blocks,).
+        partner: block whose normal impulse bounds the friction; the block itself where there is none, (n_blocks,).
     """
 
     width: int

@@ -87,7 +87,7 @@ class ContactProblem:
             attributes: name, provenance, answer, allow_asymmetric.
 
         Raises:
-            ProblemError: if anything is of the wrong shape, not finite, not symmetric, or negative where it must not be.
+            ProblemError: if anything has the wrong shape, is not finite, not symmetric, or negative where it must not.
         """
         c = _as_vector(free_velocity, "c")
         return ContactProblem(c, laws or _equal_contacts(c, friction, dim), matrix=delassus, **attributes)
@@ -150,7 +150,7 @@ class ContactProblem:
         return blocks_from_matrix(self.matrix, self.layout)
 
     def delassus(self) -> sp.csr_array:
-        """Return G [1/kg] as a read-only scipy CSR array, shape (n_rows, n_rows), assembled at the first call and kept."""
+        """Return G [1/kg], a read-only scipy CSR array, (n_rows, n_rows), assembled at the first call and kept."""
         return self.matrix if self.matrix is not None else self._assembled
 
     @cached_property

@@ -13,7 +13,7 @@ from .laws import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class DelassusBlocks:
-    """G in block compressed rows over the padded blocks of a ``BlockLayout``; the diagonal block stands first in its row.
+    """G in compressed rows of the padded blocks of a ``BlockLayout``; the diagonal block stands first in its row.
 
     Attributes:
         starts: first stored block of each block row, shape (n_blocks + 1,).

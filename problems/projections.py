@@ -17,8 +17,8 @@ def onto_friction_cone(
         fixed: a, shape (n,).
 
     Returns:
-        The projected N and T. Where the projection onto the whole shifted cone would have N < 0, the half-space N ≥ 0 is
-        active and the nearest point is the one with N = 0 and T in the disc of radius a.
+        The projected N and T. Where the projection onto the whole shifted cone would have N < 0, the half-space
+        N ≥ 0 is active and the nearest point is the one with N = 0 and T in the disc of radius a.
     """
     length = np.sqrt(np.sum(tangent**2, axis=1))
     outside = length > fixed + friction * normal
@@ -30,7 +30,7 @@ def onto_friction_cone(
 
 
 def onto_polygon(point: FloatArray, radius: FloatArray, sides: int) -> FloatArray:
-    """Project points onto regular polygons of ``sides`` sides inscribed in circles of ``radius``, a corner on the T1 axis.
+    """Project points onto regular polygons of ``sides`` sides, inscribed in circles, with a corner on the T1 axis.
 
     Args:
         point: shape (n, 2).

@@ -116,10 +116,14 @@ class Solver(Protocol):
     has_iterates: ClassVar[bool]
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Unique name, with its options."""
+        ...
 
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model:
+        """The model that is solved."""
+        ...
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None if it can."""

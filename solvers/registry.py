@@ -24,7 +24,7 @@ def available() -> list[str]:
 
 
 def create(name: str, **options: Any) -> Solver:
-    """Return a solver by name and options: ``create("SORprox", relaxation=1.5)`` or ``create("SORprox(relaxation=1.5)")``.
+    """Return a solver: ``create("SORprox", relaxation=1.5)`` or ``create("SORprox(relaxation=1.5)")``.
 
     Raises:
         SolverError: for an unknown name or option (with the nearest known one), or an option out of range.
