@@ -1,0 +1,95 @@
+"""The loop that all projected iterations share: sweep, look at the judge's residual, stop or go on."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ...problems.contact import ContactProblem
+from ...problems.errors import ProblemError
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray
+from ..interface import Observer, Solution, Status, Stop
+from .monitor import Monitor, sweeps_to_next_look
+
+
+class Iterates(Protocol):
+    """The state of one iteration."""
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps over all laws."""
+        ...
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows, a fresh array of shape (n_rows,)."""
+        ...
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ = GΛ + c over rows, shape (n_rows,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class PreparedIteration:
+    """A projected iteration made ready for one problem.
+
+    Attributes:
+        problem: the problem.
+        begin: makes the iterates from the first Λ, shape (n_rows,).
+    """
+
+    problem: ContactProblem
+    residual: Residual
+    begin: Callable[[FloatArray], Iterates]
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Sweep until the residual reaches the tolerance; see ``Prepared.solve``."""
+        n_rows = self.problem.n_rows
+        first = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
+        if first.shape != (n_rows,):
+            raise ProblemError(f"start must have shape ({n_rows},), one entry a row; got {first.shape}.")
+        if self.residual.infeasible:
+            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+        monitor = Monitor(stop)
+        iterates = self.begin(first)
+        advance = _Advance(iterates, monitor, observe)
+        while True:
+            impulses = iterates.impulses()
+            residual = self.residual(impulses, iterates.relative_velocity())
+            ended = monitor.look(advance.iteration, residual, impulses)
+            if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
+                before = impulses
+                advance.by(1)
+                previous = iterates.impulses()
+                advance.by(1)
+                ended = monitor.cycle(iterates.impulses(), previous, before)
+            if ended is not None:
+                return monitor.solution(ended, advance.iteration, n_rows)
+            left = stop.max_iterations - advance.iteration
+            advance.by(min(left, sweeps_to_next_look(advance.iteration)))
+
+
+@dataclass
+class _Advance:
+    """Counts sweeps, and shows each iterate to an observer if there is one, with the solver's clock stopped."""
+
+    iterates: Iterates
+    monitor: Monitor
+    observe: Observer | None
+    iteration: int = 0
+
+    def by(self, count: int) -> None:
+        if self.observe is None:
+            self.iterates.sweep(count)
+            self.iteration += count
+            return
+        for _ in range(count):
+            self.iterates.sweep(1)
+            self.iteration += 1
+            began = time.perf_counter()
+            shown = self.iterates.impulses()
+            shown.setflags(write=False)
+            self.observe(self.iteration, shown)
+            self.monitor.pause(time.perf_counter() - began)

@@ -1,0 +1,134 @@
+"""Jprox and JORprox: the projected Jacobi iterations of Studer & Glocker 2005, [41–51].
+
+One sweep updates every law from the same iterate ν,
+
+    Λ_i ← prox_{C_i}( Λ_i^ν − r_i ( Σ_j G_ij Λ_j^ν + c_i ) ),
+
+except that the friction bound μ Λ_N takes the normal impulse that the same sweep has just computed. Jprox is the case
+r_i = 1/α_i, for which the argument of the prox reads −1/α_i ( Σ_{j≠i} G_ij Λ_j + c_i + B_i Λ_i ), G_ii = α_i I + B_i.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray
+from ...problems.model import Model
+from ..interface import described
+from .delassus_sweep import block_product
+from .iteration import PreparedIteration
+from .projection import disc_scale
+from .step_size import StepSize, check_options, diagonal_step_sizes, row_sum_step_sizes, row_sums_of_blocks
+
+
+@dataclass(frozen=True)
+class JORprox:
+    """Projected Jacobi over-relaxation.
+
+    Attributes:
+        step_size: r by the "diagonal" [52] or by the "row_sum" [53] of G.
+        relaxation: ω; many contacts need values well below 1.
+
+    Raises:
+        SolverError: for an option out of range.
+    """
+
+    step_size: StepSize = "diagonal"
+    relaxation: float = 1.0
+
+    model: ClassVar[Model] = Model.COULOMB
+    has_iterates: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_options(self.step_size, self.relaxation)
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        return described(self)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return None
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Assemble G and the step sizes."""
+        if self.step_size == "diagonal":
+            sizes = diagonal_step_sizes(problem, self.relaxation)
+        else:
+            sums = row_sums_of_blocks(problem.delassus_blocks(), problem)
+            sizes = row_sum_step_sizes(problem, sums, self.relaxation)
+        return PreparedIteration(problem, Residual(problem), lambda start: _JacobiIterates(problem, sizes, start))
+
+
+@dataclass(frozen=True)
+class Jprox:
+    """Projected Jacobi, [46]: JORprox with r_i = 1/α_i, the paper's first and simplest method."""
+
+    model: ClassVar[Model] = Model.COULOMB
+    has_iterates: ClassVar[bool] = True
+
+    @property
+    def name(self) -> str:
+        """Class name."""
+        return described(self)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return None
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Assemble G and the step sizes."""
+        return JORprox().prepare(problem)
+
+
+class _JacobiIterates:
+    """Λ and ξ of a Jacobi iteration, in padded blocks."""
+
+    def __init__(self, problem: ContactProblem, sizes: FloatArray, start: FloatArray) -> None:
+        layout, blocks = problem.layout, problem.delassus_blocks()
+        self._layout = layout
+        self._matrix = (blocks.starts, blocks.columns, blocks.values)
+        self._free = layout.pad(problem.free_velocity)
+        self._bounds = (layout.friction_coefficient, layout.fixed_bound, layout.partner)
+        self._sizes = sizes
+        self._impulses = layout.pad(start)
+        self._velocity = np.empty_like(self._impulses)
+
+    def sweep(self, count: int) -> None:
+        _sweep(count, *self._matrix, self._free, self._sizes, *self._bounds, self._impulses, self._velocity)
+
+    def impulses(self) -> FloatArray:
+        return self._layout.unpad(self._impulses)
+
+    def relative_velocity(self) -> FloatArray:
+        block_product(*self._matrix, self._impulses, self._free, self._velocity)
+        return self._layout.unpad(self._velocity)
+
+
+@njit(cache=True)
+def _sweep(  # type: ignore[no-untyped-def]
+    count, starts, columns, values, free, sizes, friction, fixed, partner, impulses, velocity
+):
+    """Do ``count`` sweeps: velocities from the old impulses, then all normal impulses, then all friction impulses."""
+    n_blocks, width = impulses.shape
+    for _ in range(count):
+        block_product(starts, columns, values, impulses, free, velocity)
+        for i in range(n_blocks):
+            impulses[i, 0] = max(impulses[i, 0] - sizes[i, 0] * velocity[i, 0], 0.0)
+        if width == 1:
+            continue
+        for i in range(n_blocks):
+            bound = fixed[i] + friction[i] * impulses[partner[i], 0]
+            x = impulses[i, 1] - sizes[i, 1] * velocity[i, 1]
+            if width == 2:
+                impulses[i, 1] = min(max(x, -bound), bound)
+            else:
+                y = impulses[i, 2] - sizes[i, 1] * velocity[i, 2]
+                scale = disc_scale(x, y, bound)
+                impulses[i, 1] = x * scale
+                impulses[i, 2] = y * scale
