@@ -1,8 +1,8 @@
 """When a projected iteration stops, and why.
 
 The judge's residual is measured every few sweeps. An iteration that no longer lowers it either repeats itself
-(OSCILLATING: iterate ν equals iterate ν−2 but not ν−1, the usual failure of Jacobi sweeps, which stay bounded) or creeps
-(STALLED); one whose residual explodes, or ceases to be a number, has DIVERGED.
+(OSCILLATING: iterate ν equals iterate ν−2 but not ν−1, the usual failure of Jacobi sweeps, which stay bounded) or
+creeps (STALLED); one whose residual explodes, or ceases to be a number, has DIVERGED.
 """
 
 import time
