@@ -132,7 +132,8 @@ def _cones(problem: ContactProblem, scale: float) -> tuple[Any, FloatArray, list
     bound to speak of (a = μ = 0) is the equation Λ_T = 0.
     """
     layout = problem.layout
-    rows, columns, values, bounds = [], [], [], []
+    rows, columns, values = [], [], []
+    bounds: list[float] = []
     cones: list[Any] = []
     row_of_slot = np.full(layout.n_blocks * layout.width, -1)
     row_of_slot[layout.slot] = np.arange(problem.n_rows)

@@ -1,7 +1,7 @@
 """Gauss–Seidel sweeps over the factors: G = W̃ᵀ W̃ is never assembled.
 
-With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep keeps the scaled velocity v = W̃ Λ up to date, so that a relative velocity
-costs only the degrees of freedom that contact i touches:
+With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep keeps the scaled velocity v = W̃ Λ up to date, so that a contact costs only
+the degrees of freedom that it touches:
 
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 

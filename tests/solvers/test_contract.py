@@ -1,0 +1,126 @@
+"""What every built-in solver owes its users, whatever its method."""
+
+import hashlib
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, judge
+from proxbench.solvers import Solver, Status, Stop, available, create
+
+VARIANTS = [
+    "Jprox",
+    "JORprox(relaxation=0.2)",
+    "JORprox(step_size='row_sum')",
+    "SORprox",
+    "SORprox(relaxation=1.3)",
+    "SORprox(step_size='row_sum')",
+    "SORprox(form='factors')",
+    "SORprox(form='factors', step_size='row_sum')",
+    "ClarabelSOCP",
+]
+ITERATIVE = [name for name in VARIANTS if create(name).has_iterates]
+
+
+def sample(dim: int = 3) -> ContactProblem:
+    rng = np.random.default_rng(7)
+    directions = rng.normal(size=(40, 8 * dim))
+    return ContactProblem.from_factors(directions, np.ones(40), rng.normal(size=8 * dim), 0.3, dim=dim)
+
+
+def bits(impulses: np.ndarray) -> str:
+    return hashlib.sha256(impulses.tobytes()).hexdigest()
+
+
+def test_the_variants_cover_every_solver() -> None:
+    assert {name.split("(")[0] for name in VARIANTS} == set(available())
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_it_keeps_to_the_protocol_and_its_name_makes_it_again(name: str) -> None:
+    solver = create(name)
+    assert isinstance(solver, Solver)
+    assert create(solver.name) == solver
+
+
+@pytest.mark.parametrize("name", ITERATIVE)
+def test_an_observed_solve_ends_in_the_same_bits_as_a_timed_one(name: str) -> None:
+    stop = Stop(tolerance=1e-9, max_iterations=237)
+    timed = create(name).prepare(sample()).solve(stop)
+    seen: list[int] = []
+    observed = create(name).prepare(sample()).solve(stop, observe=lambda iteration, _: seen.append(iteration))
+    assert bits(timed.impulses) == bits(observed.impulses)
+    assert timed.iterations == observed.iterations == len(seen)
+    assert seen == list(range(1, len(seen) + 1))
+
+
+@pytest.mark.parametrize("name", ITERATIVE)
+def test_an_observer_gets_the_iterate_and_cannot_change_it(name: str) -> None:
+    def write(_: int, impulses: np.ndarray) -> None:
+        with pytest.raises(ValueError, match="read-only"):
+            impulses[0] = 1.0
+
+    create(name).prepare(sample()).solve(Stop(1e-3, 5), observe=write)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_solving_twice_gives_the_same_bits(name: str) -> None:
+    prepared = create(name).prepare(sample())
+    stop = Stop(1e-7, 300)
+    assert bits(prepared.solve(stop).impulses) == bits(prepared.solve(stop).impulses)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_the_problem_and_the_start_are_left_as_they_were(name: str) -> None:
+    problem, start = sample(), np.full(24, 0.1)
+    digest = problem.fresh().digest
+    create(name).prepare(problem).solve(Stop(1e-6, 50), start=start)
+    assert problem.fresh().digest == digest
+    assert np.array_equal(start, np.full(24, 0.1))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_solved_means_that_the_judge_of_its_own_model_agrees(name: str, dim: int) -> None:
+    solver, problem = create(name), sample(dim)
+    for tolerance in (1e-2, 1e-5, 1e-8):
+        solution = solver.prepare(problem).solve(Stop(tolerance, 5000))
+        assert np.isfinite(solution.impulses).all()
+        if solution.status is Status.SOLVED:
+            assert judge(problem, solution.impulses, solver.model).residual <= 1.01 * tolerance
+
+
+@pytest.mark.parametrize("name", [name for name in ITERATIVE if name not in ("Jprox", "JORprox(relaxation=0.2)")])
+def test_a_start_at_the_solution_stops_at_once(name: str) -> None:
+    prepared = create(name).prepare(sample())
+    solution = prepared.solve(Stop(1e-9, 100_000))
+    assert solution.status is Status.SOLVED
+    assert prepared.solve(Stop(1e-9), start=solution.impulses).iterations == 0
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_an_infeasible_problem_is_reported_and_never_solved(name: str) -> None:
+    problem = ContactProblem.from_factors(np.array([[1.0, 0.0]]), np.ones(1), (-1.0, -1.0), dim=1)
+    assert create(name).prepare(problem).solve(Stop(1e-6)).status is Status.INFEASIBLE
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_zero_free_velocity_needs_no_impulse(name: str) -> None:
+    problem = ContactProblem.from_factors(np.eye(3), np.ones(3), np.zeros(3), 0.5)
+    solution = create(name).prepare(problem).solve(Stop(1e-12))
+    assert solution.status is Status.SOLVED
+    assert np.array_equal(solution.impulses, np.zeros(3))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_problem_without_contacts_is_solved(name: str) -> None:
+    problem = ContactProblem.from_factors(np.zeros((3, 0)), np.ones(3), np.zeros(0), 0.5)
+    solution = create(name).prepare(problem).solve(Stop(1e-12))
+    assert solution.status is Status.SOLVED
+    assert solution.impulses.shape == (0,)
+
+
+@pytest.mark.parametrize("name", ITERATIVE)
+def test_the_time_limit_is_kept(name: str) -> None:
+    solution = create(name).prepare(sample()).solve(Stop(1e-300, 10**9, max_seconds=1e-6))
+    assert solution.status in (Status.TIME_LIMIT, Status.STALLED, Status.OSCILLATING, Status.DIVERGED)
+    assert solution.iterations < 10**6
