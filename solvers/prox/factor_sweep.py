@@ -5,7 +5,7 @@ the degrees of freedom that it touches:
 
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 
-W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. The degrees of freedom are cut
+W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. Degrees of freedom are cut
 into chunks of equal length (a body's, where bodies have equally many), and each contact holds one dense piece of W̃ for
 each chunk it touches.
 """
