@@ -1,8 +1,8 @@
 """The contacts of a problem as blocks of equal width, the layout that kernels run over.
 
-A block is a unilateral law with the friction law it bounds, or one law alone. Its lanes are N, T1, T2, cut to
-the width of the widest block: 1 (no friction anywhere), 2 (planar) or 3 (spatial). A lane that a block does not use has a zero row
-and column in G and c, and stays at Λ = 0 under every projection, so kernels need no case distinctions.
+A block is a unilateral law with the friction law it bounds, or one law alone. Its lanes are N, T1, T2, cut to the width
+of the widest block: 1 (no friction anywhere), 2 (planar) or 3 (spatial). A lane that a block does not use has a zero
+row and column in G and c, and stays at Λ = 0 under every projection, so kernels need no case distinctions.
 """
 
 from dataclasses import dataclass

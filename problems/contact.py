@@ -21,10 +21,11 @@ from numpy.typing import ArrayLike
 
 from .answer import Answer
 from .blocks import BlockLayout
-from .delassus import DelassusBlocks, blocks_from_factors, blocks_from_matrix
+from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
 from .errors import ProblemError
 from .factors import Factors
 from .laws import FloatArray, Laws, frozen
+from .pieces import FactorPieces, cut_into_pieces
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
@@ -145,9 +146,23 @@ class ContactProblem:
     @cached_property
     def _delassus_blocks(self) -> DelassusBlocks:
         if self.factors is not None:
-            return blocks_from_factors(self.factors, self.layout)
+            return blocks_from_pieces(self.factor_pieces())
         assert self.matrix is not None
         return blocks_from_matrix(self.matrix, self.layout)
+
+    def factor_pieces(self) -> FactorPieces:
+        """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, cut at the first call and kept.
+
+        Raises:
+            ProblemError: if the problem holds G only.
+        """
+        return self._factor_pieces
+
+    @cached_property
+    def _factor_pieces(self) -> FactorPieces:
+        if self.factors is None:
+            raise ProblemError(f"{self.name!r} holds G only; its factors W and M⁻¹ are not known.")
+        return cut_into_pieces(self.factors, self.layout)
 
     def delassus(self) -> sp.csr_array:
         """Return G [1/kg], a read-only scipy CSR array, (n_rows, n_rows), assembled at the first call and kept."""

@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from numba import njit
 
 from .blocks import BlockLayout
-from .factors import Factors
 from .laws import FloatArray, IntArray
+from .pieces import FactorPieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,22 +56,9 @@ def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlo
     return _read_only(starts.astype(np.int64), columns, values)
 
 
-def blocks_from_factors(factors: Factors, layout: BlockLayout) -> DelassusBlocks:
-    """Return the block rows of W̃ᵀ W̃, W̃ = Sᵀ W, M⁻¹ = S Sᵀ."""
-    scaled = factors.scaled_directions
-    by_dof = sp.csr_array(scaled)
-    slots = layout.slot
-    starts, columns, values = _gustavson(
-        scaled.indptr.astype(np.int64),
-        scaled.indices.astype(np.int64),
-        scaled.data,
-        by_dof.indptr.astype(np.int64),
-        slots[by_dof.indices],
-        by_dof.data,
-        slots,
-        layout.n_blocks,
-        layout.width,
-    )
+def blocks_from_pieces(pieces: FactorPieces) -> DelassusBlocks:
+    """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃."""
+    starts, columns, values = _multiply(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     return _read_only(starts, columns, values)
 
 
@@ -82,49 +69,63 @@ def _read_only(starts: IntArray, columns: np.ndarray, values: FloatArray) -> Del
 
 
 @njit(cache=True)
-def _gustavson(row_ptr, row_dof, row_value, dof_ptr, dof_slot, dof_value, slots, n_blocks, width):  # type: ignore[no-untyped-def]
-    """Row-wise sparse product G = W̃ᵀ W̃ into blocks (Gustavson 1978), twice: to count the blocks, then to fill them."""
-    place = np.full(n_blocks, -1, dtype=np.int64)  # where block column j of the current block row is stored
-    starts = np.zeros(n_blocks + 1, dtype=np.int64)
-    n_rows = len(slots)
-    row_begin = np.zeros(n_blocks + 1, dtype=np.int64)  # rows of a block are adjacent
-    for row in range(n_rows):
-        row_begin[slots[row] // width + 1] += 1
-    for block in range(n_blocks):
-        row_begin[block + 1] += row_begin[block]
+def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
+    """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece."""
+    chunk_starts = np.zeros(n_chunks + 1, dtype=np.int64)
+    for p in range(len(chunks)):
+        chunk_starts[chunks[p] + 1] += 1
+    for chunk in range(n_chunks):
+        chunk_starts[chunk + 1] += chunk_starts[chunk]
+    filled = chunk_starts[:-1].copy()
+    members = np.empty(len(chunks), dtype=np.int64)
+    block_of_piece = np.empty(len(chunks), dtype=np.int64)
+    for block in range(len(starts) - 1):
+        for p in range(starts[block], starts[block + 1]):
+            block_of_piece[p] = block
+            members[filled[chunks[p]]] = p
+            filled[chunks[p]] += 1
+    return chunk_starts, members, block_of_piece
 
+
+@njit(cache=True)
+def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
+    """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, twice: to count the blocks, then to fill them."""
+    n_blocks = len(starts) - 1
+    _, width, length = pieces.shape
+    chunk_starts, members, block_of_piece = _pieces_of_chunks(starts, chunks, n_chunks)
+    place = np.full(n_blocks, -1, dtype=np.int64)  # where block column j of the current block row is stored
+    row_starts = np.zeros(n_blocks + 1, dtype=np.int64)
     for block in range(n_blocks):
         count = 1
         place[block] = block
-        for row in range(row_begin[block], row_begin[block + 1]):
-            for entry in range(row_ptr[row], row_ptr[row + 1]):
-                dof = row_dof[entry]
-                for other in range(dof_ptr[dof], dof_ptr[dof + 1]):
-                    column = dof_slot[other] // width
-                    if place[column] != block:
-                        place[column] = block
-                        count += 1
-        starts[block + 1] = starts[block] + count
+        for p in range(starts[block], starts[block + 1]):
+            for m in range(chunk_starts[chunks[p]], chunk_starts[chunks[p] + 1]):
+                column = block_of_piece[members[m]]
+                if place[column] != block:
+                    place[column] = block
+                    count += 1
+        row_starts[block + 1] = row_starts[block] + count
 
-    columns = np.empty(starts[n_blocks], dtype=np.int32)
-    values = np.zeros((starts[n_blocks], width, width))
+    columns = np.empty(row_starts[n_blocks], dtype=np.int32)
+    values = np.zeros((row_starts[n_blocks], width, width))
     place[:] = -1
     for block in range(n_blocks):
-        begin = starts[block]
+        begin = row_starts[block]
         end = begin + 1
         columns[begin] = block
         place[block] = begin
-        for row in range(row_begin[block], row_begin[block + 1]):
-            lane = slots[row] % width
-            for entry in range(row_ptr[row], row_ptr[row + 1]):
-                dof = row_dof[entry]
-                value = row_value[entry]
-                for other in range(dof_ptr[dof], dof_ptr[dof + 1]):
-                    slot = dof_slot[other]
-                    column = slot // width
-                    if place[column] < begin:
-                        place[column] = end
-                        columns[end] = column
-                        end += 1
-                    values[place[column], lane, slot % width] += value * dof_value[other]
-    return starts, columns, values
+        for p in range(starts[block], starts[block + 1]):
+            for m in range(chunk_starts[chunks[p]], chunk_starts[chunks[p] + 1]):
+                other = members[m]
+                column = block_of_piece[other]
+                if place[column] < begin:
+                    place[column] = end
+                    columns[end] = column
+                    end += 1
+                for row in range(width):
+                    for lane in range(width):
+                        total = 0.0
+                        for k in range(length):
+                            total += pieces[p, row, k] * pieces[other, lane, k]
+                        values[place[column], row, lane] += total
+    return row_starts, columns, values

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
@@ -109,9 +110,8 @@ class Factors:
     def delassus_diagonal(self) -> FloatArray:
         """Return the diagonal of Wᵀ M⁻¹ W [1/kg], shape (n_rows,)."""
         scaled = self.scaled_directions
-        diagonal = np.zeros(self.n_rows)
-        np.add.at(diagonal, np.repeat(np.arange(self.n_rows), np.diff(scaled.indptr)), scaled.data**2)
-        return diagonal
+        squares: FloatArray = _column_squares(scaled.indptr, scaled.data)
+        return squares
 
     def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
         """Return the labelled arrays that define W and M⁻¹, with index types that do not depend on their size."""
@@ -125,6 +125,16 @@ class Factors:
         """Return equal factors that share no memory with these."""
         motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
         return Factors(self.force_directions.copy(), self.inverse_mass.copy(), motion)
+
+
+@njit(cache=True)
+def _column_squares(indptr, data):  # type: ignore[no-untyped-def]
+    """Sum of squares of each column of a CSC matrix."""
+    squares = np.zeros(len(indptr) - 1)
+    for column in range(len(squares)):
+        for entry in range(indptr[column], indptr[column + 1]):
+            squares[column] += data[entry] * data[entry]
+    return squares
 
 
 def _block_cholesky(matrix: sp.csr_array) -> sp.csr_array:

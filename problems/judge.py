@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from .errors import ProblemError
-from .laws import FloatArray, LawKind
+from .laws import FloatArray, LawKind, Laws
 from .model import Model
 from .projections import onto_friction_cone, onto_polygon
 
@@ -74,14 +74,16 @@ class Residual:
         self.scale = float(np.abs(problem.free_velocity).max(initial=0.0))
         stuck = (laws.kind == LawKind.UNILATERAL) & (alpha == 0.0)
         self.infeasible = bool((problem.free_velocity[laws.first_row[stuck]] < 0.0).any())
-        self._laws = laws
+        self._squares = np.empty(laws.n_laws)
         self._arguments = (laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner, alpha)
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
-        return _relative(_largest_violation(*self._arguments, impulses, velocity), self.scale)
+        _squared_violations(*self._arguments, impulses, velocity, self._squares)
+        largest = float(np.sqrt(self._squares.max(initial=0.0)))  # NaN passes through max
+        return _relative(largest, self.scale)
 
 
 def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
@@ -127,47 +129,36 @@ def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.C
 
 
 @njit(cache=True)
-def _law_violation(law, kind, first_row, mu, fixed, partner, alpha, impulses, velocity):  # type: ignore[no-untyped-def]
-    """α ‖Λ − prox_C(Λ − ξ/α)‖ of one law [m/s]; 0 where α = 0, because no impulse of that law moves anything."""
-    a = alpha[law]
-    if a == 0.0:
-        return 0.0
-    row = first_row[law]
-    x = impulses[row] - velocity[row] / a
-    if kind[law] == 0:
-        return a * abs(impulses[row] - max(x, 0.0))
-    bound = fixed[law]
-    if partner[law] >= 0:
-        bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
-    if kind[law] == 1:
-        return a * abs(impulses[row] - min(max(x, -bound), bound))
-    y = impulses[row + 1] - velocity[row + 1] / a
-    length = np.sqrt(x * x + y * y)
-    if length > bound:
-        x *= bound / length
-        y *= bound / length
-    return a * np.sqrt((impulses[row] - x) ** 2 + (impulses[row + 1] - y) ** 2)
+def _squared_violations(  # type: ignore[no-untyped-def]
+    kind, first_row, mu, fixed, partner, alpha, impulses, velocity, squares
+):
+    """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law.
 
-
-@njit(cache=True)
-def _largest_violation(kind, first_row, mu, fixed, partner, alpha, impulses, velocity):  # type: ignore[no-untyped-def]
-    """Largest violation over all laws; inf as soon as one is not a number."""
-    largest = 0.0
+    Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
+    for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
+    """
     for law in range(len(kind)):
-        violation = _law_violation(law, kind, first_row, mu, fixed, partner, alpha, impulses, velocity)
-        if not violation <= largest:  # also true for NaN
-            if not violation < np.inf:
-                return np.inf
-            largest = violation
-    return largest
-
-
-@njit(cache=True)
-def _all_violations(kind, first_row, mu, fixed, partner, alpha, impulses, velocity):  # type: ignore[no-untyped-def]
-    violations = np.empty(len(kind))
-    for law in range(len(kind)):
-        violations[law] = _law_violation(law, kind, first_row, mu, fixed, partner, alpha, impulses, velocity)
-    return violations
+        row, a = first_row[law], alpha[law]
+        held = a * impulses[row]
+        x = held - velocity[row]
+        if kind[law] == 0:
+            squares[law] = (held - max(x, 0.0)) ** 2
+            continue
+        bound = fixed[law]
+        if partner[law] >= 0:
+            bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
+        bound *= a
+        if kind[law] == 1:
+            squares[law] = (held - min(max(x, -bound), bound)) ** 2
+            continue
+        held_2 = a * impulses[row + 1]
+        y = held_2 - velocity[row + 1]
+        length_squared = x * x + y * y
+        if length_squared > bound * bound:
+            scale = bound / np.sqrt(length_squared)
+            x *= scale
+            y *= scale
+        squares[law] = (held - x) ** 2 + (held_2 - y) ** 2
 
 
 def _violations(
@@ -180,21 +171,22 @@ def _violations(
     if model.kind == "pyramid":
         return _pyramid_violations(problem, residual.alpha, impulses, velocity, model.sides)
     weight = 0.0 if model.kind == "frictionless" else 1.0
-    violations: FloatArray = _all_violations(
-        laws.kind,
-        laws.first_row,
-        weight * laws.friction_coefficient,
-        weight * laws.fixed_bound,
-        laws.partner,
-        residual.alpha,
-        impulses,
-        velocity,
-    )
+    mu, fixed = weight * laws.friction_coefficient, weight * laws.fixed_bound
+    violations = _coulomb_violations(laws, mu, fixed, residual.alpha, impulses, velocity)
     if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is asked for
         tangent = _tangent(problem, impulses)
         friction = laws.is_friction
         violations[friction] = residual.alpha[friction] * np.sqrt((tangent**2).sum(axis=1))
     return violations
+
+
+def _coulomb_violations(
+    laws: Laws, mu: FloatArray, fixed: FloatArray, alpha: FloatArray, impulses: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Return α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, shape (n_laws,)."""
+    squares = np.empty(laws.n_laws)
+    _squared_violations(laws.kind, laws.first_row, mu, fixed, laws.partner, alpha, impulses, velocity, squares)
+    return np.sqrt(squares)
 
 
 def convex_obstacle(problem: "ContactProblem") -> str | None:
@@ -234,9 +226,7 @@ def _pyramid_violations(
 ) -> FloatArray:
     """As Coulomb's law, with the disc of a spatial friction law replaced by its inscribed polygon."""
     laws = problem.laws
-    violations: FloatArray = _all_violations(
-        laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner, alpha, impulses, velocity
-    )
+    violations = _coulomb_violations(laws, laws.friction_coefficient, laws.fixed_bound, alpha, impulses, velocity)
     spatial = np.flatnonzero((laws.kind == LawKind.SPATIAL_FRICTION) & (alpha > 0))
     rows = laws.first_row[spatial]
     held = np.column_stack([impulses[rows], impulses[rows + 1]])

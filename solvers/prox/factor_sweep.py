@@ -5,9 +5,8 @@ the degrees of freedom that it touches:
 
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 
-W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. Degrees of freedom are cut
-into chunks of equal length (a body's, where bodies have equally many), and each contact holds one dense piece of W̃ for
-each chunk it touches.
+W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. Contacts between two bodies
+have a kernel of their own, whose two pieces of W̃ need no inner loop over pieces.
 """
 
 from collections.abc import Callable
@@ -15,16 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...problems.blocks import BlockLayout
 from ...problems.contact import ContactProblem
-from ...problems.factors import Factors
 from ...problems.laws import FloatArray
+from ...problems.pieces import FactorPieces
+from .delassus_sweep import law_arguments
 from .projection import disc_scale
-
-CHUNK_LENGTHS = (1, 2, 3, 6)
-"""Chunk lengths to choose from: the degrees of freedom of discs and balls, without and with rotation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,61 +30,55 @@ class FactorSweep:
 
     Attributes:
         layout: the padded blocks.
-        starts: first piece of each block, shape (n_blocks + 1,).
-        chunks: chunk of each piece, shape (n_pieces,).
-        pieces: the pieces of W̃, shape (n_pieces, width, chunk length).
-        n_chunks: number of chunks.
-        free: c, padded.
-        laws: step sizes, μ, a and partner of each block.
-        coupling: G_T1N and G_T2N of each block's own diagonal block, shape (n_blocks, 2).
-        kernel: the sweep for this width.
+        pieces: W̃ in pieces.
+        factor: the pieces as the kernel takes them.
+        free: c, padded and flat.
+        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
+        coupling: G_T1N and G_T2N of each block's own diagonal block, in turn.
+        kernel: the sweep.
     """
 
     layout: BlockLayout
-    starts: Any
-    chunks: Any
-    pieces: FloatArray
-    n_chunks: int
+    pieces: FactorPieces
+    factor: tuple[Any, ...]
     free: FloatArray
     laws: tuple[FloatArray, FloatArray, FloatArray, Any]
     coupling: FloatArray
     kernel: Callable[..., None]
 
     @staticmethod
-    def over(problem: ContactProblem, factors: Factors, sizes: FloatArray) -> "FactorSweep":
-        """Return the sweep of ``problem`` with step sizes of shape (n_blocks, 2)."""
-        layout, scaled = problem.layout, factors.scaled_directions
-        arrays = (scaled.indptr, scaled.indices, scaled.data, layout.slot, layout.n_blocks, layout.width)
-        length = _chunk_length(*arrays)
-        starts, chunks, pieces = _cut(*arrays, length)
-        kernel = {1: _sweep_frictionless, 2: _sweep_planar, 3: _sweep_spatial}[layout.width]
-        laws = (sizes, layout.friction_coefficient, layout.fixed_bound, layout.partner)
-        n_chunks = -(-factors.n_dofs // length)
-        free = layout.pad(problem.free_velocity)
-        coupling = _own_coupling(starts, pieces)
-        return FactorSweep(layout, starts, chunks, pieces, n_chunks, free, laws, coupling, kernel)
+    def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
+        """Return the sweep of ``problem``, which holds factors, with step sizes of shape (n_blocks, 2)."""
+        layout, pieces = problem.layout, problem.factor_pieces()
+        coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
+        if layout.width == 3 and pieces.most_per_block <= 2:
+            kernel, factor = _sweep_spatial_pairs, _pairs(pieces)
+        else:
+            kernel = _sweep
+            factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
+        free = layout.pad(problem.free_velocity).reshape(-1)
+        return FactorSweep(layout, pieces, factor, free, law_arguments(layout, sizes), coupling, kernel)
 
     def begin(self, start: FloatArray) -> "FactorIterates":
         """Return the iterates that begin at ``start``, shape (n_rows,)."""
-        return FactorIterates(self, self.layout.pad(start))
+        return FactorIterates(self, self.layout.pad(start).reshape(-1))
 
 
 class FactorIterates:
-    """Λ and v = W̃ Λ of a Gauss–Seidel iteration, in padded blocks and chunks."""
+    """Λ and v = W̃ Λ of a Gauss–Seidel iteration, padded and flat."""
 
     def __init__(self, sweep: FactorSweep, padded: FloatArray) -> None:
         self._sweep = sweep
         self._impulses = padded
         self._relative = np.empty_like(padded)
-        self._scaled = np.zeros((sweep.n_chunks, sweep.pieces.shape[2]))
-        _scaled_velocity(sweep.starts, sweep.chunks, sweep.pieces, padded, self._scaled)
+        pieces = sweep.pieces
+        self._scaled = np.zeros((pieces.n_chunks + 1) * pieces.values.shape[2])  # one idle chunk, for _pairs
+        _scaled_velocity(pieces.starts, pieces.chunks, pieces.values, padded, self._scaled)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         own = self._sweep
-        own.kernel(
-            count, own.starts, own.chunks, own.pieces, own.free, *own.laws, own.coupling, self._impulses, self._scaled
-        )
+        own.kernel(count, *own.factor, own.free, *own.laws, own.coupling, self._impulses, self._scaled)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -96,64 +87,36 @@ class FactorIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         own = self._sweep
-        _relative_velocity(own.starts, own.chunks, own.pieces, own.free, self._scaled, self._relative)
+        _relative_velocity(
+            own.pieces.starts, own.pieces.chunks, own.pieces.values, own.free, self._scaled, self._relative
+        )
         return own.layout.unpad(self._relative)
 
 
-def _chunk_length(indptr: Any, indices: Any, data: Any, slot: Any, n_blocks: int, width: int) -> int:
-    """Return the chunk length that makes a sweep cheapest: numbers read, plus two for the handling of each piece."""
-    cost = {
-        length: int(_count_pieces(indptr, indices, slot, n_blocks, width, length)[-1]) * (width * length + 2)
-        for length in CHUNK_LENGTHS
-    }
-    return min(cost, key=lambda length: cost[length])
+def _pairs(pieces: FactorPieces) -> tuple[Any, Any, Any]:
+    """Return the pieces as exactly two a block: axes of a chunk, first coordinate of each piece, values, flat.
 
-
-@njit(cache=True)
-def _count_pieces(indptr, indices, slot, n_blocks, width, length):  # type: ignore[no-untyped-def]
-    """Return the first piece of each block, shape (n_blocks + 1,)."""
-    highest = 0
-    for p in range(len(indices)):
-        highest = max(highest, indices[p])
-    last_block = np.full(highest // length + 1, -1, dtype=np.int64)
-    starts = np.zeros(n_blocks + 1, dtype=np.int64)
-    for row in range(len(slot)):
-        block = slot[row] // width
-        for p in range(indptr[row], indptr[row + 1]):
-            chunk = indices[p] // length
-            if last_block[chunk] != block:
-                last_block[chunk] = block
-                starts[block + 1] += 1
-    for block in range(n_blocks):
-        starts[block + 1] += starts[block]
-    return starts
-
-
-@njit(cache=True)
-def _cut(indptr, indices, data, slot, n_blocks, width, length):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and pieces of W̃ for one chunk length."""
-    starts = _count_pieces(indptr, indices, slot, n_blocks, width, length)
-    n_pieces = starts[n_blocks]
-    chunks = np.empty(n_pieces, dtype=np.int32)
-    pieces = np.zeros((n_pieces, width, length))
-    filled = starts[:-1].copy()
-    for row in range(len(slot)):
-        block, lane = slot[row] // width, slot[row] % width
-        for p in range(indptr[row], indptr[row + 1]):
-            chunk = indices[p] // length
-            piece = starts[block]
-            while piece < filled[block] and chunks[piece] != chunk:
-                piece += 1
-            if piece == filled[block]:
-                chunks[piece] = chunk
-                filled[block] += 1
-            pieces[piece, lane, indices[p] % length] = data[p]
-    return starts, chunks, pieces
+    A block of one piece gets a second one of zeros, on an idle chunk behind the others. The axes are a tuple whose
+    length the compiler knows, so that it unrolls the loops over them.
+    """
+    n_blocks = len(pieces.starts) - 1
+    _, width, length = pieces.values.shape
+    values = np.zeros((n_blocks, 2, width, length))
+    chunks = np.full((n_blocks, 2), pieces.n_chunks)
+    block = np.repeat(np.arange(n_blocks), np.diff(pieces.starts))
+    place = np.arange(len(block)) - pieces.starts[block]
+    values[block, place] = pieces.values
+    chunks[block, place] = pieces.chunks
+    return (
+        tuple(np.arange(length, dtype=np.uint64)),
+        (length * chunks).astype(np.uint64).reshape(-1),
+        values.reshape(-1),
+    )
 
 
 @njit(cache=True)
 def _own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
-    """G_T1N and G_T2N of every block."""
+    """G_T1N and G_T2N of every block, shape (n_blocks, 2)."""
     coupling = np.zeros((len(starts) - 1, 2))
     _, width, length = pieces.shape
     for i in range(len(starts) - 1):
@@ -169,100 +132,103 @@ def _scaled_velocity(starts, chunks, pieces, impulses, scaled):  # type: ignore[
     """Write v = W̃ Λ."""
     _, width, length = pieces.shape
     scaled[:] = 0.0
-    for i in range(len(impulses)):
+    for i in range(len(starts) - 1):
         for p in range(starts[i], starts[i + 1]):
             for lane in range(width):
                 for k in range(length):
-                    scaled[chunks[p], k] += pieces[p, lane, k] * impulses[i, lane]
+                    scaled[length * chunks[p] + k] += pieces[p, lane, k] * impulses[width * i + lane]
 
 
 @njit(cache=True, fastmath={"contract"})
 def _relative_velocity(starts, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
-    """Write ξ = W̃ᵀ v + c in padded blocks."""
+    """Write ξ = W̃ᵀ v + c."""
     _, width, length = pieces.shape
-    for i in range(len(relative)):
+    for i in range(len(starts) - 1):
         for lane in range(width):
-            total = free[i, lane]
+            total = free[width * i + lane]
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
-                    total += pieces[p, lane, k] * scaled[chunks[p], k]
-            relative[i, lane] = total
+                    total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
+            relative[width * i + lane] = total
 
 
 @njit(cache=True, fastmath={"contract"})
-def _sweep_frictionless(  # type: ignore[no-untyped-def]
-    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+def _sweep(  # type: ignore[no-untyped-def]
+    count, width, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
 ):
-    length = scaled.shape[1]
+    """Sweeps over blocks of any width with any number of pieces."""
+    one, two, lanes, length = uint64(1), uint64(2), uint64(width), uint64(pieces.shape[2])
+    xi, old = np.empty(3), np.empty(3)
     for _ in range(count):
-        for i in range(len(impulses)):
-            normal = free[i, 0]
-            for p in range(starts[i], starts[i + 1]):
-                for k in range(length):
-                    normal += pieces[p, 0, k] * scaled[chunks[p], k]
-            old = impulses[i, 0]
-            impulses[i, 0] = max(old - sizes[i, 0] * normal, 0.0)
-            change = impulses[i, 0] - old
-            for p in range(starts[i], starts[i + 1]):
-                for k in range(length):
-                    scaled[chunks[p], k] += pieces[p, 0, k] * change
+        for i in range(uint64(len(friction))):
+            k = lanes * i
+            for lane in range(lanes):
+                xi[lane] = free[k + lane]
+                old[lane] = impulses[k + lane]
+                for p in range(starts[i], starts[i + one]):
+                    chunk = length * chunks[p]
+                    for a in range(length):
+                        xi[lane] += pieces[p, lane, a] * scaled[chunk + a]
+            impulses[k] = max(old[0] - sizes[two * i] * xi[0], 0.0)
+            if width > 1:
+                change = impulses[k] - old[0]
+                bound = fixed[i] + friction[i] * impulses[partner[i]]
+                x = old[1] - sizes[two * i + one] * (xi[1] + coupling[two * i] * change)
+                if width == 2:
+                    impulses[k + one] = min(max(x, -bound), bound)
+                else:
+                    y = old[2] - sizes[two * i + one] * (xi[2] + coupling[two * i + one] * change)
+                    scale = disc_scale(x, y, bound)
+                    impulses[k + one], impulses[k + two] = x * scale, y * scale
+            for lane in range(lanes):
+                change = impulses[k + lane] - old[lane]
+                for p in range(starts[i], starts[i + one]):
+                    chunk = length * chunks[p]
+                    for a in range(length):
+                        scaled[chunk + a] += pieces[p, lane, a] * change
 
 
 @njit(cache=True, fastmath={"contract"})
-def _sweep_planar(  # type: ignore[no-untyped-def]
-    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
+    count, axes, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
 ):
-    length = scaled.shape[1]
+    """Sweeps over spatial contacts between two bodies, or one body and the ground."""
+    one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
-        for i in range(len(impulses)):
-            normal, tangent = free[i, 0], free[i, 1]
-            for p in range(starts[i], starts[i + 1]):
-                for k in range(length):
-                    v = scaled[chunks[p], k]
-                    normal += pieces[p, 0, k] * v
-                    tangent += pieces[p, 1, k] * v
-            old_n, old_t = impulses[i, 0], impulses[i, 1]
-            new = max(old_n - sizes[i, 0] * normal, 0.0)
-            impulses[i, 0] = new
-            change_n = new - old_n
-            tangent += coupling[i, 0] * change_n
-            bound = fixed[i] + friction[i] * impulses[partner[i], 0]
-            impulses[i, 1] = min(max(old_t - sizes[i, 1] * tangent, -bound), bound)
-            change_t = impulses[i, 1] - old_t
-            for p in range(starts[i], starts[i + 1]):
-                for k in range(length):
-                    scaled[chunks[p], k] += pieces[p, 0, k] * change_n + pieces[p, 1, k] * change_t
-
-
-@njit(cache=True, fastmath={"contract"})
-def _sweep_spatial(  # type: ignore[no-untyped-def]
-    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
-):
-    length = scaled.shape[1]
-    for _ in range(count):
-        for i in range(len(impulses)):
-            normal, first, second = free[i, 0], free[i, 1], free[i, 2]
-            for p in range(starts[i], starts[i + 1]):
-                for k in range(length):
-                    v = scaled[chunks[p], k]
-                    normal += pieces[p, 0, k] * v
-                    first += pieces[p, 1, k] * v
-                    second += pieces[p, 2, k] * v
-            old_n, old_t, old_s = impulses[i, 0], impulses[i, 1], impulses[i, 2]
-            new = max(old_n - sizes[i, 0] * normal, 0.0)
-            impulses[i, 0] = new
-            change_n = new - old_n
-            first += coupling[i, 0] * change_n
-            second += coupling[i, 1] * change_n
-            bound = fixed[i] + friction[i] * impulses[partner[i], 0]
-            x = old_t - sizes[i, 1] * first
-            y = old_s - sizes[i, 1] * second
-            scale = disc_scale(x, y, bound)
-            impulses[i, 1] = x * scale
-            impulses[i, 2] = y * scale
-            change_t, change_s = x * scale - old_t, y * scale - old_s
-            for p in range(starts[i], starts[i + 1]):
-                for k in range(length):
-                    scaled[chunks[p], k] += (
-                        pieces[p, 0, k] * change_n + pieces[p, 1, k] * change_t + pieces[p, 2, k] * change_s
-                    )
+        for i in range(uint64(len(friction))):
+            k, own = uint64(3) * i, uint64(6) * length * i
+            a, b = chunks[two * i], chunks[two * i + one]
+            normal, first, second = free[k], free[k + one], free[k + two]
+            normal_a, first_a, second_a = 0.0, 0.0, 0.0
+            for x in range(length):
+                va, vb, at = scaled[a + x], scaled[b + x], own + x
+                normal += pieces[at + uint64(3) * length] * vb
+                first += pieces[at + uint64(4) * length] * vb
+                second += pieces[at + uint64(5) * length] * vb
+                normal_a += pieces[at] * va
+                first_a += pieces[at + length] * va
+                second_a += pieces[at + two * length] * va
+            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+            new = max(old_n - sizes[two * i] * (normal + normal_a), 0.0)
+            impulses[k] = new
+            dn = new - old_n
+            first += first_a + coupling[two * i] * dn
+            second += second_a + coupling[two * i + one] * dn
+            bound = fixed[i] + friction[i] * impulses[partner[i]]
+            t = old_t - sizes[two * i + one] * first
+            s = old_s - sizes[two * i + one] * second
+            scale = disc_scale(t, s, bound)
+            t *= scale
+            s *= scale
+            impulses[k + one], impulses[k + two] = t, s
+            dt, ds = t - old_t, s - old_s
+            for x in range(length):
+                at = own + x
+                scaled[a + x] = (
+                    scaled[a + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
+                )
+            for x in range(length):
+                at = own + x + uint64(3) * length
+                scaled[b + x] = (
+                    scaled[b + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
+                )

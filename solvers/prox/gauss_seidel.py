@@ -77,7 +77,7 @@ class SORprox:
                 sizes = diagonal_step_sizes(problem, self.relaxation)
             else:
                 sizes = row_sum_step_sizes(problem, row_sums_of_factors(factors), self.relaxation)
-            return PreparedIteration(problem, residual, FactorSweep.over(problem, factors, sizes).begin)
+            return PreparedIteration(problem, residual, FactorSweep.over(problem, sizes).begin)
         blocks = problem.delassus_blocks()
         if self.step_size == "diagonal":
             sizes = diagonal_step_sizes(problem, self.relaxation)

@@ -19,7 +19,7 @@ from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from ...problems.model import Model
 from ..interface import described
-from .delassus_sweep import block_product
+from .delassus_sweep import DelassusSweep, block_product
 from .iteration import PreparedIteration
 from .projection import disc_scale
 from .step_size import StepSize, check_options, diagonal_step_sizes, row_sum_step_sizes, row_sums_of_blocks
@@ -87,48 +87,45 @@ class Jprox:
 
 
 class _JacobiIterates:
-    """Λ and ξ of a Jacobi iteration, in padded blocks."""
+    """Λ and ξ of a Jacobi iteration, padded and flat."""
 
     def __init__(self, problem: ContactProblem, sizes: FloatArray, start: FloatArray) -> None:
-        layout, blocks = problem.layout, problem.delassus_blocks()
-        self._layout = layout
-        self._matrix = (blocks.starts, blocks.columns, blocks.values)
-        self._free = layout.pad(problem.free_velocity)
-        self._bounds = (layout.friction_coefficient, layout.fixed_bound, layout.partner)
-        self._sizes = sizes
-        self._impulses = layout.pad(start)
+        self._sweep = DelassusSweep.over(problem, problem.delassus_blocks(), sizes)
+        self._impulses = self._sweep.layout.pad(start).reshape(-1)
         self._velocity = np.empty_like(self._impulses)
 
     def sweep(self, count: int) -> None:
-        _sweep(count, *self._matrix, self._free, self._sizes, *self._bounds, self._impulses, self._velocity)
+        width = self._sweep.layout.width
+        for _ in range(count):
+            self._update_velocity()
+            _project(width, *self._sweep.laws, self._velocity, self._impulses)
 
     def impulses(self) -> FloatArray:
-        return self._layout.unpad(self._impulses)
+        return self._sweep.layout.unpad(self._impulses)
 
     def relative_velocity(self) -> FloatArray:
-        block_product(*self._matrix, self._impulses, self._free, self._velocity)
-        return self._layout.unpad(self._velocity)
+        self._update_velocity()
+        return self._sweep.layout.unpad(self._velocity)
+
+    def _update_velocity(self) -> None:
+        block_product(self._sweep.layout.width, *self._sweep.matrix, self._impulses, self._sweep.free, self._velocity)
 
 
 @njit(cache=True)
-def _sweep(  # type: ignore[no-untyped-def]
-    count, starts, columns, values, free, sizes, friction, fixed, partner, impulses, velocity
-):
-    """Do ``count`` sweeps: velocities from the old impulses, then all normal impulses, then all friction impulses."""
-    n_blocks, width = impulses.shape
-    for _ in range(count):
-        block_product(starts, columns, values, impulses, free, velocity)
+def _project(width, sizes, friction, fixed, partner, velocity, impulses):  # type: ignore[no-untyped-def]
+    """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
+    n_blocks = len(friction)
+    for i in range(n_blocks):
+        impulses[width * i] = max(impulses[width * i] - sizes[2 * i] * velocity[width * i], 0.0)
+    if width > 1:
         for i in range(n_blocks):
-            impulses[i, 0] = max(impulses[i, 0] - sizes[i, 0] * velocity[i, 0], 0.0)
-        if width == 1:
-            continue
-        for i in range(n_blocks):
-            bound = fixed[i] + friction[i] * impulses[partner[i], 0]
-            x = impulses[i, 1] - sizes[i, 1] * velocity[i, 1]
+            k = width * i
+            bound = fixed[i] + friction[i] * impulses[partner[i]]
+            x = impulses[k + 1] - sizes[2 * i + 1] * velocity[k + 1]
             if width == 2:
-                impulses[i, 1] = min(max(x, -bound), bound)
+                impulses[k + 1] = min(max(x, -bound), bound)
             else:
-                y = impulses[i, 2] - sizes[i, 1] * velocity[i, 2]
+                y = impulses[k + 2] - sizes[2 * i + 1] * velocity[k + 2]
                 scale = disc_scale(x, y, bound)
-                impulses[i, 1] = x * scale
-                impulses[i, 2] = y * scale
+                impulses[k + 1] = x * scale
+                impulses[k + 2] = y * scale

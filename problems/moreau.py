@@ -1,0 +1,139 @@
+"""Moreau's midpoint rule with a fixed step (Studer & Glocker 2005, section 3.4, [27, 31–33]).
+
+From t_B to t_E = t_B + Δt:
+
+    q_M = q_B + u_B Δt/2
+    G = Wᵀ M⁻¹ W,   c = (I + ε) Wᵀ u_B + Wᵀ M⁻¹ h Δt       at q_M, for the contacts with g(q_M) < 0
+    −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
+    u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from .contact import ContactProblem
+from .errors import ProblemError
+from .factors import Factors
+from .laws import FloatArray, IntArray
+from .system import ActiveContacts, StepAssembly, System
+
+
+class ContactSolver(Protocol):
+    """What the stepper needs of a solver; every solver of the framework has it."""
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        """Return an object with ``solve(stop, start)``, whose result has impulses, status and iterations."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A system at one instant, with the impulses of the step that led there, to start the next solve from.
+
+    Attributes:
+        time: t [s].
+        position: q, shape (n_coordinates,).
+        velocity: u, shape (n_dofs,).
+        keys: contacts of the last step, ascending, shape (n_contacts,).
+        impulses: their Λ [N s], shape (n_contacts, rows per contact).
+    """
+
+    time: float
+    position: FloatArray
+    velocity: FloatArray
+    keys: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    impulses: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One step as it was taken.
+
+    Attributes:
+        state: the state at its end.
+        problem: the contact problem that was solved, None if no contact was active.
+        impulses: Λ [N s], shape (n_rows,), empty without contacts.
+        contacts: the active contacts, None if there were none.
+        status: how the solver ended, None if it was not asked.
+        iterations: iterations of the solver.
+    """
+
+    state: State
+    problem: ContactProblem | None
+    impulses: FloatArray
+    contacts: ActiveContacts | None
+    status: Any
+    iterations: int
+
+
+@dataclass(frozen=True)
+class Moreau:
+    """The midpoint stepper.
+
+    Attributes:
+        system: what moves.
+        solver: any solver of the framework.
+        stop: the stop criterion handed to the solver at each step.
+        time_step: Δt [s], positive.
+        warm_start: start each solve from the last step's impulses, contact by contact.
+
+    Raises:
+        ProblemError: if Δt is not positive.
+    """
+
+    system: System
+    solver: ContactSolver
+    stop: Any
+    time_step: float
+    warm_start: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.time_step < np.inf:
+            raise ProblemError(f"time_step must be positive, got {self.time_step}.")
+
+    def step(self, state: State) -> Step:
+        """Take one step."""
+        half = 0.5 * self.time_step
+        midpoint = self.system.move(state.position, state.velocity, half)
+        assembly = self.system.assemble(midpoint, state.velocity, self.time_step)
+        contacts = assembly.contacts
+        time = state.time + self.time_step
+        if contacts is None:
+            velocity = assembly.free_motion
+            end = State(time, self.system.move(midpoint, velocity, half), velocity)
+            return Step(end, None, np.zeros(0), None, None, 0)
+        problem = step_problem(assembly, contacts, state.velocity)
+        start = _matched_impulses(state, contacts) if self.warm_start else None
+        solution = self.solver.prepare(problem).solve(self.stop, start)
+        velocity = assembly.free_motion + assembly.inverse_mass @ (contacts.directions @ solution.impulses)
+        held = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
+        end = State(time, self.system.move(midpoint, velocity, half), velocity, contacts.keys, held)
+        return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
+
+    def steps(self, state: State, count: int) -> Iterator[Step]:
+        """Yield ``count`` successive steps from ``state``."""
+        for _ in range(count):
+            step = self.step(state)
+            state = step.state
+            yield step
+
+
+def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
+    """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B."""
+    transposed = contacts.directions.T
+    free_velocity = transposed @ assembly.free_motion + contacts.restitution * (transposed @ velocity)
+    factors = Factors(contacts.directions, assembly.inverse_mass, assembly.free_motion)
+    return ContactProblem(free_velocity, contacts.laws, factors=factors)
+
+
+def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
+    """Return the last impulses of the contacts that persist and zero for new ones, shape (n_rows,)."""
+    start = np.zeros((len(contacts.keys), contacts.rows_per_contact))
+    if len(state.keys) and state.impulses.shape[1] == contacts.rows_per_contact:
+        place = np.minimum(np.searchsorted(state.keys, contacts.keys), len(state.keys) - 1)
+        persists = state.keys[place] == contacts.keys
+        start[persists] = state.impulses[place[persists]]
+    return start.ravel()

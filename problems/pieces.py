@@ -1,0 +1,91 @@
+"""The scaled factor W̃ = Sᵀ W in small dense pieces, one for each contact and each chunk of coordinates it touches.
+
+A chunk is a run of ``length`` degrees of freedom (a body's, where all bodies have equally many). Contacts touch one or
+two bodies, so a contact has one or two pieces, and kernels over pieces need no index for every single number.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from .blocks import BlockLayout
+from .factors import Factors
+from .laws import FloatArray, IntArray
+
+CHUNK_LENGTHS = (1, 2, 3, 6)
+"""Lengths to choose from: the degrees of freedom of discs and balls, without and with rotation."""
+
+
+@dataclass(frozen=True, eq=False)
+class FactorPieces:
+    """W̃ in pieces.
+
+    Attributes:
+        starts: first piece of each block, shape (n_blocks + 1,).
+        chunks: chunk of each piece, shape (n_pieces,).
+        values: the pieces [kg^-½], shape (n_pieces, width, length).
+        n_chunks: number of chunks.
+    """
+
+    starts: IntArray
+    chunks: IntArray
+    values: FloatArray
+    n_chunks: int
+
+    @property
+    def most_per_block(self) -> int:
+        """Largest number of pieces of one block."""
+        return int(np.diff(self.starts).max(initial=0))
+
+
+def cut_into_pieces(factors: Factors, layout: BlockLayout) -> FactorPieces:
+    """Return W̃ in pieces of the chunk length that makes them cheapest: numbers to read, plus four for each piece."""
+    scaled = factors.scaled_directions
+    pattern = (scaled.indptr, scaled.indices, layout.slot, layout.n_blocks, layout.width)
+    cost = {length: int(_count_pieces(*pattern, length)[-1]) * (layout.width * length + 4) for length in CHUNK_LENGTHS}
+    length = min(CHUNK_LENGTHS, key=lambda candidate: cost[candidate])
+    starts, chunks, values = _cut(*pattern, length, scaled.data)
+    return FactorPieces(starts, chunks, values, -(-factors.n_dofs // length))
+
+
+@njit(cache=True)
+def _count_pieces(indptr, indices, slot, n_blocks, width, length):  # type: ignore[no-untyped-def]
+    """Return the first piece of each block, shape (n_blocks + 1,)."""
+    highest = 0
+    for p in range(len(indices)):
+        highest = max(highest, indices[p])
+    last_block = np.full(highest // length + 1, -1, dtype=np.int64)
+    starts = np.zeros(n_blocks + 1, dtype=np.int64)
+    for row in range(len(slot)):
+        block = slot[row] // width
+        for p in range(indptr[row], indptr[row + 1]):
+            chunk = indices[p] // length
+            if last_block[chunk] != block:
+                last_block[chunk] = block
+                starts[block + 1] += 1
+    for block in range(n_blocks):
+        starts[block + 1] += starts[block]
+    return starts
+
+
+@njit(cache=True)
+def _cut(indptr, indices, slot, n_blocks, width, length, data):  # type: ignore[no-untyped-def]
+    """Return starts, chunks and values of the pieces for one chunk length."""
+    starts = _count_pieces(indptr, indices, slot, n_blocks, width, length)
+    n_pieces = starts[n_blocks]
+    chunks = np.empty(n_pieces, dtype=np.int64)
+    values = np.zeros((n_pieces, width, length))
+    filled = starts[:-1].copy()
+    for row in range(len(slot)):
+        block, lane = slot[row] // width, slot[row] % width
+        for p in range(indptr[row], indptr[row + 1]):
+            chunk = indices[p] // length
+            piece = starts[block]
+            while piece < filled[block] and chunks[piece] != chunk:
+                piece += 1
+            if piece == filled[block]:
+                chunks[piece] = chunk
+                filled[block] += 1
+            values[piece, lane, indices[p] - chunk * length] = data[p]
+    return starts, chunks, values

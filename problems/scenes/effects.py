@@ -1,0 +1,153 @@
+"""Effects: what a scene includes. What is not listed is not simulated and costs nothing.
+
+Each effect is a small class that adds itself to a ``BallSystem``; none of them is known to a stepper or a solver.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..balls import DISC_INERTIA, Acceleration, BallSystem
+from ..errors import ProblemError
+from ..laws import FloatArray
+from ..surfaces import Surface
+
+
+class Effect(Protocol):
+    """One thing that a scene includes."""
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with this effect."""
+        ...
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Weight: h = −m g along the last axis.
+
+    Attributes:
+        acceleration: g [m/s²].
+    """
+
+    acceleration: float = 9.81
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with weight."""
+
+        def fall(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+            down = np.zeros_like(centres)
+            down[:, -1] = -self.acceleration
+            return down
+
+        return _with_acceleration(system, fall)
+
+
+@dataclass(frozen=True)
+class Drag:
+    """Linear drag: h = −k v on each centre.
+
+    Attributes:
+        coefficient: k [kg/s].
+    """
+
+    coefficient: float
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with drag."""
+
+        def slow(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+            return -self.coefficient / masses[:, None] * velocities
+
+        return _with_acceleration(system, slow)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring from each centre to an anchor: h = −k (x − x_0).
+
+    Attributes:
+        stiffness: k [N/m].
+        anchor: x_0 [m], d numbers.
+    """
+
+    stiffness: float
+    anchor: tuple[float, ...]
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with springs."""
+
+        def pull(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+            return -self.stiffness / masses[:, None] * (centres - np.array(self.anchor))
+
+        return _with_acceleration(system, pull)
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coulomb friction at all contacts, and with it the rotation of balls.
+
+    Attributes:
+        coefficient: μ.
+    """
+
+    coefficient: float
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with friction laws and rotational degrees of freedom."""
+        return replace(system, friction=self.coefficient)
+
+
+@dataclass(frozen=True)
+class Restitution:
+    """Newton's impact law at all contacts, γ⁺ = −ε γ⁻.
+
+    Attributes:
+        normal: ε_N.
+        tangential: ε_T.
+    """
+
+    normal: float
+    tangential: float = 0.0
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with restitution."""
+        return replace(system, restitution_normal=self.normal, restitution_tangential=self.tangential)
+
+
+@dataclass(frozen=True)
+class Planar:
+    """Bodies in a vertical plane, (x, z), with planar friction.
+
+    Attributes:
+        inertia_factor: J/(m r²) about the axis out of the plane; a disc's unless told otherwise.
+    """
+
+    inertia_factor: float = field(default=DISC_INERTIA)
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system in two dimensions."""
+        return replace(system, dimension=2, inertia_factor=self.inertia_factor)
+
+
+def ball_system(
+    radii: FloatArray, masses: FloatArray, surfaces: Sequence[Surface], effects: Sequence[Effect]
+) -> BallSystem:
+    """Return the system of balls with radii [m] and masses [kg], shape (n,), among ``surfaces``, with ``effects``.
+
+    Raises:
+        ProblemError: if an effect is listed twice, or a number is out of range.
+    """
+    names = [type(effect).__name__ for effect in effects]
+    for name in names:
+        if names.count(name) > 1:
+            raise ProblemError(f"the effect {name} is listed {names.count(name)} times; list it once.")
+    system = BallSystem(radii, masses, surfaces, dimension=3)
+    for effect in effects:
+        system = effect.added_to(system)
+    return system
+
+
+def _with_acceleration(system: BallSystem, acceleration: Acceleration) -> BallSystem:
+    return replace(system, accelerations=(*system.accelerations, acceleration))

@@ -1,0 +1,80 @@
+"""The woodpecker toy: a bird on a spring, hopping down a pole (Glocker 1995; Leine, Glocker & van Campen 2001).
+
+q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. Contacts: 1 the beak on the
+pole, 2 the lower edge of the sleeve, 3 its upper edge; all planar, with rows N and T.
+"""
+
+import numpy as np
+
+from ..laws import FloatArray
+from ..moreau import State
+from ..system import MechanicalSystem
+
+SLEEVE_MASS, SLEEVE_INERTIA = 3e-4, 5e-9
+BIRD_MASS, BIRD_INERTIA = 4.5e-3, 7e-7
+POLE_RADIUS, SLEEVE_RADIUS, SLEEVE_HALF_HEIGHT = 2.5e-3, 3.1e-3, 5.8e-3
+SPRING_ARM, BIRD_ARM = 1e-2, 1.5e-2
+BEAK_HEIGHT, BEAK_ARM = 2e-2, 2.01e-2
+SPRING_STIFFNESS, GRAVITY = 5.6e-3, 9.81
+FRICTION = 0.3
+RESTITUTION = (0.5, 0.0, 0.0)
+
+PERIOD = 0.14597606514375183
+"""Duration of one limit cycle [s], computed event by event in 45-digit arithmetic."""
+
+DESCENT = 0.019445379284716507
+"""Descent in one limit cycle [m]."""
+
+_MASS = np.array(
+    [
+        [BIRD_MASS + SLEEVE_MASS, BIRD_MASS * SPRING_ARM, BIRD_MASS * BIRD_ARM],
+        [BIRD_MASS * SPRING_ARM, SLEEVE_INERTIA + BIRD_MASS * SPRING_ARM**2, BIRD_MASS * SPRING_ARM * BIRD_ARM],
+        [BIRD_MASS * BIRD_ARM, BIRD_MASS * SPRING_ARM * BIRD_ARM, BIRD_INERTIA + BIRD_MASS * BIRD_ARM**2],
+    ]
+)
+
+_DIRECTIONS = np.array(
+    [
+        [0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
+        [0.0, SPRING_ARM, SLEEVE_HALF_HEIGHT, SLEEVE_RADIUS, -SLEEVE_HALF_HEIGHT, SLEEVE_RADIUS],
+        [-BEAK_HEIGHT, BIRD_ARM - BEAK_ARM, 0.0, 0.0, 0.0, 0.0],
+    ]
+)
+"""W, columns N1, T1, N2, T2, N3, T3."""
+
+
+def _force(position: FloatArray, velocity: FloatArray) -> FloatArray:
+    spring = SPRING_STIFFNESS * (position[1] - position[2])
+    weight = BIRD_MASS * GRAVITY
+    return np.array([-(BIRD_MASS + SLEEVE_MASS) * GRAVITY, -spring - weight * SPRING_ARM, spring - weight * BIRD_ARM])
+
+
+def _gap(position: FloatArray) -> FloatArray:
+    play, tilt = SLEEVE_RADIUS - POLE_RADIUS, SLEEVE_HALF_HEIGHT * position[1]
+    beak = SPRING_ARM + BIRD_ARM - BEAK_ARM - POLE_RADIUS - BEAK_HEIGHT * position[2]
+    return np.array([beak, play + tilt, play - tilt])
+
+
+def woodpecker() -> MechanicalSystem:
+    """Return the woodpecker's equations of motion."""
+    return MechanicalSystem(
+        mass=lambda position: _MASS,
+        force=_force,
+        gap=_gap,
+        directions=lambda position: _DIRECTIONS,
+        friction=np.full(3, FRICTION),
+        restitution_normal=RESTITUTION,
+        restitution_tangential=np.zeros(3),
+        rows_per_contact=2,
+    )
+
+
+def published_start() -> State:
+    """Return the state that the literature starts from; it reaches the limit cycle after some periods."""
+    return State(0.0, np.array([0.0, -0.1036, -0.2788]), np.array([-0.3411, 0.0, -7.4583]))
+
+
+def section_start() -> State:
+    """Return the state of the limit cycle in which the lower edge of the sleeve begins to slip."""
+    jammed = -(SLEEVE_RADIUS - POLE_RADIUS) / SLEEVE_HALF_HEIGHT
+    return State(0.0, np.array([0.0, jammed, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))

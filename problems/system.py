@@ -1,0 +1,146 @@
+"""Mechanical systems with unilateral contacts, as time stepping sees them.
+
+M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws between λ and the relative velocities Wᵀu
+(Studer & Glocker 2005, [1–6]). A stepper asks a system for one ``StepAssembly`` per step and knows nothing else of it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from .errors import ProblemError
+from .laws import FloatArray, IntArray, Laws
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveContacts:
+    """The contacts of one step, those with g(q_M) < 0.
+
+    Attributes:
+        keys: identity of each contact, ascending, shape (n_contacts,); a contact keeps its key from step to step.
+        gap: g(q_M) [m], shape (n_contacts,).
+        laws: their force laws, ``rows_per_contact`` rows each.
+        directions: W at the midpoint, shape (n_dofs, n_rows).
+        restitution: ε of each row, shape (n_rows,).
+        rows_per_contact: 1, 2 or 3.
+    """
+
+    keys: IntArray
+    gap: FloatArray
+    laws: Laws
+    directions: sp.csc_array
+    restitution: FloatArray
+    rows_per_contact: int
+
+
+@dataclass(frozen=True, eq=False)
+class StepAssembly:
+    """A system linearised at the midpoint of one step.
+
+    Attributes:
+        free_motion: u_B + M_M⁻¹ h_M Δt, shape (n_dofs,).
+        inverse_mass: M_M⁻¹, shape (n_dofs, n_dofs).
+        contacts: the active contacts, None if there are none.
+    """
+
+    free_motion: FloatArray
+    inverse_mass: sp.csr_array
+    contacts: ActiveContacts | None
+
+
+class System(Protocol):
+    """What a stepper needs of a system."""
+
+    def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
+        """Return q + u · seconds."""
+        ...
+
+    def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
+        """Linearise at q_M for a step of ``seconds`` that begins with ``velocity``."""
+        ...
+
+
+@dataclass(eq=False)
+class MechanicalSystem:
+    """A general system, given by the functions of its equations of motion.
+
+    Attributes:
+        mass: q ↦ M, shape (n_dofs, n_dofs), symmetric positive definite; its inverse is kept for as long as the
+            function returns the same array.
+        force: (q, u) ↦ h, shape (n_dofs,).
+        gap: q ↦ g [m], shape (n_contacts,).
+        directions: q ↦ W, shape (n_dofs, rows_per_contact · n_contacts), contact by contact in the order N, T1, T2.
+        friction: μ of each contact, shape (n_contacts,).
+        restitution_normal: ε_N of each contact, shape (n_contacts,).
+        restitution_tangential: ε_T of each contact, shape (n_contacts,).
+        rows_per_contact: 1, 2 or 3.
+
+    Raises:
+        ProblemError: for restitution outside [0, 1], or arrays of unequal length.
+    """
+
+    mass: Callable[[FloatArray], FloatArray]
+    force: Callable[[FloatArray, FloatArray], FloatArray]
+    gap: Callable[[FloatArray], FloatArray]
+    directions: Callable[[FloatArray], FloatArray]
+    friction: ArrayLike
+    restitution_normal: ArrayLike
+    restitution_tangential: ArrayLike
+    rows_per_contact: int = 2
+    _inverse: tuple[FloatArray, FloatArray, sp.csr_array] | None = field(default=None, init=False, repr=False)
+    _laws: dict[bytes, tuple[IntArray, IntArray, Laws, FloatArray]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    def __post_init__(self) -> None:
+        self.friction = np.atleast_1d(np.asarray(self.friction, dtype=np.float64))
+        for name in ("restitution_normal", "restitution_tangential"):
+            values = np.atleast_1d(np.asarray(getattr(self, name), dtype=np.float64))
+            if values.shape != self.friction.shape or not ((values >= 0) & (values <= 1)).all():
+                raise ProblemError(f"{name} must be {len(self.friction)} numbers between 0 and 1, got {values}.")
+            setattr(self, name, values)
+
+    def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
+        """Return q + u · seconds."""
+        return position + seconds * velocity
+
+    def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
+        """Linearise at q_M: M(q_M), h(q_M, u_B), and W(q_M) of the contacts with g(q_M) < 0."""
+        inverse, sparse_inverse = self._inverse_mass(midpoint)
+        free_motion = velocity + inverse @ self.force(midpoint, velocity) * seconds
+        gap = self.gap(midpoint)
+        active = gap < 0.0
+        if not active.any():
+            return StepAssembly(free_motion, sparse_inverse, None)
+        keys, rows, laws, restitution = self._active_laws(active)
+        directions = sp.csc_array(self.directions(midpoint)[:, rows])
+        contacts = ActiveContacts(keys, gap[active], laws, directions, restitution, self.rows_per_contact)
+        return StepAssembly(free_motion, sparse_inverse, contacts)
+
+    def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, sp.csr_array]:
+        mass = self.mass(position)
+        if self._inverse is None or self._inverse[0] is not mass:
+            try:
+                root = np.linalg.inv(np.linalg.cholesky(mass))
+            except np.linalg.LinAlgError:
+                raise ProblemError("the mass matrix M(q) is not positive definite.") from None
+            inverse = root.T @ root
+            self._inverse = (mass, inverse, sp.csr_array(inverse))
+        return self._inverse[1], self._inverse[2]
+
+    def _active_laws(self, active: np.ndarray) -> tuple[IntArray, IntArray, Laws, FloatArray]:  # type: ignore[type-arg]
+        """Keys, rows, laws and restitution of a set of active contacts; few sets recur, so each is kept."""
+        pattern = active.tobytes()
+        if pattern not in self._laws:
+            width = self.rows_per_contact
+            keys = np.flatnonzero(active).astype(np.int64)
+            rows = (width * keys[:, None] + np.arange(width)).ravel()
+            laws = Laws.contacts(np.asarray(self.friction)[active], width, len(keys))
+            restitution = np.repeat(np.asarray(self.restitution_tangential)[active], width)
+            restitution[::width] = np.asarray(self.restitution_normal)[active]
+            self._laws[pattern] = (keys, rows, laws, restitution)
+        return self._laws[pattern]
