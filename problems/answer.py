@@ -36,7 +36,9 @@ class Answer:
             raise ProblemError(f"answer.velocity must have shape ({n_rows},), got {np.shape(self.velocity)}.")
         if (self.functionals is None) != (self.values is None):
             raise ProblemError("answer.functionals and answer.values belong together; one of them is missing.")
-        if self.functionals is not None and np.shape(self.functionals) != (np.size(self.values), n_rows):
+        if self.functionals is None or self.values is None:
+            return
+        if np.shape(self.functionals) != (len(self.values), n_rows):
             raise ProblemError(
                 f"answer.functionals must have shape (len(values), {n_rows}), got {np.shape(self.functionals)}."
             )

@@ -18,6 +18,7 @@ from numba import njit
 
 from .broadphase import overlapping_pairs
 from .errors import ProblemError
+from .factors import InverseMass
 from .laws import FloatArray, IntArray, Laws
 from .surfaces import Surface
 from .system import ActiveContacts, StepAssembly
@@ -98,12 +99,11 @@ class BallSystem:
         return self.dimension + self.spins
 
     @cached_property
-    def inverse_mass(self) -> sp.csr_array:
-        """M⁻¹, diagonal, shape (n_dofs, n_dofs)."""
+    def inverse_mass(self) -> InverseMass:
+        """M⁻¹, diagonal."""
         inertia = self.inertia_factor * self.masses * self.radii**2
         diagonal = np.column_stack([*[1.0 / self.masses] * self.dimension, *[1.0 / inertia] * self.spins]).ravel()
-        index = np.arange(len(diagonal) + 1, dtype=np.int32)
-        return sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal), len(diagonal)))
+        return InverseMass.create(diagonal)
 
     def centres(self, position: FloatArray) -> FloatArray:
         """Return the centres [m], shape (n, d), of a position vector q, shape (n · d,)."""
@@ -178,7 +178,7 @@ class BallSystem:
 
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""
-        return 0.5 * float(velocity @ (velocity / self.inverse_mass.data))
+        return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
 
 
 def _unit(vectors: FloatArray, length: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ row and column in G and c, and stays at Λ = 0 under every projection, so kernel
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class BlockLayout:
 
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
-        """Return the layout of ``laws``."""
+        """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
         n = laws.n_laws
         joins = np.zeros(n, dtype=bool)  # friction laws that stand right behind their partner share its block
         joins[1:] = laws.is_friction[1:] & (laws.partner[1:] == np.arange(n - 1))
@@ -95,3 +96,14 @@ class BlockLayout:
         """Return a fresh vector over rows, shape (n_rows,), from an array of shape (n_blocks, width)."""
         flat = padded.reshape(-1)
         return flat.copy() if self.is_dense else flat[self.slot]
+
+
+_LAYOUTS: WeakKeyDictionary[Laws, BlockLayout] = WeakKeyDictionary()
+
+
+def layout_of(laws: Laws) -> BlockLayout:
+    """Return the layout of ``laws``, the same object each time; time stepping meets the same laws again and again."""
+    layout = _LAYOUTS.get(laws)
+    if layout is None:
+        layout = _LAYOUTS[laws] = BlockLayout.of(laws)
+    return layout

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from .answer import Answer
-from .blocks import BlockLayout
+from .blocks import BlockLayout, layout_of
 from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
 from .errors import ProblemError
 from .factors import Factors
@@ -134,10 +134,10 @@ class ContactProblem:
         """Number of contacts (a unilateral law and its friction count once; a lone friction law counts too)."""
         return self.layout.n_blocks
 
-    @cached_property
+    @property
     def layout(self) -> BlockLayout:
         """How laws group into contacts of equal, padded width, for kernels."""
-        return BlockLayout.of(self.laws)
+        return layout_of(self.laws)
 
     def delassus_blocks(self) -> DelassusBlocks:
         """Return G in padded block rows, assembled at the first call and kept."""
@@ -200,7 +200,7 @@ class ContactProblem:
 
     def _numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
         laws = self.laws
-        numbers = [
+        numbers: list[tuple[str, np.ndarray[Any, Any]]] = [
             ("c", self.free_velocity),
             ("kind", laws.kind),
             ("mu", laws.friction_coefficient),

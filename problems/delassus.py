@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
+from numpy.typing import NDArray
 
 from .blocks import BlockLayout
 from .laws import FloatArray, IntArray
@@ -22,7 +23,7 @@ class DelassusBlocks:
     """
 
     starts: IntArray
-    columns: np.ndarray[tuple[int], np.dtype[np.int32]]
+    columns: NDArray[np.int32]
     values: FloatArray
 
     def to_csr(self, layout: BlockLayout) -> sp.csr_array:
@@ -62,7 +63,7 @@ def blocks_from_pieces(pieces: FactorPieces) -> DelassusBlocks:
     return _read_only(starts, columns, values)
 
 
-def _read_only(starts: IntArray, columns: np.ndarray, values: FloatArray) -> DelassusBlocks:  # type: ignore[type-arg]
+def _read_only(starts: IntArray, columns: NDArray[np.int32], values: FloatArray) -> DelassusBlocks:
     for array in (starts, columns, values):
         array.setflags(write=False)
     return DelassusBlocks(starts, columns, values)

@@ -15,17 +15,66 @@ from .laws import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)
+class InverseMass:
+    """M⁻¹ with its root, which is computed once for all problems that share the object.
+
+    Attributes:
+        matrix: M⁻¹, symmetric positive definite and block diagonal, shape (n_dofs, n_dofs), scipy CSR.
+    """
+
+    matrix: sp.csr_array[Any]
+
+    @staticmethod
+    def create(given: Any) -> "InverseMass":
+        """Return a checked, read-only M⁻¹ from its diagonal, or from a matrix, dense or sparse.
+
+        Raises:
+            ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
+        """
+        if np.ndim(given) == 1 and not sp.issparse(given):
+            diagonal = frozen(given, np.float64)
+            index = np.arange(len(diagonal) + 1, dtype=np.int32)
+            matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
+        else:
+            matrix = sp.csr_array(given, dtype=np.float64, copy=True)
+        if matrix.shape[0] != matrix.shape[1]:
+            raise ProblemError(f"M⁻¹ must be square, got {matrix.shape}.")
+        matrix.sum_duplicates()
+        _check_finite(matrix, "M⁻¹")
+        inverse = InverseMass(matrix)
+        _ = inverse.root  # fails here, with the reason, if M⁻¹ is not positive definite
+        return inverse
+
+    @cached_property
+    def is_diagonal(self) -> bool:
+        """Whether M⁻¹ has no entries off its diagonal."""
+        matrix = self.matrix
+        return bool(matrix.nnz == matrix.shape[0] and np.array_equal(matrix.indices, np.arange(matrix.shape[0])))
+
+    @cached_property
+    def root(self) -> sp.csr_array[Any]:
+        """S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
+        if not self.is_diagonal:
+            return _block_cholesky(self.matrix)
+        diagonal = self.matrix.data
+        if (diagonal <= 0).any():
+            dof = int(np.argmax(diagonal <= 0))
+            raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
+        return sp.csr_array((np.sqrt(diagonal), self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
+
+
+@dataclass(frozen=True, eq=False)
 class Factors:
     """W, M⁻¹ and the free motion of the system that a problem comes from; build it with ``create``.
 
     Attributes:
         force_directions: W, shape (n_dofs, n_rows), scipy CSC.
-        inverse_mass: M⁻¹, symmetric positive definite and block diagonal, shape (n_dofs, n_dofs), scipy CSR.
+        inverse_mass: M⁻¹.
         free_motion: u_B + M⁻¹ h Δt, the velocity the system would have without contacts, shape (n_dofs,), or ``None``.
     """
 
-    force_directions: sp.csc_array
-    inverse_mass: sp.csr_array
+    force_directions: sp.csc_array[Any]
+    inverse_mass: InverseMass
     free_motion: FloatArray | None = None
 
     @staticmethod
@@ -37,30 +86,17 @@ class Factors:
         """
         directions = sp.csc_array(force_directions, dtype=np.float64, copy=True)
         directions.sum_duplicates()
+        _check_finite(directions, "W")
+        inverse = inverse_mass if isinstance(inverse_mass, InverseMass) else InverseMass.create(inverse_mass)
         n_dofs = directions.shape[0]
-        if np.ndim(inverse_mass) == 1 and not sp.issparse(inverse_mass):
-            inverse = sp.csr_array(sp.dia_array((np.atleast_2d(inverse_mass), [0]), shape=(len(inverse_mass),) * 2))
-        else:
-            inverse = sp.csr_array(inverse_mass, dtype=np.float64, copy=True)
-        if inverse.shape != (n_dofs, n_dofs):
-            raise ProblemError(f"M⁻¹ must have shape ({n_dofs}, {n_dofs}) to go with W, got {inverse.shape}.")
-        inverse.sum_duplicates()
-        for name, matrix in (("W", directions), ("M⁻¹", inverse)):
-            if not np.isfinite(matrix.data).all():
-                coordinates = matrix.tocoo()
-                at = int(np.argmin(np.isfinite(coordinates.data)))
-                place = f"{name}[{coordinates.row[at]}, {coordinates.col[at]}]"
-                raise ProblemError(f"{place} = {coordinates.data[at]} must be finite.")
-            for array in (matrix.data, matrix.indices, matrix.indptr):
-                array.setflags(write=False)
+        if inverse.matrix.shape[0] != n_dofs:
+            raise ProblemError(f"M⁻¹ must have shape ({n_dofs}, {n_dofs}) to go with W, got {inverse.matrix.shape}.")
         motion = None
         if free_motion is not None:
             motion = frozen(free_motion, np.float64)
             if motion.shape != (n_dofs,) or not np.isfinite(motion).all():
                 raise ProblemError(f"free_motion must be {n_dofs} finite numbers, got shape {motion.shape}.")
-        factors = Factors(directions, inverse, motion)
-        _ = factors.inverse_mass_root  # fails here, with the reason, if M⁻¹ is not positive definite
-        return factors
+        return Factors(directions, inverse, motion)
 
     @property
     def n_dofs(self) -> int:
@@ -72,39 +108,20 @@ class Factors:
         """Number of rows of the problem."""
         return int(self.force_directions.shape[1])
 
-    @property
-    def has_diagonal_mass(self) -> bool:
-        """Whether M⁻¹ has no entries off its diagonal."""
-        n_dofs = self.n_dofs
-        return bool(self.inverse_mass.nnz == n_dofs and np.array_equal(self.inverse_mass.indices, np.arange(n_dofs)))
-
     @cached_property
-    def inverse_mass_root(self) -> sp.csr_array:
-        """A factor S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
-        if self.has_diagonal_mass:
-            diagonal = self.inverse_mass.data
-            if (diagonal <= 0).any():
-                dof = int(np.argmax(diagonal <= 0))
-                raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
-            return sp.csr_array(
-                (np.sqrt(diagonal), self.inverse_mass.indices, self.inverse_mass.indptr), shape=self.inverse_mass.shape
-            )
-        return _block_cholesky(self.inverse_mass)
-
-    @cached_property
-    def scaled_directions(self) -> sp.csc_array:
+    def scaled_directions(self) -> sp.csc_array[Any]:
         """W̃ = Sᵀ W, so that G = W̃ᵀ W̃, shape (n_dofs, n_rows), columns sorted."""
-        if self.has_diagonal_mass:
-            directions = self.force_directions
-            values = directions.data * self.inverse_mass_root.data[directions.indices]
+        directions, root = self.force_directions, self.inverse_mass.root
+        if self.inverse_mass.is_diagonal:
+            values = directions.data * root.data[directions.indices]
             return sp.csc_array((values, directions.indices, directions.indptr), shape=directions.shape)
-        scaled = sp.csc_array(self.inverse_mass_root.T @ self.force_directions)
+        scaled = sp.csc_array(root.T @ directions)
         scaled.sort_indices()
         return scaled
 
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
-        product: FloatArray = self.force_directions.T @ (self.inverse_mass @ (self.force_directions @ impulses))
+        product: FloatArray = self.force_directions.T @ (self.inverse_mass.matrix @ (self.force_directions @ impulses))
         return product
 
     def delassus_diagonal(self) -> FloatArray:
@@ -117,14 +134,14 @@ class Factors:
         """Return the labelled arrays that define W and M⁻¹, with index types that do not depend on their size."""
         return [
             (f"{label}{part}", array if array.dtype == np.float64 else array.astype(np.int64))
-            for label, matrix in (("W", self.force_directions), ("Minv", self.inverse_mass))
+            for label, matrix in (("W", self.force_directions), ("Minv", self.inverse_mass.matrix))
             for part, array in (("", matrix.data), (".indices", matrix.indices), (".indptr", matrix.indptr))
         ]
 
     def fresh(self) -> "Factors":
         """Return equal factors that share no memory with these."""
         motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
-        return Factors(self.force_directions.copy(), self.inverse_mass.copy(), motion)
+        return Factors(self.force_directions.copy(), InverseMass(self.inverse_mass.matrix.copy()), motion)
 
 
 @njit(cache=True)
@@ -137,7 +154,17 @@ def _column_squares(indptr, data):  # type: ignore[no-untyped-def]
     return squares
 
 
-def _block_cholesky(matrix: sp.csr_array) -> sp.csr_array:
+def _check_finite(matrix: Any, name: str) -> None:
+    """Raise ``ProblemError`` that names the first entry which is not finite; make the arrays read-only."""
+    if not np.isfinite(matrix.data).all():
+        entries = matrix.tocoo()
+        at = int(np.argmin(np.isfinite(entries.data)))
+        raise ProblemError(f"{name}[{entries.row[at]}, {entries.col[at]}] = {entries.data[at]} must be finite.")
+    for array in (matrix.data, matrix.indices, matrix.indptr):
+        array.setflags(write=False)
+
+
+def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
     """Return S with S Sᵀ = matrix, computed block by block (connected components of the sparsity pattern)."""
     count, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
@@ -145,7 +172,7 @@ def _block_cholesky(matrix: sp.csr_array) -> sp.csr_array:
     rows, columns, values = [], [], []
     for block in range(count):
         dofs = order[starts[block] : starts[block + 1]]
-        dense = matrix[np.ix_(dofs, dofs)].toarray()
+        dense = matrix[dofs][:, dofs].toarray()
         if np.abs(dense - dense.T).max() > 1e-12 * np.abs(dense).max():
             raise ProblemError(f"M⁻¹ must be symmetric; the block of degree of freedom {dofs[0]} is not.")
         try:

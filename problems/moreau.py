@@ -108,7 +108,7 @@ class Moreau:
         problem = step_problem(assembly, contacts, state.velocity)
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
-        velocity = assembly.free_motion + assembly.inverse_mass @ (contacts.directions @ solution.impulses)
+        velocity = assembly.free_motion + assembly.inverse_mass.matrix @ (contacts.directions @ solution.impulses)
         held = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
         end = State(time, self.system.move(midpoint, velocity, half), velocity, contacts.keys, held)
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)

@@ -6,13 +6,14 @@ M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws betwee
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import ProblemError
+from .factors import InverseMass
 from .laws import FloatArray, IntArray, Laws
 
 
@@ -32,7 +33,7 @@ class ActiveContacts:
     keys: IntArray
     gap: FloatArray
     laws: Laws
-    directions: sp.csc_array
+    directions: sp.csc_array[Any]
     restitution: FloatArray
     rows_per_contact: int
 
@@ -43,12 +44,12 @@ class StepAssembly:
 
     Attributes:
         free_motion: u_B + M_M⁻¹ h_M Δt, shape (n_dofs,).
-        inverse_mass: M_M⁻¹, shape (n_dofs, n_dofs).
+        inverse_mass: M_M⁻¹.
         contacts: the active contacts, None if there are none.
     """
 
     free_motion: FloatArray
-    inverse_mass: sp.csr_array
+    inverse_mass: InverseMass
     contacts: ActiveContacts | None
 
 
@@ -91,7 +92,7 @@ class MechanicalSystem:
     restitution_normal: ArrayLike
     restitution_tangential: ArrayLike
     rows_per_contact: int = 2
-    _inverse: tuple[FloatArray, FloatArray, sp.csr_array] | None = field(default=None, init=False, repr=False)
+    _inverse: tuple[FloatArray, FloatArray, InverseMass] | None = field(default=None, init=False, repr=False)
     _laws: dict[bytes, tuple[IntArray, IntArray, Laws, FloatArray]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -121,7 +122,7 @@ class MechanicalSystem:
         contacts = ActiveContacts(keys, gap[active], laws, directions, restitution, self.rows_per_contact)
         return StepAssembly(free_motion, sparse_inverse, contacts)
 
-    def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, sp.csr_array]:
+    def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, InverseMass]:
         mass = self.mass(position)
         if self._inverse is None or self._inverse[0] is not mass:
             try:
@@ -129,10 +130,10 @@ class MechanicalSystem:
             except np.linalg.LinAlgError:
                 raise ProblemError("the mass matrix M(q) is not positive definite.") from None
             inverse = root.T @ root
-            self._inverse = (mass, inverse, sp.csr_array(inverse))
+            self._inverse = (mass, inverse, InverseMass.create(inverse))
         return self._inverse[1], self._inverse[2]
 
-    def _active_laws(self, active: np.ndarray) -> tuple[IntArray, IntArray, Laws, FloatArray]:  # type: ignore[type-arg]
+    def _active_laws(self, active: NDArray[np.bool_]) -> tuple[IntArray, IntArray, Laws, FloatArray]:
         """Keys, rows, laws and restitution of a set of active contacts; few sets recur, so each is kept."""
         pattern = active.tobytes()
         if pattern not in self._laws:

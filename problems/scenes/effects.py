@@ -79,7 +79,8 @@ class Spring:
         """Return the system with springs."""
 
         def pull(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
-            return -self.stiffness / masses[:, None] * (centres - np.array(self.anchor))
+            force: FloatArray = -self.stiffness * (centres - np.array(self.anchor))
+            return force / masses[:, None]
 
         return _with_acceleration(system, pull)
 

@@ -51,6 +51,8 @@ class FactorSweep:
         """Return the sweep of ``problem``, which holds factors, with step sizes of shape (n_blocks, 2)."""
         layout, pieces = problem.layout, problem.factor_pieces()
         coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
+        kernel: Callable[..., None]
+        factor: tuple[Any, ...]
         if layout.width == 3 and pieces.most_per_block <= 2:
             kernel, factor = _sweep_spatial_pairs, _pairs(pieces)
         else:
