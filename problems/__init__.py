@@ -1,6 +1,7 @@
 """What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
 
 from .answer import Answer
+from .catalog import load, suite
 from .contact import ContactProblem
 from .errors import ProblemError, ProxbenchError
 from .judge import Verdict, judge
@@ -17,4 +18,6 @@ __all__ = [
     "ProxbenchError",
     "Verdict",
     "judge",
+    "load",
+    "suite",
 ]

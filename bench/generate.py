@@ -1,0 +1,165 @@
+"""Making the problems of the standard suites from their scenes.
+
+A recipe says which step of which simulation a problem is. Scenes are deterministic from their seed on one machine, so
+generating twice gives equal digests; between machines rounding differs, which is why runs compare the frozen library.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..problems.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, problem_names
+from ..problems.contact import ContactProblem
+from ..problems.errors import ProblemError, suggestion
+from ..problems.hard import HARD_CASES
+from ..problems.moreau import Moreau, Step
+from ..problems.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
+from ..problems.scenes.funnel import TIME_STEP, Funnel
+from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
+from ..problems.storage import SUFFIX, save_problem
+from ..solvers.interface import Stop
+from ..solvers.registry import create
+
+WOODPECKER_STEPS = 5000
+"""Fixed steps in one period of the woodpecker."""
+
+FLOW_STOP = Stop(tolerance=1e-6, max_iterations=2000)
+"""Solver limits while balls flow."""
+
+PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
+"""Solver limits while balls settle: a pile is redundant everywhere, and sweeps stagnate near 1e-4 there."""
+
+
+@dataclass(frozen=True)
+class FunnelRecipe:
+    """The step of a funnel scene that begins at ``time`` [s]."""
+
+    scene: Funnel
+    time: float
+    stop: Stop = FLOW_STOP
+
+
+@dataclass(frozen=True)
+class WoodpeckerRecipe:
+    """The first step after ``time`` [s] in which ``contact`` (0 beak, 1 lower edge, 2 upper edge) is active."""
+
+    time: float
+    contact: int
+
+
+_FRICTIONLESS: tuple[Effect, ...] = (Gravity(), Restitution(0.3, 0.0))
+_SPATIAL: tuple[Effect, ...] = (*_FRICTIONLESS, Friction(0.3))
+_PLANAR: tuple[Effect, ...] = (*_SPATIAL, Planar())
+
+_INSTANTS = {30: (0.16, 0.45, 0.65), 100: (0.12, 0.32, 0.6), 300: (0.12, 0.29, 0.6), 1000: (0.12, 0.3, 0.8)}
+"""First impacts, densest flow and thinning flow [s], for each number of balls."""
+
+_OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
+"""Outlet radius in ball radii: few balls would fall through the wide outlet before they pile up over it."""
+
+_SETTLED = 2.0
+
+
+def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
+    for size in FUNNEL_SIZES:
+        early, dense, late = _INSTANTS[size]
+        spatial = Funnel(size, _SPATIAL, _OUTLETS[size])
+        for suffix, time in (("-early", early), ("", dense), ("-late", late)):
+            yield f"funnel-{size}{suffix}", FunnelRecipe(spatial, time)
+        yield f"funnel-planar-{size}", FunnelRecipe(Funnel(size, _PLANAR, _OUTLETS[size]), dense)
+        yield f"funnel-frictionless-{size}", FunnelRecipe(Funnel(size, _FRICTIONLESS, _OUTLETS[size]), dense)
+    for size in PILE_SIZES:
+        yield f"pile-{size}", FunnelRecipe(Funnel(size, _SPATIAL, outlet_radius=0.0), _SETTLED, PILE_STOP)
+
+
+RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe] = {
+    **dict(_funnel_recipes()),
+    "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
+    "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
+    "woodpecker-beak-impact": WoodpeckerRecipe(0.0195, 0),
+    "woodpecker-upper-second-impact": WoodpeckerRecipe(0.0202, 2),
+    "woodpecker-upper-release": WoodpeckerRecipe(0.0222, 2),
+    "woodpecker-lower-impact": WoodpeckerRecipe(0.0570, 1),
+    "woodpecker-lower-second-impact": WoodpeckerRecipe(0.0600, 1),
+    "woodpecker-lower-slip-to-stick": WoodpeckerRecipe(0.10635, 1),
+    "woodpecker-lower-stick-to-slip": WoodpeckerRecipe(0.1459, 1),
+}
+"""How each generated problem is made."""
+
+
+def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
+    """Remake problems from their scenes and write them.
+
+    Args:
+        names: standard problems that come from scenes.
+        folder: where to write; the user's cache folder if None.
+
+    Returns:
+        The files written, in the order of ``names``.
+
+    Raises:
+        ProblemError: for a name without a recipe, or a folder that cannot be written.
+    """
+    for name in names:
+        if name in HARD_CASES:
+            raise ProblemError(
+                f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
+            )
+        if name not in RECIPES:
+            raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names())}")
+    target = folder if folder is not None else cache_folder()
+    for problem in remade(names):
+        save_problem(problem, target / f"{problem.name}{SUFFIX}")
+    return [target / f"{name}{SUFFIX}" for name in names]
+
+
+def remade(names: Iterable[str]) -> Iterator[ContactProblem]:
+    """Yield the named problems; those of one simulation share one run of it."""
+    flows: dict[tuple[Funnel, Stop], list[str]] = {}
+    pecks: list[str] = []
+    for name in names:
+        recipe = RECIPES[name]
+        if isinstance(recipe, FunnelRecipe):
+            flows.setdefault((recipe.scene, recipe.stop), []).append(name)
+        else:
+            pecks.append(name)
+    for (scene, stop), members in flows.items():
+        yield from _funnel_problems(scene, stop, members)
+    if pecks:
+        yield from _woodpecker_problems(pecks)
+
+
+def _solver() -> Any:
+    return create("SORprox", relaxation=1.5)
+
+
+def _funnel_problems(scene: Funnel, stop: Stop, names: list[str]) -> Iterator[ContactProblem]:
+    wanted = {name: round(RECIPES[name].time / TIME_STEP) for name in names}
+    stepper = Moreau(scene.system(), _solver(), stop, TIME_STEP)
+    for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
+        for name in names:
+            if wanted[name] == number:
+                yield _captured(step, name, "funnel", number, seed=scene.seed, n_balls=scene.n_balls)
+
+
+def _woodpecker_problems(names: list[str]) -> Iterator[ContactProblem]:
+    time_step = PERIOD / WOODPECKER_STEPS
+    stepper = Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
+    waiting = {name: RECIPES[name] for name in names}
+    for number, step in enumerate(stepper.steps(section_start(), 2 * WOODPECKER_STEPS)):
+        if step.contacts is None:
+            continue
+        for name, recipe in list(waiting.items()):
+            assert isinstance(recipe, WoodpeckerRecipe)
+            if number * time_step >= recipe.time and recipe.contact in step.contacts.keys:
+                del waiting[name]
+                yield _captured(step, name, "woodpecker", number)
+        if not waiting:
+            return
+
+
+def _captured(step: Step, name: str, scene: str, number: int, **origin: int) -> ContactProblem:
+    if step.problem is None:
+        raise ProblemError(f"no contact is active in step {number} of the scene of {name!r}.")
+    return step.problem.renamed(name, scene=scene, step=number, **origin)

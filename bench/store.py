@@ -1,0 +1,138 @@
+"""Results on disk: one folder a run, one JSON file a case, each written as a whole or not at all.
+
+RUN/run.json            what was planned, the machine, the drift
+RUN/cases/*.json        one finished case each, with a checksum of its content
+"""
+
+import hashlib
+import json
+import math
+import os
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .errors import BenchError
+
+FORMAT = 1
+"""Version of the files."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """The folder of one run."""
+
+    folder: Path
+
+    @staticmethod
+    def create(folder: Path) -> "Store":
+        """Make the folder of a new run.
+
+        Raises:
+            BenchError: if it exists already, or cannot be written.
+        """
+        try:
+            (folder / "cases").mkdir(parents=True)
+        except FileExistsError:
+            raise BenchError(f"{folder} exists already; resume it with --resume, or choose another --run-id.") from None
+        except OSError as error:
+            raise BenchError(f"cannot write {folder}: {error.strerror}; choose another --results folder.") from None
+        return Store(folder)
+
+    @staticmethod
+    def open(folder: Path) -> "Store":
+        """Open the folder of a stored run.
+
+        Raises:
+            BenchError: if it is none.
+        """
+        if not (folder / "run.json").is_file():
+            raise BenchError(f"{folder} is no stored run (it has no run.json); name the folder of a run.")
+        return Store(folder)
+
+    def write_info(self, info: dict[str, Any]) -> None:
+        """Write run.json."""
+        _write(self.folder / "run.json", info)
+
+    def read_info(self) -> dict[str, Any]:
+        """Return run.json.
+
+        Raises:
+            BenchError: if it is damaged.
+        """
+        return _read(self.folder / "run.json")
+
+    def write_case(self, case: dict[str, Any]) -> None:
+        """Write one finished case."""
+        _write(self._case_file(case["problem"], case["solver"]), case)
+
+    def read_cases(self) -> tuple[list[dict[str, Any]], list[str]]:
+        """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored."""
+        cases, damaged = [], []
+        for file in sorted((self.folder / "cases").glob("*.json")):
+            try:
+                case = _read(file)
+                if self._case_file(case["problem"], case["solver"]) != file:
+                    raise BenchError(f"{file.name} holds another case than its name says.")
+                cases.append(case)
+            except (BenchError, KeyError, TypeError) as error:
+                damaged.append(f"{file.name} is left out: {error}")
+        return cases, damaged
+
+    def _case_file(self, problem: str, solver: str) -> Path:
+        """Return the file of a case: readable, safe as a file name, and unique by a short hash of the full names."""
+        digest = hashlib.sha256(json.dumps([problem, solver]).encode()).hexdigest()[:8]
+        plain = "--".join(re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")[:60] for name in (problem, solver))
+        return self.folder / "cases" / f"{plain}-{digest}.json"
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON with its checksum to a temporary file beside ``path``, then put it in place."""
+    body = {"format": FORMAT, **content}
+    text = json.dumps({**_plain(body), "checksum": _checksum(_plain(body))}, indent=1, ensure_ascii=False)
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise BenchError(
+            f"cannot write {path}: {error.strerror}; make room or choose another --results folder."
+        ) from None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BenchError(f"cannot read {path}: {error.strerror}.") from None
+    except ValueError:
+        raise BenchError(f"{path.name} is damaged (no JSON); resume the run to measure it again.") from None
+    if not isinstance(content, dict) or content.pop("checksum", None) != _checksum(content):
+        raise BenchError(f"{path.name} is damaged (its checksum does not match); resume the run to measure it again.")
+    if content.pop("format", None) != FORMAT:
+        raise BenchError(f"{path.name} is of another format than {FORMAT}; measure it again with this version.")
+    return content
+
+
+def _checksum(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Return ``value`` with numbers that JSON cannot write (NaN, ±inf) as null."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
