@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .frames import load
-    from .run import resume, run
+    from .runner import resume, run
 
 __all__ = ["load", "resume", "run"]
 
-_HOMES = {"load": "frames", "resume": "run", "run": "run"}
+_HOMES = {"load": "frames", "resume": "runner", "run": "runner"}
 
 
 def __getattr__(name: str) -> Any:

@@ -106,7 +106,9 @@ class Case:
     def skip_point(self, tolerance: float) -> None:
         """Note a point that was not attempted, because a coarser one did not end solved."""
         outcome = Outcome.NOT_ATTEMPTED.value
-        self.points.append({"tolerance": tolerance, "outcome": outcome, "status": "", "reason": self._ended_by or self._reason})
+        self.points.append(
+            {"tolerance": tolerance, "outcome": outcome, "status": "", "reason": self._ended_by or self._reason}
+        )
 
     def end(self) -> None:
         """End the process and keep its output if the case failed."""

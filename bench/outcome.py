@@ -9,6 +9,12 @@ from ..solvers.interface import Status
 WRONG_FACTOR = 10.0
 """A claim at tolerance t is wrong when the judge of the solver's own model reads more than this many t."""
 
+RELAXED_FACTOR = 10.0
+"""A Coulomb residual this many times that of the solver's own model comes from the model, not from the solve."""
+
+ROUNDING = 1e-13
+"""Residuals below this are rounding."""
+
 
 class Outcome(StrEnum):
     """What came of a case or of one point of its ladder."""
@@ -48,12 +54,15 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
 
     Returns:
         WRONG for a claim that the judge of the solver's own model refutes; RELAXED for a right answer to another
-        question, whose Coulomb residual is above the claim; otherwise the outcome of the status.
+        question: its Coulomb residual is above the claim, or far above that of its own model; otherwise the outcome of
+        the status.
     """
     if status is not Status.SOLVED:
         return Outcome(status.value)
     if not own.residual <= WRONG_FACTOR * tolerance:
         return Outcome.WRONG
-    if model != Model.COULOMB and not coulomb.residual <= WRONG_FACTOR * tolerance:
-        return Outcome.RELAXED
+    if model != Model.COULOMB:
+        own_accuracy = max(own.residual, ROUNDING)
+        if not coulomb.residual <= min(tolerance, RELAXED_FACTOR * own_accuracy):
+            return Outcome.RELAXED
     return Outcome.SOLVED

@@ -84,8 +84,13 @@ class Store:
     def _case_file(self, problem: str, solver: str) -> Path:
         """Return the file of a case: readable, safe as a file name, and unique by a short hash of the full names."""
         digest = hashlib.sha256(json.dumps([problem, solver]).encode()).hexdigest()[:8]
-        plain = "--".join(re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")[:60] for name in (problem, solver))
+        plain = "--".join(plain_name(name) for name in (problem, solver))
         return self.folder / "cases" / f"{plain}-{digest}.json"
+
+
+def plain_name(name: str) -> str:
+    """Return ``name`` reduced to what is safe in a file name anywhere."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")[:60]
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:

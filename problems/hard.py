@@ -153,13 +153,13 @@ def rod(c: tuple[float, float], friction: float, states: tuple[str, ...]) -> Con
     "open" Λ = 0; "slip+" and "slip−" from Λ_T = ±μΛ_N and ξ_N = 0; "stick" from ξ = 0, Λ = −G⁻¹c.
     """
     free = np.array(c)
-    known = {
-        "open": lambda: np.zeros(2),
-        "slip+": lambda: _slip(free, friction, 1.0),
-        "slip-": lambda: _slip(free, friction, -1.0),
-        "stick": lambda: -np.linalg.solve(_ROD, free),
+    known: dict[str, FloatArray] = {
+        "open": np.zeros(2),
+        "slip+": _slip(free, friction, 1.0),
+        "slip-": _slip(free, friction, -1.0),
+        "stick": -np.linalg.solve(_ROD, free),
     }
-    impulses = tuple(known[state]() for state in states)
+    impulses = tuple(known[state] for state in states)
     velocity = _ROD @ impulses[0] + free if len(impulses) == 1 else None
     return ContactProblem.from_delassus(
         _ROD, free, friction, dim=2, answer=Answer(impulses=impulses, velocity=velocity)

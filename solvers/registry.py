@@ -31,15 +31,24 @@ def create(name: str, **options: Any) -> Solver:
     """
     plain, written = parse(name)
     options = {**written, **options}
-    if plain not in _BUILT_IN:
-        raise SolverError(f"there is no solver {plain!r}{suggestion(plain, _BUILT_IN)}")
-    factory = getattr(import_module(f"..{_BUILT_IN[plain]}", __name__), plain)
-    known = list(inspect.signature(factory).parameters)
+    make = factory(plain)
+    known = list(inspect.signature(make).parameters)
     for option in options:
         if option not in known:
             raise SolverError(f"{plain} has no option {option!r}{suggestion(option, known)}")
-    solver: Solver = factory(**options)
+    solver: Solver = make(**options)
     return solver
+
+
+def factory(name: str) -> Any:
+    """Return the class of a solver by its plain name.
+
+    Raises:
+        SolverError: for an unknown name, with the nearest one.
+    """
+    if name not in _BUILT_IN:
+        raise SolverError(f"there is no solver {name!r}{suggestion(name, _BUILT_IN)}")
+    return getattr(import_module(f".{_BUILT_IN[name]}", __package__), name)
 
 
 def parse(text: str) -> tuple[str, dict[str, Any]]:

@@ -1,0 +1,209 @@
+"""The command line: ``proxbench run | report | generate | list``.
+
+Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
+measured failed, 2 wrong usage, 130 interrupted.
+"""
+
+import json
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.exceptions import TyperException
+
+app = typer.Typer(
+    name="proxbench",
+    help="Measure numerical solvers for frictional contact: real problems, one judge, time against true accuracy.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+FILE_WIDTH = 120
+"""Columns of tables that go to a file or a pipe."""
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
+
+
+def main() -> None:
+    """Run the command line and turn mistakes into one sentence and an exit code."""
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def run_command(arguments: list[str]) -> int:
+    """Run one command line; return its exit code."""
+    try:
+        outcome = app(args=arguments, prog_name="proxbench", standalone_mode=False)
+    except TyperException as error:
+        return _say(_usage_sentence(error), 2)
+    except (typer.Abort, KeyboardInterrupt):
+        return _say("interrupted.", 130)
+    except BrokenPipeError:
+        return 0
+    except Exception as error:
+        return _say(str(error), _exit_code(error))
+    return outcome if isinstance(outcome, int) else 0
+
+
+def _exit_code(error: Exception) -> int:
+    """Return the exit code of an error that has a sentence for users; raise any other one again."""
+    from ..problems.errors import ProxbenchError
+    from .errors import InterruptedRunError
+
+    if isinstance(error, InterruptedRunError):
+        return 130
+    if isinstance(error, ProxbenchError):
+        return 2
+    raise error
+
+
+def _say(sentence: str, code: int) -> int:
+    print(f"proxbench: {sentence}", file=sys.stderr)
+    return code
+
+
+def _usage_sentence(error: TyperException) -> str:
+    """Say what is wrong with the command line, with the nearest name where a command or an option is unknown."""
+    from ..problems.errors import suggestion
+
+    message = error.format_message().rstrip(".").partition(" (Possible")[0]
+    command = getattr(getattr(error, "ctx", None), "command", None)
+    option = getattr(error, "option_name", None)
+    if option is not None and command is not None and message.startswith("No such option"):
+        known = [name for parameter in command.params for name in parameter.opts]
+        return f"there is no option {option}{suggestion(option, known)}"
+    commands = getattr(command, "commands", None)
+    if message.startswith("No such command") and commands:
+        wrong = message.split("'")[1]
+        return f"there is no command {wrong!r}{suggestion(wrong, commands)}"
+    where = getattr(getattr(error, "ctx", None), "command_path", "proxbench")
+    return f"{message}; see {where} --help"
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        print(f"proxbench {metadata.version('proxbench')}")
+        raise typer.Exit
+
+
+@app.command("list")
+def list_names(
+    what: Annotated[str, typer.Argument(help="problems, solvers or suites; all three if left out.")] = "",
+    as_json: Json = False,
+) -> None:
+    """List what there is: solvers and their options, suites, problems."""
+    from .listing import listed, print_listing
+
+    names = listed(what)
+    if as_json:
+        print(json.dumps(names, indent=1, ensure_ascii=False))
+    else:
+        print_listing(names)
+
+
+@app.command()
+def generate(
+    names: Annotated[list[str] | None, typer.Argument(help="Problems to remake from their scenes.")] = None,
+    suite: Annotated[str, typer.Option(help="Remake all members of a suite that come from scenes.")] = "",
+    output: Annotated[Path | None, typer.Option(help="Folder to write to; the cache folder if left out.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Remake problems from their scenes; prints each file with the digest of its numbers."""
+    from ..problems.catalog import suite_members
+    from ..problems.hard import HARD_CASES
+    from ..problems.storage import read_problem
+    from .errors import BenchError
+    from .generate import generate as make
+
+    chosen = list(names or [])
+    if suite:
+        chosen += [name for name in suite_members(suite) if name not in HARD_CASES and name not in chosen]
+    if not chosen:
+        raise BenchError("name the problems to generate, or a --suite.")
+    digests = {str(file): read_problem(file).digest for file in make(chosen, output)}
+    if as_json:
+        print(json.dumps(digests, indent=1))
+    else:
+        for file, digest in digests.items():
+            print(f"{digest[:16]}  {file}")
+
+
+@app.command()
+def run(
+    suite: Annotated[str, typer.Option(help="Suite of problems.")] = "quick",
+    problem: Annotated[list[str] | None, typer.Option(help="Problem instead of a suite; may be repeated.")] = None,
+    solver: Annotated[
+        list[str] | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5); may be repeated.")
+    ] = None,
+    tolerance: Annotated[list[float] | None, typer.Option(help="Tolerance of the ladder; may be repeated.")] = None,
+    results: Annotated[Path, typer.Option(help="Folder in which the folder of the run is made.")] = Path("results"),
+    run_id: Annotated[str, typer.Option(help="Name of the run; date and time if left out.")] = "",
+    resume: Annotated[Path | None, typer.Option(help="Folder of a run to finish; only what is missing.")] = None,
+    retry_failed: Annotated[bool, typer.Option(help="With --resume: measure failed cases again.")] = False,
+    solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 0.5,
+    case_seconds: Annotated[float, typer.Option(help="Time limit of one case [s].")] = 60.0,
+    memory: Annotated[int, typer.Option(help="Memory limit of one case [MB].")] = 2048,
+    as_json: Json = False,
+    progress: Annotated[bool, typer.Option(help="Show a progress bar.")] = True,
+) -> int:
+    """Measure solvers on problems; print the tables, and write tables and charts beside the results."""
+    from rich.console import Console
+
+    from . import runner
+    from .plan import Limits
+    from .progress import RunProgress
+
+    with RunProgress(Console(stderr=True), hidden=not progress or as_json) as shown:
+        if resume is not None:
+            folder = runner.resume(resume, retry_failed, on_event=shown)
+        else:
+            limits = Limits(solve_seconds, case_seconds, memory * 2**20)
+            folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
+    return _report(folder, as_json)
+
+
+@app.command()
+def report(
+    run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run.")],
+    as_json: Json = False,
+) -> int:
+    """Print the tables of a stored run, and write its tables and charts again."""
+    return _report(run_dir, as_json)
+
+
+def _report(run_dir: Path, as_json: bool) -> int:
+    """Write and print what a run has to show; return 1 if something measured failed."""
+    from rich.console import Console
+
+    from .charts import write_charts
+    from .frames import load
+    from .outcome import FAULTS, Outcome
+    from .tables import print_tables, results_table, summary_table, write_tables
+
+    frames = load(run_dir)
+    tables = write_tables(frames, run_dir / "tables")
+    charts = write_charts(frames, run_dir / "charts")
+    for sentence in frames.damaged:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+    if as_json:
+        document: dict[str, Any] = {
+            "run": str(run_dir),
+            "info": frames.info,
+            "results": json.loads(results_table(frames).to_json(orient="records")),
+            "summary": json.loads(summary_table(frames).to_json(orient="records")),
+            "files": [str(file) for file in (*tables, *charts)],
+            "damaged": frames.damaged,
+        }
+        print(json.dumps(document, indent=1, ensure_ascii=False))
+    else:
+        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        print_tables(frames, console)
+        console.print(
+            f"\nresults  {run_dir}\ntables   {run_dir / 'tables'}\ncharts   {run_dir / 'charts'}", soft_wrap=True
+        )
+    failed = frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any()
+    return int(failed)

@@ -1,0 +1,225 @@
+"""Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from .errors import BenchError
+from .frames import RunFrames
+from .outcome import Outcome
+
+ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
+"""Judged residuals that tables give the time to."""
+
+SUMMARY_ACCURACIES = (1e-4, 1e-6)
+"""Judged residuals of the summary."""
+
+SHIFT_SECONDS = 1e-3
+"""Shift of the geometric mean, so that microseconds on tiny problems do not outweigh seconds on large ones."""
+
+
+def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
+    """Return the least median time [s] of the points whose judged residual is at most ``accuracy``; NaN if none.
+
+    Points that claim what the judge refutes (WRONG) do not count.
+    """
+    if points.empty:
+        return float("nan")
+    reached = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG)]
+    return float(reached["total_seconds"].min()) if len(reached) else float("nan")
+
+
+def results_table(frames: RunFrames) -> pd.DataFrame:
+    """Return one row a case: time to each accuracy [s], the best judged residual, its iterations, how it ended and why.
+
+    Columns: problem, n_contacts, solver, model, ``time_to_1e-02`` …, residual, iterations, outcome, reason.
+    """
+    rows = []
+    for case in frames.cases.to_dict("records"):
+        points = _points_of(frames, case)
+        measured = points[points["total_seconds"].notna()] if len(points) else points
+        row = {key: case[key] for key in ("problem", "n_contacts", "solver", "model")}
+        row |= {f"time_to_{accuracy:.0e}": time_to_accuracy(measured, accuracy) for accuracy in ACCURACIES}
+        row |= _best(measured)
+        row["outcome"], row["reason"] = _ending(case, measured)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def summary_table(frames: RunFrames) -> pd.DataFrame:
+    """Return one row a solver over all problems of the run.
+
+    Columns: solver, model, problems (that it supports), and for each of two accuracies the share that the solver says
+    it solved (success), the share that the judge confirms (correct), and the shifted geometric mean of the time [s]
+    with failures at the time limit of a solve; then the number of wrong claims.
+    """
+    limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    rows = []
+    for solver in frames.info["plan"]["solvers"]:
+        cases = frames.cases[(frames.cases["solver"] == solver) & (frames.cases["outcome"] != Outcome.UNSUPPORTED)]
+        if cases.empty:
+            continue
+        row: dict[str, Any] = {"solver": solver, "model": cases["model"].iloc[0], "problems": len(cases)}
+        of_cases = [_points_of(frames, case) for case in cases.to_dict("records")]
+        for accuracy in SUMMARY_ACCURACIES:
+            claims = [_claims(points, accuracy) for points in of_cases]
+            times = np.array([time_to_accuracy(points, accuracy) for points in of_cases])
+            filled = np.where(np.isnan(times), limit, np.minimum(times, limit))
+            row[f"success_{accuracy:.0e}"] = float(np.mean(claims))
+            row[f"correct_{accuracy:.0e}"] = float(np.mean(~np.isnan(times)))
+            row[f"mean_time_{accuracy:.0e}"] = float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
+        row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in of_cases if len(points)))
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
+    """Write both tables as CSV, Parquet and Markdown; return the files.
+
+    Raises:
+        BenchError: if the folder cannot be written.
+    """
+    files = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, frame, shown in (
+            ("results", results_table(frames), _shown_results),
+            ("summary", summary_table(frames), _shown_summary),
+        ):
+            frame.to_csv(folder / f"{name}.csv", index=False)
+            frame.to_parquet(folder / f"{name}.parquet", index=False)
+            (folder / f"{name}.md").write_text(_markdown(shown(frame)), encoding="utf-8")
+            files += [folder / f"{name}.{kind}" for kind in ("csv", "parquet", "md")]
+    except OSError as error:
+        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
+    return files
+
+
+def print_tables(frames: RunFrames, console: Console) -> None:
+    """Print one table a problem, with every failure spelled out below it, and the summary."""
+    results = results_table(frames)
+    for problem, rows in results.groupby("problem", sort=False):
+        contacts = int(rows["n_contacts"].iloc[0])
+        shown = _shown_results(rows).drop(columns=["problem", "contacts", "why"])
+        best = {head: rows[key].idxmin() for head, key in _TIMES.items() if rows[key].notna().any()}
+        _print(console, f"{problem} · {contacts} contact{'s' if contacts != 1 else ''}", shown, best)
+        for row in rows.to_dict("records"):
+            if row["outcome"] != Outcome.SOLVED:
+                console.print(Text(f"  {row['solver']}: {row['outcome']}, {row['reason']}", style="dim"))
+        console.print()
+    _print(console, f"all {results['problem'].nunique()} problems", _shown_summary(summary_table(frames)), {})
+    console.print(Text(_LEGEND, style="dim"))
+
+
+def _points_of(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
+    points = frames.points
+    chosen: pd.DataFrame = points[(points["problem"] == case["problem"]) & (points["solver"] == case["solver"])]
+    return chosen
+
+
+def _best(measured: pd.DataFrame) -> dict[str, float]:
+    """Best judged residual among points that are not wrong, and the iterations that it took."""
+    trusted = measured[measured["outcome"] != Outcome.WRONG] if len(measured) else measured
+    if trusted.empty:
+        return {"residual": float("nan"), "iterations": float("nan")}
+    best = trusted.iloc[int(trusted["residual"].astype(float).argmin())]
+    return {"residual": float(best["residual"]), "iterations": float(best["iterations"])}
+
+
+def _ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
+    """How the case ended: its fault, else the worst of what its ladder shows, with the reason in words."""
+    if case["outcome"] != Outcome.MEASURED or measured.empty:
+        return str(case["outcome"]), str(case["reason"])
+    wrong = measured[measured["outcome"] == Outcome.WRONG]
+    if len(wrong):
+        first = wrong.iloc[0]
+        reason = f"claimed {first['tolerance']:.0e}, the judge reads {first['model_residual']:.1e}"
+        return Outcome.WRONG.value, reason
+    last = measured.iloc[-1]
+    if (measured["outcome"] == Outcome.RELAXED).any():
+        return Outcome.RELAXED.value, f"solves the {case['model']} model, not Coulomb friction"
+    if last["outcome"] == Outcome.SOLVED:
+        return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"
+    return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
+
+
+def _claims(points: pd.DataFrame, accuracy: float) -> bool:
+    """Whether the solver says that it solved to ``accuracy``."""
+    if points.empty:
+        return False
+    asked = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
+    return bool((asked["status"] == Outcome.SOLVED).any())
+
+
+_TIMES = {f"{accuracy:.0e}": f"time_to_{accuracy:.0e}" for accuracy in ACCURACIES}
+"""Heads of the time columns, and their keys."""
+
+_LEGEND = (
+    "Columns 1e-02 … give the least median time, preparing included, to that judged residual; – means never reached.\n"
+    "says: share that the solver claims; true: share that the judge confirms; mean: shifted geometric mean time."
+)
+
+
+_SOLVER_WIDTH = 28
+"""Columns that a solver's name gets at least; longer ones are wrapped between options."""
+
+
+def duration(seconds: float) -> str:
+    """Return a time in engineering units, or a dash for NaN: ``"3.1 ms"``."""
+    if not np.isfinite(seconds):
+        return "–"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.9995 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-6:.2g} µs"
+
+
+def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
+    shown = pd.DataFrame({"problem": results["problem"], "contacts": results["n_contacts"]})
+    shown["solver"] = results["solver"]
+    shown["model"] = results["model"]
+    for head, key in _TIMES.items():
+        shown[head] = results[key].map(duration)
+    shown["residual"] = [f"{value:.0e}" if np.isfinite(value) else "–" for value in results["residual"]]
+    shown["iter."] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in results["iterations"]]
+    shown["ended"] = results["outcome"]
+    shown["why"] = results["reason"]
+    return shown
+
+
+def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
+    shown = pd.DataFrame({key: summary[key] for key in ("solver", "model", "problems")})
+    for accuracy in SUMMARY_ACCURACIES:
+        tag = f"{accuracy:.0e}"
+        shown[f"says\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"success_{tag}"]]
+        shown[f"true\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"correct_{tag}"]]
+        shown[f"mean\n{tag}"] = summary[f"mean_time_{tag}"].map(duration)
+    shown["wrong"] = summary["wrong"]
+    return shown
+
+
+def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, Any]) -> None:
+    console.print(Text(title, style="bold"))
+    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
+    for column in shown.columns:
+        is_text = column in ("solver", "model", "ended")
+        width = _SOLVER_WIDTH if column == "solver" else None
+        table.add_column(column, justify="left" if is_text else "right", no_wrap=column != "solver", min_width=width)
+    for index, row in zip(shown.index, shown.itertuples(index=False), strict=True):
+        cells = zip(shown.columns, row, strict=True)
+        table.add_row(
+            *(Text(str(value), style="bold green" if best.get(column) == index else "") for column, value in cells)
+        )
+    console.print(table)
+
+
+def _markdown(shown: pd.DataFrame) -> str:
+    rows = [[str(column).replace("\n", " ") for column in shown.columns], ["---"] * len(shown.columns)]
+    rows += [[str(value).replace("|", r"\|") for value in row] for row in shown.itertuples(index=False)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
