@@ -161,7 +161,8 @@ _TIMES = {f"{accuracy:.0e}": f"time_to_{accuracy:.0e}" for accuracy in ACCURACIE
 """Heads of the time columns, and their keys."""
 
 _LEGEND = (
-    "Columns 1e-02 … give the least median time, preparing included, to that judged residual; – means never reached.\n"
+    "Columns 1e-02 to 1e-08 give the least median time, preparing included, to that judged residual; "
+    "– means never reached.\n"
     "says: share that the solver claims; true: share that the judge confirms; mean: shifted geometric mean time."
 )
 

@@ -23,7 +23,7 @@ from .answer import Answer
 from .blocks import BlockLayout, layout_of
 from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
 from .errors import ProblemError
-from .factors import Factors
+from .factors import Factors, as_sparse_input
 from .laws import FloatArray, Laws, frozen
 from .pieces import FactorPieces, cut_into_pieces
 
@@ -251,7 +251,7 @@ def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) ->
 
 def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array:
     """Return G as a canonical read-only CSR array, or raise ``ProblemError``."""
-    matrix = sp.csr_array(given, dtype=np.float64, copy=True)
+    matrix: sp.csr_array[Any] = sp.csr_array(as_sparse_input(given, "G"), dtype=np.float64, copy=True)
     if matrix.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {matrix.shape}.")
     matrix.sum_duplicates()

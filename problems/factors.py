@@ -36,7 +36,7 @@ class InverseMass:
             index = np.arange(len(diagonal) + 1, dtype=np.int32)
             matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
         else:
-            matrix = sp.csr_array(given, dtype=np.float64, copy=True)
+            matrix = sp.csr_array(as_sparse_input(given, "M⁻¹"), dtype=np.float64, copy=True)
         if matrix.shape[0] != matrix.shape[1]:
             raise ProblemError(f"M⁻¹ must be square, got {matrix.shape}.")
         matrix.sum_duplicates()
@@ -84,7 +84,7 @@ class Factors:
         Raises:
             ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
         """
-        directions = sp.csc_array(force_directions, dtype=np.float64, copy=True)
+        directions = sp.csc_array(as_sparse_input(force_directions, "W"), dtype=np.float64, copy=True)
         directions.sum_duplicates()
         _check_finite(directions, "W")
         inverse = inverse_mass if isinstance(inverse_mass, InverseMass) else InverseMass.create(inverse_mass)
@@ -152,6 +152,23 @@ def _column_squares(indptr, data):  # type: ignore[no-untyped-def]
         for entry in range(indptr[column], indptr[column + 1]):
             squares[column] += data[entry] * data[entry]
     return squares
+
+
+def as_sparse_input(given: Any, name: str) -> Any:
+    """Return ``given`` if it is a sparse matrix, else as a dense one of numbers.
+
+    Raises:
+        ProblemError: if it is neither.
+    """
+    if sp.issparse(given):
+        return given
+    try:
+        dense = np.asarray(given)
+        if dense.ndim == 2 and dense.dtype.kind in "fiub":
+            return dense
+    except (TypeError, ValueError):
+        pass
+    raise ProblemError(f"{name} must be a matrix of real numbers, dense or scipy sparse, got {type(given).__name__}.")
 
 
 def _check_finite(matrix: Any, name: str) -> None:

@@ -2,11 +2,11 @@
 
 For law i with α_i = the largest diagonal entry of its block of G, and the prox taken onto the law's set C_i(Λ),
 
-    R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_i α_i ‖R_i‖ / max_i |c_i|:
+    R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_i α_i ‖R_i‖ / max_i ‖c_i‖:
 
-the largest velocity by which a law is violated, relative to the largest free velocity. It depends on no solver's step
-size, on no unit and not on the number of contacts, and it holds across mass ratios, where an impulse error relative to
-max|Λ| does not.
+the largest velocity by which a law is violated, relative to the largest free velocity of a law. It depends on no
+solver's step size, on no unit, on no choice of tangents and not on the number of contacts, and it holds across mass
+ratios, where an impulse error relative to max|Λ| does not.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Verdict:
 
     Attributes:
         residual: the number that counts, see the module; inf if Λ is not finite or the problem is infeasible.
-        energy_residual: max_i √α_i ‖R_i‖ over max_i |c_i|/√α_i, the same violation in the scale of energy.
+        energy_residual: max_i √α_i ‖R_i‖ over max_i ‖c_i‖/√α_i, the same violation in the scale of energy.
         natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + μ‖ξ_T‖ e_N (De Saxcé) and ρ = 1.
         natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), as Siconos relates it.
         penetration_velocity: max_i (−ξ_N)₊ [m/s].
@@ -61,7 +61,8 @@ class Residual:
 
     Attributes:
         alpha: α_i of each law [1/kg], shape (n_laws,).
-        scale: max |c_i| [m/s].
+        speeds: ‖c_i‖ of each law [m/s], shape (n_laws,).
+        scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
         infeasible: whether some unilateral law has α_i = 0 and c_i < 0.
     """
 
@@ -71,7 +72,8 @@ class Residual:
         spatial = laws.kind == LawKind.SPATIAL_FRICTION
         alpha[spatial] = np.maximum(alpha[spatial], diagonal[laws.first_row[spatial] + 1])
         self.alpha: FloatArray = alpha
-        self.scale = float(np.abs(problem.free_velocity).max(initial=0.0))
+        self.speeds: FloatArray = _law_norms(problem, problem.free_velocity)
+        self.scale = float(self.speeds.max(initial=0.0))
         stuck = (laws.kind == LawKind.UNILATERAL) & (alpha == 0.0)
         self.infeasible = bool((problem.free_velocity[laws.first_row[stuck]] < 0.0).any())
         self._squares = np.empty(laws.n_laws)
@@ -108,7 +110,7 @@ def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.C
     velocity = problem.relative_velocity(given)
     violation = _violations(problem, residual, given, velocity, model)
     alpha = residual.alpha
-    energy_scale = _largest_ratio(np.abs(problem.free_velocity), np.sqrt(alpha[_law_of_row(problem)]))
+    energy_scale = _largest_ratio(residual.speeds, np.sqrt(alpha))
     energy = _largest_ratio(violation, np.sqrt(alpha))
     natural_map = _natural_map(problem, given, velocity)
     norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
@@ -255,9 +257,12 @@ def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
     return np.column_stack([rows[first], other])
 
 
-def _law_of_row(problem: "ContactProblem") -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _law_norms(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
+    """Norm of the entries of every law, shape (n_laws,)."""
     laws = problem.laws
-    return np.repeat(np.arange(laws.n_laws), np.where(laws.kind == LawKind.SPATIAL_FRICTION, 2, 1))
+    norms = np.abs(rows[laws.first_row])
+    norms[laws.is_friction] = np.sqrt((_tangent(problem, rows) ** 2).sum(axis=1))
+    return norms
 
 
 def _natural_map(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:

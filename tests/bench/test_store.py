@@ -1,0 +1,104 @@
+"""Results survive what happens to files, and damage is noticed."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.store import Store
+
+CASE = {"problem": "a/../b", "solver": "S(x='y')", "value": 1.5, "infinite": float("inf")}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store.create(tmp_path / "run")
+
+
+def only_case(store: Store) -> Path:
+    (file,) = (store.folder / "cases").iterdir()
+    return file
+
+
+def test_a_case_is_read_back_and_infinity_becomes_null(store: Store) -> None:
+    store.write_case(CASE)
+    cases, damaged = store.read_cases()
+    assert cases == [{**CASE, "infinite": None}]
+    assert damaged == []
+
+
+def test_names_cannot_leave_the_folder(store: Store) -> None:
+    store.write_case(CASE)
+    assert only_case(store).parent == store.folder / "cases"
+
+
+def test_names_that_look_alike_in_a_file_name_stay_apart(store: Store) -> None:
+    store.write_case({**CASE, "solver": "S(x=1)"})
+    store.write_case({**CASE, "solver": "S[x=1]"})
+    assert len(store.read_cases()[0]) == 2
+
+
+@pytest.mark.parametrize("position", [0.1, 0.5, 0.9])
+def test_truncation_and_every_flipped_bit_are_noticed(store: Store, position: float) -> None:
+    store.write_case(CASE)
+    file = only_case(store)
+    whole = file.read_bytes()
+    at = int(position * len(whole))
+    for damaged in (whole[:at], whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]):
+        file.write_bytes(damaged)
+        cases, sentences = store.read_cases()
+        assert cases == []
+        assert len(sentences) == 1
+        assert file.name in sentences[0]
+
+
+def test_another_format_is_noticed(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("proxbench.bench.store.FORMAT", 99)
+    store.write_case(CASE)
+    monkeypatch.undo()
+    assert "format" in store.read_cases()[1][0]
+
+
+def test_one_case_damaged_leaves_the_others(store: Store) -> None:
+    store.write_case(CASE)
+    only_case(store).write_text("{")
+    store.write_case({**CASE, "problem": "other"})
+    cases, damaged = store.read_cases()
+    assert [case["problem"] for case in cases] == ["other"]
+    assert len(damaged) == 1
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_no_stray_one(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.write_case(CASE)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(BenchError, match="No space left"):
+        store.write_case({**CASE, "value": 2.5})
+    assert store.read_cases()[0][0]["value"] == 1.5
+    assert len(list((store.folder / "cases").iterdir())) == 1
+
+
+def test_an_existing_run_is_not_overwritten(store: Store) -> None:
+    with pytest.raises(BenchError, match="exists already"):
+        Store.create(store.folder)
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BenchError, match="cannot write"):
+        Store.create(tmp_path / "file" / "run")
+
+
+def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"no stored run"):
+        Store.open(tmp_path)
+
+
+def test_files_are_plain_json(store: Store) -> None:
+    store.write_case(CASE)
+    assert json.loads(only_case(store).read_text())["problem"] == "a/../b"

@@ -1,0 +1,84 @@
+"""Tables say what was measured, and nothing that was not."""
+
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from proxbench.bench import load
+from proxbench.bench.outcome import Outcome
+from proxbench.bench.tables import (
+    duration,
+    print_tables,
+    results_table,
+    summary_table,
+    time_to_accuracy,
+    write_tables,
+)
+from rich.console import Console
+
+
+def points(*rows: tuple[float, float, str]) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
+
+
+def test_time_to_accuracy_is_the_least_time_among_points_that_are_accurate_enough() -> None:
+    frame = points((1e-3, 1.0, "solved"), (1e-5, 3.0, "solved"), (1e-6, 2.0, "time limit"))
+    assert time_to_accuracy(frame, 1e-2) == 1.0
+    assert time_to_accuracy(frame, 1e-4) == 2.0
+    assert np.isnan(time_to_accuracy(frame, 1e-8))
+
+
+def test_wrong_claims_are_never_ranked() -> None:
+    assert np.isnan(time_to_accuracy(points((1e-9, 0.1, "wrong")), 1e-2))
+
+
+def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> None:
+    table = results_table(load(finished_run)).set_index(["problem", "solver"])
+    assert len(table) == 15
+    assert table.loc[("funnel-30", "ClarabelSOCP"), "outcome"] == Outcome.RELAXED
+    assert "convex" in str(table.loc[("funnel-30", "ClarabelSOCP"), "reason"])
+    assert table.loc[("funnel-30", "Misbehaving(lie)"), "outcome"] == Outcome.WRONG
+    assert table.loc[("funnel-30", "Misbehaving(raise)"), "outcome"] == Outcome.CRASHED
+    assert "the plugin gave up" in str(table.loc[("funnel-30", "Misbehaving(raise)"), "reason"])
+    assert table.loc[("hard-counterexample", "SORprox"), "outcome"] == Outcome.OSCILLATING
+
+
+def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run: Path) -> None:
+    table = results_table(load(finished_run)).set_index(["problem", "solver"])
+    assert np.isnan(float(table.loc[("funnel-30", "ClarabelSOCP"), "time_to_1e-02"]))
+
+
+def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
+    summary = summary_table(load(finished_run)).set_index("solver")
+    assert summary.loc["Misbehaving(lie)", "success_1e-04"] == 1.0
+    assert summary.loc["Misbehaving(lie)", "correct_1e-04"] == 0.0
+    assert summary.loc["Misbehaving(lie)", "wrong"] == 8
+    assert summary.loc["SORprox(relaxation=0.5)", "correct_1e-06"] == pytest.approx(2 / 3)
+
+
+def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:
+    files = write_tables(load(finished_run), tmp_path)
+    assert {file.suffix for file in files} == {".csv", ".parquet", ".md"}
+    from_csv, from_parquet = pd.read_csv(tmp_path / "results.csv"), pd.read_parquet(tmp_path / "results.parquet")
+    assert from_parquet["time_to_1e-04"].dtype == np.float64
+    assert from_csv["residual"].to_numpy() == pytest.approx(from_parquet["residual"].to_numpy(), nan_ok=True)
+
+
+@pytest.mark.parametrize("width", [100, 120])
+def test_the_printed_table_fits_its_width_and_spells_failures_out(finished_run: Path, width: int) -> None:
+    text = StringIO()
+    print_tables(load(finished_run), Console(file=text, width=width))
+    printed = text.getvalue()
+    assert max(map(len, printed.splitlines())) <= width
+    for words in ("oscillating", "relaxed", "RuntimeError: the plugin gave up", "infeasible", "convex"):
+        assert words in printed
+    assert "…" not in printed
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(1.5, "1.5 s"), (0.0031, "3.1 ms"), (4.2e-5, "42 µs"), (float("nan"), "–"), (3e-7, "0.3 µs")]
+)
+def test_times_are_shown_in_engineering_units(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
