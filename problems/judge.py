@@ -36,7 +36,7 @@ class Verdict:
         natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), as Siconos relates it.
         penetration_velocity: max_i (−ξ_N)₊ [m/s].
         cone_violation: how far Λ lies outside its bounds, max of (−Λ_N)₊ and (‖Λ_T‖ − b)₊ [N s].
-        complementarity: max_i |Λ_N ξ_N| [J].
+        complementarity: largest absolute Λ_N ξ_N [J].
         dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], what the impulses take from the free motion; exact for ε = 0.
         velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ where the problem knows ξ*, else None.
         infeasible: a unilateral law with α_i = 0 and c_i < 0, which no impulse can satisfy.

@@ -108,8 +108,6 @@ class Solver(Protocol):
     """A method with its options.
 
     Attributes:
-        name: unique, with the options that differ from the defaults: ``"SORprox(relaxation=1.5)"``.
-        model: what it solves, which need not be Coulomb friction.
         has_iterates: whether ``observe`` is called; False for a solver without meaningful inner iterates.
     """
 
@@ -117,12 +115,12 @@ class Solver(Protocol):
 
     @property
     def name(self) -> str:
-        """Unique name, with its options."""
+        """Unique name, with the options that differ from the defaults: ``"SORprox(relaxation=1.5)"``."""
         ...
 
     @property
     def model(self) -> Model:
-        """The model that is solved."""
+        """The model that is solved, which need not be Coulomb friction."""
         ...
 
     def supports(self, problem: ContactProblem) -> str | None:
