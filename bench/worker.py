@@ -164,6 +164,9 @@ def _serve(pipe: Connection, problem_data: bytes, solver: Solver, memory_bytes: 
         except (Exception, SystemExit, KeyboardInterrupt) as error:
             line = str(error).splitlines()[0][:200] if str(error) else ""
             answer = _fault(Outcome.CRASHED, f"it raised {type(error).__name__}{': ' + line if line else ''}")
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
         usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
         pipe.send_bytes(json.dumps({**answer, "peak_memory_bytes": usage}).encode())
         pipe.send_bytes(numbers)

@@ -123,10 +123,13 @@ def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
                     place[column] = end
                     columns[end] = column
                     end += 1
+                block_at = values[place[column]]
                 for row in range(width):
+                    left = pieces[p, row]
                     for lane in range(width):
+                        right = pieces[other, lane]
                         total = 0.0
                         for k in range(length):
-                            total += pieces[p, row, k] * pieces[other, lane, k]
-                        values[place[column], row, lane] += total
+                            total += left[k] * right[k]
+                        block_at[row, lane] += total
     return row_starts, columns, values

@@ -16,6 +16,9 @@ from .laws import FloatArray, IntArray
 CHUNK_LENGTHS = (1, 2, 3, 6)
 """Lengths to choose from: the degrees of freedom of discs and balls, without and with rotation."""
 
+SAMPLED_ROWS = 300
+"""Rows that the choice among them looks at."""
+
 
 @dataclass(frozen=True, eq=False)
 class FactorPieces:
@@ -40,27 +43,33 @@ class FactorPieces:
 
 
 def cut_into_pieces(factors: Factors, layout: BlockLayout) -> FactorPieces:
-    """Return W̃ in pieces of the chunk length that makes them cheapest: numbers to read, plus four for each piece."""
+    """Return W̃ in pieces of the chunk length that makes them cheapest: numbers to read, plus four for each piece.
+
+    The length is chosen by the first rows; a problem's contacts are alike.
+    """
     scaled = factors.scaled_directions
-    pattern = (scaled.indptr, scaled.indices, layout.slot, layout.n_blocks, layout.width)
-    cost = {length: int(_count_pieces(*pattern, length)[-1]) * (layout.width * length + 4) for length in CHUNK_LENGTHS}
+    dofs = np.arange(factors.n_dofs)
+    sample = layout.slot[:SAMPLED_ROWS]
+    cost = {
+        length: _count_pieces(scaled.indptr, scaled.indices, sample, layout.n_blocks, layout.width, dofs // length)[-1]
+        * (layout.width * length + 4)
+        for length in CHUNK_LENGTHS
+    }
     length = min(CHUNK_LENGTHS, key=lambda candidate: cost[candidate])
+    pattern = (scaled.indptr, scaled.indices, layout.slot, layout.n_blocks, layout.width, dofs // length)
     starts, chunks, values = _cut(*pattern, length, scaled.data)
     return FactorPieces(starts, chunks, values, -(-factors.n_dofs // length))
 
 
 @njit(cache=True)
-def _count_pieces(indptr, indices, slot, n_blocks, width, length):  # type: ignore[no-untyped-def]
-    """Return the first piece of each block, shape (n_blocks + 1,)."""
-    highest = 0
-    for p in range(len(indices)):
-        highest = max(highest, indices[p])
-    last_block = np.full(highest // length + 1, -1, dtype=np.int64)
+def _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of):  # type: ignore[no-untyped-def]
+    """Return the first piece of each block, shape (n_blocks + 1,), from the chunk of each degree of freedom."""
+    last_block = np.full(len(chunk_of), -1, dtype=np.int64)
     starts = np.zeros(n_blocks + 1, dtype=np.int64)
     for row in range(len(slot)):
         block = slot[row] // width
         for p in range(indptr[row], indptr[row + 1]):
-            chunk = indices[p] // length
+            chunk = chunk_of[indices[p]]
             if last_block[chunk] != block:
                 last_block[chunk] = block
                 starts[block + 1] += 1
@@ -70,9 +79,9 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length):  # type: igno
 
 
 @njit(cache=True)
-def _cut(indptr, indices, slot, n_blocks, width, length, data):  # type: ignore[no-untyped-def]
+def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, data):  # type: ignore[no-untyped-def]
     """Return starts, chunks and values of the pieces for one chunk length."""
-    starts = _count_pieces(indptr, indices, slot, n_blocks, width, length)
+    starts = _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of)
     n_pieces = starts[n_blocks]
     chunks = np.empty(n_pieces, dtype=np.int64)
     values = np.zeros((n_pieces, width, length))
@@ -80,7 +89,7 @@ def _cut(indptr, indices, slot, n_blocks, width, length, data):  # type: ignore[
     for row in range(len(slot)):
         block, lane = slot[row] // width, slot[row] % width
         for p in range(indptr[row], indptr[row + 1]):
-            chunk = indices[p] // length
+            chunk = chunk_of[indices[p]]
             piece = starts[block]
             while piece < filled[block] and chunks[piece] != chunk:
                 piece += 1

@@ -144,7 +144,13 @@ def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
     names = ["hard-no-motion", "hard-tresca-joint", "funnel-100", "funnel-1000"]
     command += ["--run-id", "x", "--solver", "SORprox", "--solver", "Jprox"]
     command += [word for name in names for word in ("--problem", name)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell may ignore it
+    )
     cases = tmp_path / "x" / "cases"
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline and len(list(cases.glob("*.json"))) < 2:
