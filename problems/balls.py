@@ -159,11 +159,10 @@ class BallSystem:
         gaps = [distance - self.radii[pairs[:, 0]] - self.radii[pairs[:, 1]]]
         normals = [_unit(apart, distance)]
         for index, surface in enumerate(self.surfaces):
-            gap, normal = surface.gap_and_normal(centres, self.radii)
-            touching = np.flatnonzero(gap < 0.0)
+            touching, gap, normal = surface.touching(centres, self.radii)
             keys.append(touching * stride + n + index)
-            gaps.append(gap[touching])
-            normals.append(normal[touching])
+            gaps.append(gap)
+            normals.append(normal)
         key = np.concatenate(keys)
         order = np.argsort(key)
         key = key[order]

@@ -1,7 +1,7 @@
 """Which pairs of balls overlap: a cell list that costs time and memory proportional to the number of balls.
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell; because neighbours along the first
-axis have consecutive numbers, each ball asks for a few ranges of cells, found by bisection, instead of 3^d cells.
+axis have consecutive numbers, each ball asks for a few ranges of cells, whose beginnings only move forward.
 """
 
 import numpy as np
@@ -35,33 +35,27 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
 
 
 @njit(cache=True)
-def _first_not_below(values, wanted, low):  # type: ignore[no-untyped-def]
-    high = len(values)
-    while low < high:
-        middle = (low + high) // 2
-        if values[middle] < wanted:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@njit(cache=True)
 def _pairs(centres, radii, order, number, extent_x, extent_y):  # type: ignore[no-untyped-def]
     """Return i · n + j of every overlapping pair i < j, unsorted.
 
-    Each ball looks at the rest of its own row of cells and at the four rows that come later: a pair is seen once.
+    Each ball looks at the rest of its own row of cells and at the four rows that come later: a pair is seen once. Balls
+    are visited by rising cell number, so where a row begins only moves forward.
     """
     n, dim = centres.shape
     found = np.empty(8 * n, dtype=np.int64)
     count = 0
     rows = (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1))
+    begins = np.zeros(len(rows), dtype=np.int64)
     for position in range(n):
         i = order[position]
-        for row in rows:
-            begin = _first_not_below(number, number[position] + row - 1, position + 1)
+        for row in range(len(rows)):
+            lowest = number[position] + rows[row] - 1
+            begin = max(begins[row], position + 1)
+            while begin < n and number[begin] < lowest:
+                begin += 1
+            begins[row] = begin
             for other in range(begin, n):
-                if number[other] > number[position] + row + 1:
+                if number[other] > lowest + 2:
                     break
                 j = order[other]
                 distance = 0.0

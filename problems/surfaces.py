@@ -1,21 +1,21 @@
-"""Rigid surfaces that balls touch: for each ball the gap and the unit normal from the surface to the ball's centre."""
+"""Rigid surfaces that balls touch, with the gap and the normal at each contact."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from .laws import FloatArray
+from .laws import FloatArray, IntArray
 
-NO_CONTACT = np.inf
-"""Gap of a ball that a surface does not face."""
+Touching = tuple[IntArray, FloatArray, FloatArray]
+"""Balls that touch, shape (m,), their gaps [m], shape (m,), and unit normals from surface to centre, shape (m, d)."""
 
 
 class Surface(Protocol):
     """A fixed surface."""
 
-    def gap_and_normal(self, centres: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return gaps [m], shape (n,), and unit normals, shape (n, d), for balls at ``centres``, shape (n, d)."""
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return the balls at ``centres``, shape (n, d), that overlap the surface, with gaps and normals."""
         ...
 
 
@@ -31,27 +31,29 @@ class Plane:
     point: tuple[float, ...]
     normal: tuple[float, ...]
 
-    def gap_and_normal(self, centres: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return n·(x − p) − r and n."""
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return where n·(x − p) < r."""
         unit = np.array(self.normal) / np.linalg.norm(self.normal)
         gap = (centres - np.array(self.point)) @ unit - radii
-        return gap, np.broadcast_to(unit, centres.shape)
+        balls = np.flatnonzero(gap < 0.0)
+        return balls, gap[balls], np.tile(unit, (len(balls), 1))
 
 
-def distance_to_axis(centres: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ρ and the outward horizontal direction of points around the vertical (last) axis, spatial only."""
-    horizontal = centres[:, :-1]
-    radius = np.sqrt((horizontal**2).sum(axis=1))
-    outward = np.zeros_like(horizontal)
-    outward[:, 0] = 1.0
-    off_axis = radius > 0.0
-    outward[off_axis] = horizontal[off_axis] / radius[off_axis, None]
-    return radius, outward
+def _distance_from_axis(centres: FloatArray, side: int) -> FloatArray:
+    """ρ of points: around the vertical (last) axis for side 0, to the right (+1) or left (−1) in a planar scene."""
+    if side:
+        return side * centres[:, 0]
+    distance: FloatArray = np.sqrt(centres[:, 0] ** 2 + centres[:, 1] ** 2)
+    return distance
 
 
-def side_of_axis(centres: FloatArray, side: float) -> tuple[FloatArray, FloatArray]:
-    """Return ρ and outward direction for one half of a planar profile: ``side`` is +1 (right) or −1 (left)."""
-    return side * centres[:, 0], np.full((len(centres), 1), side)
+def _outward(centres: FloatArray, distance: FloatArray, side: int) -> FloatArray:
+    """Horizontal direction in which ρ grows, shape (n, d − 1); the first axis for points on the vertical one."""
+    if side:
+        return np.full((len(centres), 1), float(side))
+    outward = centres[:, :2] / np.where(distance > 0.0, distance, 1.0)[:, None]
+    outward[distance == 0.0, 0] = 1.0
+    return outward
 
 
 @dataclass(frozen=True)
@@ -68,19 +70,20 @@ class Segment:
     upper: tuple[float, float]
     side: int = 0
 
-    def gap_and_normal(self, centres: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the distance to the segment less r, on the side of the axis, and the normal towards the axis."""
-        radius, outward = distance_to_axis(centres) if self.side == 0 else side_of_axis(centres, self.side)
-        along = np.array(self.upper) - np.array(self.lower)
-        length = float(np.hypot(*along))
-        along = along / length
-        inward = np.array([-along[1], along[0]])
-        relative_radius, relative_height = radius - self.lower[0], centres[:, -1] - self.lower[1]
-        position = along[0] * relative_radius + along[1] * relative_height
-        distance = inward[0] * relative_radius + inward[1] * relative_height
-        faces = (position >= 0.0) & (position <= length) & (distance > -radii)
-        normal = np.column_stack([inward[0] * outward, np.full(len(centres), inward[1])])
-        return np.where(faces, distance - radii, NO_CONTACT), normal
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return where the distance to the segment, on the side of the axis, is below r; normals point to the axis."""
+        span = np.array(self.upper) - np.array(self.lower)
+        length = float(np.hypot(*span))
+        along = span / length
+        inward = (-along[1], along[0])
+        radius = _distance_from_axis(centres, self.side)
+        across, up = radius - self.lower[0], centres[:, -1] - self.lower[1]
+        position = along[0] * across + along[1] * up
+        distance = inward[0] * across + inward[1] * up
+        balls = np.flatnonzero((position >= 0.0) & (position <= length) & (np.abs(distance) < radii))
+        outward = _outward(centres[balls], radius[balls], self.side)
+        normal = np.column_stack([inward[0] * outward, np.full(len(balls), inward[1])])
+        return balls, distance[balls] - radii[balls], normal
 
 
 @dataclass(frozen=True)
@@ -97,12 +100,14 @@ class Rim:
     along: tuple[float, float]
     side: int = 0
 
-    def gap_and_normal(self, centres: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the distance to the rim less r, and the direction from the rim to the centre."""
-        radius, outward = distance_to_axis(centres) if self.side == 0 else side_of_axis(centres, self.side)
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return where the distance to the rim is below r; normals point from the rim to the centre."""
+        radius = _distance_from_axis(centres, self.side)
         across, up = radius - self.point[0], centres[:, -1] - self.point[1]
-        distance = np.hypot(across, up)
-        faces = (self.along[0] * across + self.along[1] * up < 0.0) & (distance > 0.0)
-        safe = np.where(distance > 0.0, distance, 1.0)
-        normal = np.column_stack([(across / safe)[:, None] * outward, up / safe])
-        return np.where(faces, distance - radii, NO_CONTACT), normal
+        squared = across**2 + up**2
+        behind = self.along[0] * across + self.along[1] * up < 0.0
+        balls = np.flatnonzero(behind & (squared < radii**2) & (squared > 0.0))
+        distance = np.sqrt(squared[balls])
+        outward = _outward(centres[balls], radius[balls], self.side)
+        normal = np.column_stack([(across[balls] / distance)[:, None] * outward, up[balls] / distance])
+        return balls, distance - radii[balls], normal

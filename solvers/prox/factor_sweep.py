@@ -36,6 +36,7 @@ class FactorSweep:
         laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
         coupling: G_T1N and G_T2N of each block's own diagonal block, in turn.
         kernel: the sweep.
+        product: ξ from v.
     """
 
     layout: BlockLayout
@@ -45,6 +46,7 @@ class FactorSweep:
     laws: tuple[FloatArray, FloatArray, FloatArray, Any]
     coupling: FloatArray
     kernel: Callable[..., None]
+    product: Callable[..., None]
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
@@ -52,14 +54,15 @@ class FactorSweep:
         layout, pieces = problem.layout, problem.factor_pieces()
         coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
         kernel: Callable[..., None]
+        product: Callable[..., None]
         factor: tuple[Any, ...]
         if layout.width == 3 and pieces.most_per_block <= 2:
-            kernel, factor = _sweep_spatial_pairs, _pairs(pieces)
+            kernel, product, factor = _sweep_spatial_pairs, _product_spatial_pairs, _pairs(pieces)
         else:
-            kernel = _sweep
+            kernel, product = _sweep, _product
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
         free = layout.pad(problem.free_velocity).reshape(-1)
-        return FactorSweep(layout, pieces, factor, free, law_arguments(layout, sizes), coupling, kernel)
+        return FactorSweep(layout, pieces, factor, free, law_arguments(layout, sizes), coupling, kernel, product)
 
     def begin(self, start: FloatArray) -> "FactorIterates":
         """Return the iterates that begin at ``start``, shape (n_rows,)."""
@@ -89,9 +92,7 @@ class FactorIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         own = self._sweep
-        _relative_velocity(
-            own.pieces.starts, own.pieces.chunks, own.pieces.values, own.free, self._scaled, self._relative
-        )
+        own.product(*own.factor, own.free, self._scaled, self._relative)
         return own.layout.unpad(self._relative)
 
 
@@ -142,16 +143,33 @@ def _scaled_velocity(starts, chunks, pieces, impulses, scaled):  # type: ignore[
 
 
 @njit(cache=True, fastmath={"contract"})
-def _relative_velocity(starts, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
-    """Write ξ = W̃ᵀ v + c."""
-    _, width, length = pieces.shape
-    for i in range(len(starts) - 1):
-        for lane in range(width):
-            total = free[width * i + lane]
-            for p in range(starts[i], starts[i + 1]):
+def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+    """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
+    one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
+    for i in range(uint64(len(starts) - 1)):
+        for lane in range(lanes):
+            total = free[lanes * i + lane]
+            for p in range(starts[i], starts[i + one]):
                 for k in range(length):
                     total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
-            relative[width * i + lane] = total
+            relative[lanes * i + lane] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _product_spatial_pairs(axes, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+    """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
+    one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
+    for i in range(uint64(len(chunks)) // two):
+        k = three * i
+        normal, first, second = free[k], free[k + one], free[k + two]
+        for body in range(two):
+            chunk, own = chunks[two * i + body], three * length * (two * i + body)
+            for x in range(length):
+                v = scaled[chunk + x]
+                normal += pieces[own + x] * v
+                first += pieces[own + length + x] * v
+                second += pieces[own + two * length + x] * v
+        relative[k], relative[k + one], relative[k + two] = normal, first, second
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -34,7 +34,7 @@ CYCLE_RATIO = 1e-6
 
 def sweeps_to_next_look(iteration: int) -> int:
     """Return how many sweeps to do before the residual is looked at again: few at first, then ``LONGEST_INTERVAL``."""
-    return min(LONGEST_INTERVAL, 1 + iteration // 4)
+    return min(LONGEST_INTERVAL, 1 + iteration // 2)
 
 
 @dataclass
