@@ -24,8 +24,8 @@ from ..solvers.registry import create
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
 
-FLOW_STOP = Stop(tolerance=1e-6, max_iterations=2000)
-"""Solver limits while balls flow."""
+FLOW_STOP = Stop(tolerance=1e-12, max_iterations=3000)
+"""Solver limits while balls flow. Impacts amplify errors by many orders, so each step is solved nearly to rounding."""
 
 PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
 """Solver limits while balls settle: a pile is redundant everywhere, and sweeps stagnate near 1e-4 there."""

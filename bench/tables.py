@@ -167,8 +167,11 @@ _LEGEND = (
 )
 
 
-_SOLVER_WIDTH = 28
-"""Columns that a solver's name gets at least; longer ones are wrapped between options."""
+NARROW = 100
+"""Terminals with fewer columns get tables without the model and the iterations; the files have everything."""
+
+_SOLVER_WIDTH = {False: 28, True: 18}
+"""Columns that a solver's name gets at least, in wide and narrow terminals; longer ones are wrapped."""
 
 
 def duration(seconds: float) -> str:
@@ -195,7 +198,8 @@ def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
 
 
 def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
-    shown = pd.DataFrame({key: summary[key] for key in ("solver", "model", "problems")})
+    shown = pd.DataFrame({key: summary[key] for key in ("solver", "model")})
+    shown["cases"] = summary["problems"]
     for accuracy in SUMMARY_ACCURACIES:
         tag = f"{accuracy:.0e}"
         shown[f"says\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"success_{tag}"]]
@@ -208,10 +212,15 @@ def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
 def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, Any]) -> None:
     console.print(Text(title, style="bold"))
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
+    is_narrow = console.width < NARROW
+    if is_narrow:
+        shown = shown.drop(columns=["model", "iter.", "cases"], errors="ignore")
     for column in shown.columns:
         is_text = column in ("solver", "model", "ended")
-        width = _SOLVER_WIDTH if column == "solver" else None
-        table.add_column(column, justify="left" if is_text else "right", no_wrap=column != "solver", min_width=width)
+        width = _SOLVER_WIDTH[is_narrow] if column == "solver" else None
+        table.add_column(
+            column, justify="left" if is_text else "right", no_wrap=column != "solver", min_width=width, overflow="fold"
+        )
     for index, row in zip(shown.index, shown.itertuples(index=False), strict=True):
         cells = zip(shown.columns, row, strict=True)
         table.add_row(

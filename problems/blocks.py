@@ -10,8 +10,9 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numba import njit
 
-from .laws import FloatArray, IntArray, LawKind, Laws, frozen
+from .laws import FloatArray, IntArray, Laws
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,40 +42,14 @@ class BlockLayout:
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
-        n = laws.n_laws
-        joins = np.zeros(n, dtype=bool)  # friction laws that stand right behind their partner share its block
-        joins[1:] = laws.is_friction[1:] & (laws.partner[1:] == np.arange(n - 1))
-        block = np.cumsum(~joins) - 1
-        n_blocks = int(block[-1]) + 1 if n else 0
+        block, n_blocks = _blocks_of_laws(laws.kind, laws.partner)
         width = 1 + int(laws.kind.max(initial=0))
-        unilateral = np.flatnonzero(~laws.is_friction)
-        friction = np.flatnonzero(laws.is_friction)
-
-        normal_law = np.full(n_blocks, -1, dtype=np.int64)
-        normal_law[block[unilateral]] = unilateral
-        friction_law = np.full(n_blocks, -1, dtype=np.int64)
-        friction_law[block[friction]] = friction
-        coefficient = np.zeros(n_blocks)
-        coefficient[block[friction]] = laws.friction_coefficient[friction]
-        fixed = np.zeros(n_blocks)
-        fixed[block[friction]] = laws.fixed_bound[friction]
-        partner = np.arange(n_blocks)
-        bounded = friction[laws.partner[friction] >= 0]
-        partner[block[bounded]] = block[laws.partner[bounded]]
-
-        slot = np.zeros(laws.n_rows, dtype=np.int64)
-        slot[laws.first_row] = width * block + laws.is_friction
-        spatial = laws.kind == LawKind.SPATIAL_FRICTION
-        slot[laws.first_row[spatial] + 1] = width * block[spatial] + 2
-        return BlockLayout(
-            width,
-            frozen(slot, np.int64),
-            frozen(normal_law, np.int64),
-            frozen(friction_law, np.int64),
-            frozen(coefficient, np.float64),
-            frozen(fixed, np.float64),
-            frozen(partner, np.int64),
+        slot, owners, bounds, partner = _lay_out(
+            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, block, n_blocks, width, laws.n_rows
         )
+        for array in (slot, owners, bounds, partner):
+            array.setflags(write=False)
+        return BlockLayout(width, slot, owners[0], owners[1], bounds[0], bounds[1], partner)
 
     @property
     def n_blocks(self) -> int:
@@ -107,3 +82,41 @@ def layout_of(laws: Laws) -> BlockLayout:
     if layout is None:
         layout = _LAYOUTS[laws] = BlockLayout.of(laws)
     return layout
+
+
+@njit(cache=True)
+def _blocks_of_laws(kind, partner):  # type: ignore[no-untyped-def]
+    """Return the block of each law, and the number of blocks; friction right behind its partner shares its block."""
+    block = np.empty(len(kind), dtype=np.int64)
+    count = 0
+    for law in range(len(kind)):
+        joins = law > 0 and kind[law] != 0 and partner[law] == law - 1
+        if not joins:
+            count += 1
+        block[law] = count - 1
+    return block, count
+
+
+@njit(cache=True)
+def _lay_out(kind, partner_law, mu, fixed, block, n_blocks, width, n_rows):  # type: ignore[no-untyped-def]
+    """Return slots of the rows, normal and friction law, μ and a, and partner of each block."""
+    slot = np.empty(n_rows, dtype=np.int64)
+    owners = np.full((2, n_blocks), -1, dtype=np.int64)
+    bounds = np.zeros((2, n_blocks))
+    partner = np.arange(n_blocks)
+    row = 0
+    for law in range(len(kind)):
+        b = block[law]
+        if kind[law] == 0:
+            owners[0, b] = law
+            slot[row] = width * b
+            row += 1
+            continue
+        owners[1, b] = law
+        bounds[0, b], bounds[1, b] = mu[law], fixed[law]
+        if partner_law[law] >= 0:
+            partner[b] = block[partner_law[law]]
+        for lane in range(kind[law]):
+            slot[row] = width * b + 1 + lane
+            row += 1
+    return slot, owners, bounds, partner

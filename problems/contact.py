@@ -25,7 +25,7 @@ from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
 from .errors import ProblemError
 from .factors import Factors, as_sparse_input
 from .laws import FloatArray, Laws, frozen
-from .pieces import FactorPieces, cut_into_pieces
+from .pieces import FactorPieces, cut_into_pieces, delassus_diagonal
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
@@ -176,7 +176,7 @@ class ContactProblem:
     def delassus_diagonal(self) -> FloatArray:
         """Diagonal of G [1/kg], shape (n_rows,), found without assembling G."""
         if self.factors is not None:
-            return frozen(self.factors.delassus_diagonal(), np.float64)
+            return frozen(delassus_diagonal(self.factor_pieces(), self.layout), np.float64)
         assert self.matrix is not None
         return frozen(self.matrix.diagonal(), np.float64)
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
@@ -124,12 +123,6 @@ class Factors:
         product: FloatArray = self.force_directions.T @ (self.inverse_mass.matrix @ (self.force_directions @ impulses))
         return product
 
-    def delassus_diagonal(self) -> FloatArray:
-        """Return the diagonal of Wᵀ M⁻¹ W [1/kg], shape (n_rows,)."""
-        scaled = self.scaled_directions
-        squares: FloatArray = _column_squares(scaled.indptr, scaled.data)
-        return squares
-
     def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
         """Return the labelled arrays that define W and M⁻¹, with index types that do not depend on their size."""
         return [
@@ -142,16 +135,6 @@ class Factors:
         """Return equal factors that share no memory with these."""
         motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
         return Factors(self.force_directions.copy(), InverseMass(self.inverse_mass.matrix.copy()), motion)
-
-
-@njit(cache=True)
-def _column_squares(indptr, data):  # type: ignore[no-untyped-def]
-    """Sum of squares of each column of a CSC matrix."""
-    squares = np.zeros(len(indptr) - 1)
-    for column in range(len(squares)):
-        for entry in range(indptr[column], indptr[column + 1]):
-            squares[column] += data[entry] * data[entry]
-    return squares
 
 
 def as_sparse_input(given: Any, name: str) -> Any:

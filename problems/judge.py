@@ -259,9 +259,17 @@ def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
 
 def _law_norms(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
     """Norm of the entries of every law, shape (n_laws,)."""
-    laws = problem.laws
-    norms = np.abs(rows[laws.first_row])
-    norms[laws.is_friction] = np.sqrt((_tangent(problem, rows) ** 2).sum(axis=1))
+    norms: FloatArray = _norms(problem.laws.kind, problem.laws.first_row, rows)
+    return norms
+
+
+@njit(cache=True)
+def _norms(kind, first_row, rows):  # type: ignore[no-untyped-def]
+    norms = np.empty(len(kind))
+    for law in range(len(kind)):
+        norms[law] = abs(rows[first_row[law]])
+        if kind[law] == 2:
+            norms[law] = np.hypot(norms[law], rows[first_row[law] + 1])
     return norms
 
 

@@ -47,7 +47,10 @@ def cut_into_pieces(factors: Factors, layout: BlockLayout) -> FactorPieces:
 
     The length is chosen by the first rows; a problem's contacts are alike.
     """
-    scaled = factors.scaled_directions
+    if factors.inverse_mass.is_diagonal:
+        scaled, root = factors.force_directions, factors.inverse_mass.root.data
+    else:
+        scaled, root = factors.scaled_directions, np.ones(factors.n_dofs)
     dofs = np.arange(factors.n_dofs)
     sample = layout.slot[:SAMPLED_ROWS]
     cost = {
@@ -57,8 +60,26 @@ def cut_into_pieces(factors: Factors, layout: BlockLayout) -> FactorPieces:
     }
     length = min(CHUNK_LENGTHS, key=lambda candidate: cost[candidate])
     pattern = (scaled.indptr, scaled.indices, layout.slot, layout.n_blocks, layout.width, dofs // length)
-    starts, chunks, values = _cut(*pattern, length, scaled.data)
+    starts, chunks, values = _cut(*pattern, length, scaled.data, root)
     return FactorPieces(starts, chunks, values, -(-factors.n_dofs // length))
+
+
+def delassus_diagonal(pieces: FactorPieces, layout: BlockLayout) -> FloatArray:
+    """Return the diagonal of G = W̃ᵀ W̃ [1/kg], shape (n_rows,)."""
+    return layout.unpad(_square_sums(pieces.starts, pieces.values))
+
+
+@njit(cache=True)
+def _square_sums(starts, values):  # type: ignore[no-untyped-def]
+    """Sum of the squares of each lane of each block."""
+    _, width, length = values.shape
+    sums = np.zeros((len(starts) - 1, width))
+    for block in range(len(starts) - 1):
+        for piece in range(starts[block], starts[block + 1]):
+            for lane in range(width):
+                for k in range(length):
+                    sums[block, lane] += values[piece, lane, k] * values[piece, lane, k]
+    return sums
 
 
 @njit(cache=True)
@@ -79,8 +100,8 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of):  # type: ig
 
 
 @njit(cache=True)
-def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, data):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and values of the pieces for one chunk length."""
+def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, data, root):  # type: ignore[no-untyped-def]
+    """Return starts, chunks and values of the pieces for one chunk length, entries scaled by ``root`` of their row."""
     starts = _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of)
     n_pieces = starts[n_blocks]
     chunks = np.empty(n_pieces, dtype=np.int64)
@@ -96,5 +117,5 @@ def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, data):  # typ
             if piece == filled[block]:
                 chunks[piece] = chunk
                 filled[block] += 1
-            values[piece, lane, indices[p] - chunk * length] = data[p]
+            values[piece, lane, indices[p] - chunk * length] = root[indices[p]] * data[p]
     return starts, chunks, values

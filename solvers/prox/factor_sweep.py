@@ -102,19 +102,26 @@ def _pairs(pieces: FactorPieces) -> tuple[Any, Any, Any]:
     A block of one piece gets a second one of zeros, on an idle chunk behind the others. The axes are a tuple whose
     length the compiler knows, so that it unrolls the loops over them.
     """
-    n_blocks = len(pieces.starts) - 1
-    _, width, length = pieces.values.shape
-    values = np.zeros((n_blocks, 2, width, length))
-    chunks = np.full((n_blocks, 2), pieces.n_chunks)
-    block = np.repeat(np.arange(n_blocks), np.diff(pieces.starts))
-    place = np.arange(len(block)) - pieces.starts[block]
-    values[block, place] = pieces.values
-    chunks[block, place] = pieces.chunks
-    return (
-        tuple(np.arange(length, dtype=np.uint64)),
-        (length * chunks).astype(np.uint64).reshape(-1),
-        values.reshape(-1),
-    )
+    length = pieces.values.shape[2]
+    chunks, values = _two_a_block(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    return tuple(np.arange(length, dtype=np.uint64)), chunks, values
+
+
+@njit(cache=True)
+def _two_a_block(starts, chunks, pieces, idle):  # type: ignore[no-untyped-def]
+    """First coordinates and values of exactly two pieces a block, flat; a missing one is zero and on chunk ``idle``."""
+    _, width, length = pieces.shape
+    n_blocks, size = len(starts) - 1, width * length
+    firsts = np.full(2 * n_blocks, idle * length, dtype=np.uint64)
+    values = np.zeros(2 * n_blocks * size)
+    for block in range(n_blocks):
+        for p in range(starts[block], starts[block + 1]):
+            place = 2 * block + p - starts[block]
+            firsts[place] = length * chunks[p]
+            for lane in range(width):
+                for k in range(length):
+                    values[place * size + lane * length + k] = pieces[p, lane, k]
+    return firsts, values
 
 
 @njit(cache=True)

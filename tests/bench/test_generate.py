@@ -33,7 +33,7 @@ def test_every_problem_that_is_not_a_formula_has_a_recipe() -> None:
 
 
 def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:
-    """Scenes are solved to 1e-6 a step; impacts amplify the rounding of another machine, but not beyond that yet."""
+    """Steps are solved to 1e-12; impacts amplify the rounding of another machine or solver, but not beyond 1e-6 yet."""
     for problem in remade(SMALL):
         assert difference(problem, load(problem.name)) <= 1e-6
 
