@@ -102,8 +102,9 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
             for kind, chart in charts.items():
                 specification = chart.to_json()
                 svg, png = (folder / f"{plain_name(problem)}-{kind}.{suffix}" for suffix in ("svg", "png"))
-                svg.write_text(vl_convert.vegalite_to_svg(specification), encoding="utf-8")
-                png.write_bytes(vl_convert.vegalite_to_png(specification, scale=PNG_SCALE))
+                drawn = vl_convert.vegalite_to_svg(specification)
+                svg.write_text(drawn, encoding="utf-8")
+                png.write_bytes(vl_convert.svg_to_png(drawn, scale=PNG_SCALE))
                 files += [svg, png]
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None

@@ -144,7 +144,7 @@ def run(
     run_id: Annotated[str, typer.Option(help="Name of the run; date and time if left out.")] = "",
     resume: Annotated[Path | None, typer.Option(help="Folder of a run to finish; only what is missing.")] = None,
     retry_failed: Annotated[bool, typer.Option(help="With --resume: measure failed cases again.")] = False,
-    solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 0.4,
+    solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 0.5,
     case_seconds: Annotated[float, typer.Option(help="Time limit of one case [s].")] = 60.0,
     memory: Annotated[int, typer.Option(help="Memory limit of one case [MB].")] = 2048,
     as_json: Json = False,

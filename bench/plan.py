@@ -40,7 +40,7 @@ class Limits:
         BenchError: if a limit is not positive.
     """
 
-    solve_seconds: float = 0.4
+    solve_seconds: float = 0.5
     case_seconds: float = 60.0
     memory_bytes: int = 2 * 2**30
     max_iterations: int = 100_000

@@ -44,7 +44,7 @@ SUITES: dict[str, list[str]] = {
         "hard-sticking-box",
         "woodpecker-beak-impact",
         "woodpecker-lower-slip-to-stick",
-        "funnel-planar-100",
+        "funnel-planar-30",
         "funnel-frictionless-300",
         "funnel-100",
         "funnel-1000",
