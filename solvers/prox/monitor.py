@@ -19,11 +19,11 @@ LONGEST_INTERVAL = 10
 GROWTH_OF_DIVERGENCE = 1e8
 """A residual this many times the first one (or 1, if that is larger) counts as divergence."""
 
-STALL_SWEEPS = 400
-"""No iteration is called stalled before this many sweeps."""
+STALL_SWEEPS = 2000
+"""No iteration is called stalled before this many sweeps: plateaus of hundreds of sweeps end by themselves."""
 
 STALL_PROGRESS = 0.9
-"""Stalled: the second half of all sweeps so far has not brought the best residual below this fraction."""
+"""Stalled: the last three quarters of all sweeps have not brought the best residual below this fraction."""
 
 CYCLE_PATIENCE = 20
 """Looks without progress after which the iterates are compared with each other."""
@@ -81,8 +81,8 @@ class Monitor:
             return Status.ITERATION_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
         if time.perf_counter() > self._deadline:
             return Status.TIME_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
-        if iteration >= STALL_SWEEPS and self.best_residual > STALL_PROGRESS * self._best_at(iteration // 2):
-            return Status.STALLED, f"the residual stays at {self.best_residual:.1e} since sweep {iteration // 2}"
+        if iteration >= STALL_SWEEPS and self.best_residual > STALL_PROGRESS * self._best_at(iteration // 4):
+            return Status.STALLED, f"the residual stays at {self.best_residual:.1e} since sweep {iteration // 4}"
         return None
 
     @property

@@ -38,10 +38,16 @@ def test_time_limit_is_named() -> None:
 
 def test_slow_power_law_progress_is_a_stall_but_slow_geometric_progress_is_not() -> None:
     creeping, working = Monitor(Stop(1e-12, 10**9)), Monitor(Stop(1e-12, 10**9))
-    ended = [status_of(creeping, n, n**-0.1) for n in range(10, 5000, 10)]
+    ended = [status_of(creeping, n, n**-0.05) for n in range(10, 5000, 10)]
     assert Status.STALLED in ended
     assert 10 * (1 + ended.index(Status.STALLED)) >= STALL_SWEEPS
     assert not any(status_of(working, n, 0.999**n) for n in range(10, 20_000, 10))
+
+
+def test_a_plateau_of_a_thousand_sweeps_is_no_stall() -> None:
+    monitor = Monitor(Stop(1e-12, 10**9))
+    residuals = [(n, 1e-2 if n < 1000 else 1e-2 * 0.99 ** ((n - 1000) / 10)) for n in range(10, 10_000, 10)]
+    assert not any(status_of(monitor, n, residual) for n, residual in residuals)
 
 
 def test_a_cycle_of_two_is_recognised_and_a_fixed_point_is_not_one() -> None:
