@@ -24,6 +24,26 @@ SHIFT_SECONDS = 1e-3
 """Shift of the geometric mean, so that microseconds on tiny problems do not outweigh seconds on large ones."""
 
 
+_CASE_COLUMNS = ("problem", "n_contacts", "solver", "model")
+
+_RESULT_COLUMNS = (
+    *_CASE_COLUMNS,
+    *(f"time_to_{accuracy:.0e}" for accuracy in ACCURACIES),
+    "residual",
+    "iterations",
+    "outcome",
+    "reason",
+)
+
+_SUMMARY_COLUMNS = (
+    "solver",
+    "model",
+    "problems",
+    *(f"{kind}_{accuracy:.0e}" for accuracy in SUMMARY_ACCURACIES for kind in ("success", "correct", "mean_time")),
+    "wrong",
+)
+
+
 def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
     """Return the least median time [s] of the points whose judged residual is at most ``accuracy``; NaN if none.
 
@@ -44,12 +64,12 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     for case in frames.cases.to_dict("records"):
         points = _points_of(frames, case)
         measured = points[points["total_seconds"].notna()] if len(points) else points
-        row = {key: case[key] for key in ("problem", "n_contacts", "solver", "model")}
+        row = {key: case[key] for key in _CASE_COLUMNS}
         row |= {f"time_to_{accuracy:.0e}": time_to_accuracy(measured, accuracy) for accuracy in ACCURACIES}
         row |= _best(measured)
         row["outcome"], row["reason"] = _ending(case, measured)
         rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(_RESULT_COLUMNS))
 
 
 def summary_table(frames: RunFrames) -> pd.DataFrame:
@@ -76,7 +96,7 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
             row[f"mean_time_{accuracy:.0e}"] = float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
         row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in of_cases if len(points)))
         rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(_SUMMARY_COLUMNS))
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
@@ -104,6 +124,9 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 def print_tables(frames: RunFrames, console: Console) -> None:
     """Print one table a problem, with every failure spelled out below it, and the summary."""
     results = results_table(frames)
+    if results.empty:
+        console.print(Text("no case of this run is finished"))
+        return
     for problem, rows in results.groupby("problem", sort=False):
         contacts = int(rows["n_contacts"].iloc[0])
         shown = _shown_results(rows).drop(columns=["problem", "contacts", "why"])
@@ -113,7 +136,10 @@ def print_tables(frames: RunFrames, console: Console) -> None:
             if row["outcome"] != Outcome.SOLVED:
                 console.print(Text(f"  {row['solver']}: {row['outcome']}, {row['reason']}", style="dim"))
         console.print()
-    _print(console, f"all {results['problem'].nunique()} problems", _shown_summary(summary_table(frames)), {})
+    summary = summary_table(frames)
+    if len(summary):
+        count = results["problem"].nunique()
+        _print(console, f"all {count} problems" if count > 1 else "summary", _shown_summary(summary), {})
     console.print(Text(_LEGEND, style="dim"))
 
 

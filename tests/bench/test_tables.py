@@ -1,5 +1,6 @@
 """Tables say what was measured, and nothing that was not."""
 
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -64,6 +65,19 @@ def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> Non
     from_csv, from_parquet = pd.read_csv(tmp_path / "results.csv"), pd.read_parquet(tmp_path / "results.parquet")
     assert from_parquet["time_to_1e-04"].dtype == np.float64
     assert from_csv["residual"].to_numpy() == pytest.approx(from_parquet["residual"].to_numpy(), nan_ok=True)
+
+
+@pytest.mark.parametrize("kept", [Outcome.UNSUPPORTED, "none"])
+def test_a_run_without_a_measured_case_still_has_tables(finished_run: Path, tmp_path: Path, kept: str) -> None:
+    frames = load(finished_run)
+    cases = frames.cases.iloc[:2].assign(outcome=kept) if kept == Outcome.UNSUPPORTED else frames.cases.iloc[:0]
+    bare = replace(frames, cases=cases, points=frames.points.iloc[:0])
+    write_tables(bare, tmp_path)
+    assert set(pd.read_csv(tmp_path / "results.csv").columns) == set(results_table(frames).columns)
+    assert len(pd.read_parquet(tmp_path / "summary.parquet")) == 0
+    text = StringIO()
+    print_tables(bare, Console(file=text, width=100))
+    assert ("unsupported" if len(cases) else "no case") in text.getvalue()
 
 
 @pytest.mark.parametrize("width", [80, 100, 120])
