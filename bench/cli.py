@@ -16,7 +16,6 @@ from typer.exceptions import TyperException
 app = typer.Typer(
     name="proxbench",
     help="Measure numerical solvers for frictional contact: real problems, one judge, time against true accuracy.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -84,10 +83,17 @@ def _usage_sentence(error: TyperException) -> str:
 
 
 @app.callback(invoke_without_command=True)
-def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> int:
     if version:
         print(f"proxbench {metadata.version('proxbench')}")
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help(), file=sys.stderr)
+        return 2
+    return 0
 
 
 @app.command("list")
@@ -134,6 +140,7 @@ def generate(
 
 @app.command()
 def run(
+    context: typer.Context,
     suite: Annotated[str, typer.Option(help="Suite of problems.")] = "quick",
     problem: Annotated[list[str] | None, typer.Option(help="Problem instead of a suite; may be repeated.")] = None,
     solver: Annotated[
@@ -157,6 +164,7 @@ def run(
     from .plan import Limits
     from .progress import RunProgress
 
+    _refuse_contradictions(context)
     with RunProgress(Console(stderr=True), hidden=not progress or as_json) as shown:
         if resume is not None:
             folder = runner.resume(resume, retry_failed, on_event=shown)
@@ -164,6 +172,38 @@ def run(
             limits = Limits(solve_seconds, case_seconds, memory * 2**20)
             folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
     return _report(folder, as_json)
+
+
+_STORED_WITH_THE_RUN = (
+    "suite",
+    "problem",
+    "solver",
+    "tolerance",
+    "results",
+    "run_id",
+    "solve_seconds",
+    "case_seconds",
+    "memory",
+)
+"""Options that --resume takes from the stored run."""
+
+
+def _refuse_contradictions(context: typer.Context) -> None:
+    """Raise a BenchError if one option of ``run`` would make it ignore another."""
+    from .errors import BenchError
+
+    given = {
+        name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
+    if "resume" in given:
+        for name in _STORED_WITH_THE_RUN:
+            if name in given:
+                option = name.replace("_", "-")
+                raise BenchError(f"--{option} is stored with the run and cannot be changed by --resume; leave it out.")
+    elif "retry_failed" in given:
+        raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
+    if {"suite", "problem"} <= given:
+        raise BenchError("--suite and --problem exclude each other; give one of them.")
 
 
 @app.command()

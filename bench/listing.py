@@ -1,10 +1,14 @@
 """What there is to run, as plain values and as text."""
 
 import inspect
+import shutil
+import textwrap
 from typing import Any
 
 from ..problems.catalog import SUITES, is_available, load, problem_names, suite_members
+from ..problems.contact import ContactProblem
 from ..problems.errors import suggestion
+from ..problems.laws import LawKind
 from ..solvers.registry import available, factory
 from .errors import BenchError
 
@@ -24,18 +28,36 @@ def listed(what: str = "") -> dict[str, list[dict[str, Any]]]:
 
 
 def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
-    """Print the listing in aligned columns."""
+    """Print the listing in aligned columns, wrapped to the width of the terminal."""
+    texts = {"solvers": _solver_text, "suites": _suite_text, "problems": _problem_text}
+    columns = shutil.get_terminal_size((100, 24)).columns
     for kind, rows in names.items():
         print(kind)
-        width = max((len(str(row["name"])) for row in rows), default=0)
+        width = max((len(row["name"]) for row in rows), default=0)
         for row in rows:
-            rest = [
-                ", ".join(value) if isinstance(value, list) else str(value)
-                for key, value in row.items()
-                if key != "name"
-            ]
-            print(f"  {row['name']:<{width}}  {'  '.join(text for text in rest if text)}")
+            start = f"  {row['name']:<{width}}  "
+            indent = " " * len(start)
+            print(
+                textwrap.fill(
+                    texts[kind](row), columns, initial_indent=start, subsequent_indent=indent, break_on_hyphens=False
+                )
+            )
         print()
+
+
+def _solver_text(row: dict[str, Any]) -> str:
+    return ", ".join((f"{row['model']} model", *row["options"]))
+
+
+def _suite_text(row: dict[str, Any]) -> str:
+    return ", ".join(row["members"])
+
+
+def _problem_text(row: dict[str, Any]) -> str:
+    if not row["available"]:
+        return "not generated yet"
+    contacts = f"{row['contacts']} contact{'' if row['contacts'] == 1 else 's'}"
+    return f"{contacts}, {row['rows']} rows, {' and '.join(row['laws'])}, {row['form']}"
 
 
 def _solvers() -> list[dict[str, Any]]:
@@ -52,17 +74,17 @@ def _suites() -> list[dict[str, Any]]:
 
 
 def _problems() -> list[dict[str, Any]]:
-    rows = []
-    for name in problem_names():
-        if not is_available(name):
-            rows.append({"name": name, "size": "not generated yet"})
-            continue
-        problem = load(name)
-        rows.append(
-            {
-                "name": name,
-                "size": f"{problem.n_contacts} contacts, {problem.n_rows} rows",
-                "form": "factors" if problem.factors is not None else "Delassus",
-            }
-        )
-    return rows
+    return [
+        _described(load(name)) if is_available(name) else {"name": name, "available": False} for name in problem_names()
+    ]
+
+
+def _described(problem: ContactProblem) -> dict[str, Any]:
+    return {
+        "name": problem.name,
+        "available": True,
+        "contacts": problem.n_contacts,
+        "rows": problem.n_rows,
+        "laws": [LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))],
+        "form": "factors" if problem.factors is not None else "Delassus",
+    }

@@ -14,12 +14,12 @@ from ..problems.contact import ContactProblem
 from ..problems.storage import problem_bytes
 from ..solvers.interface import Solver
 from .case import Case
-from .errors import InterruptedRunError
+from .errors import BenchError, InterruptedRunError
 from .generate import generate
 from .machine import calibration_seconds, describe_machine
 from .outcome import FAULTS
 from .plan import Limits, Plan, make_plan, name_of, resolved
-from .store import Store
+from .store import Store, plain_name
 from .worker import working_folder
 
 ROUNDS = 5
@@ -87,6 +87,8 @@ def run(
     """
     plan = make_plan(problems, solvers, suite, tolerances, limits)
     identity = run_id or datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    if identity != plain_name(identity):
+        raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
     store = Store.create(Path(results) / identity)
     info = {"run_id": identity, "plan": _planned(plan), "machine": describe_machine(), "calibration_seconds": []}
     store.write_info({**info, "started": _now(), "finished": ""})

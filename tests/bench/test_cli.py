@@ -28,6 +28,10 @@ from proxbench.bench.cli import run_command
         ("generate funnel-31", "'funnel-3"),
         ("report nowhere", "no stored run"),
         ("run --resume nowhere", "no stored run"),
+        ("run --resume nowhere --solver SORprox", "--solver"),
+        ("run --retry-failed", "--resume"),
+        ("run --suite hard --problem hard-no-motion", "--problem"),
+        ("run --problem hard-no-motion --run-id ../elsewhere", "'../elsewhere'"),
     ],
 )
 def test_a_mistake_gets_one_sentence_and_exit_code_two(
@@ -74,7 +78,17 @@ def test_list_names_solvers_suites_and_problems(capsys: pytest.CaptureFixture[st
     listed = json.loads(capsys.readouterr().out)
     assert {"SORprox", "Jprox", "JORprox", "ClarabelSOCP"} <= {row["name"] for row in listed["solvers"]}
     assert {"quick", "funnel", "woodpecker", "hard", "all"} == {row["name"] for row in listed["suites"]}
-    assert any(row["name"] == "funnel-1000" for row in listed["problems"])
+    slider = next(row for row in listed["problems"] if row["name"] == "hard-duplicated-slider")
+    assert (slider["contacts"], slider["rows"]) == (10, 30)
+    assert slider["laws"] == ["unilateral", "spatial friction"]
+
+
+def test_without_a_command_the_help_is_shown_as_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command([]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("Usage: proxbench [OPTIONS] COMMAND")
+    assert "generate" in printed.err
 
 
 def test_help_loads_neither_numba_nor_pandas() -> None:
