@@ -189,7 +189,8 @@ _TIMES = {f"{accuracy:.0e}": f"time_to_{accuracy:.0e}" for accuracy in ACCURACIE
 _LEGEND = (
     "Columns 1e-02 to 1e-08 give the least median time, preparing included, to that judged residual; "
     "– means never reached.\n"
-    "says: share that the solver claims; true: share that the judge confirms; mean: shifted geometric mean time."
+    "cases: problems that the solver supports, which its rates and its mean are over; says: share that the solver "
+    "claims; true: share that the judge confirms; mean: shifted geometric mean time."
 )
 
 
@@ -240,7 +241,7 @@ def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, An
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
     is_narrow = console.width < NARROW
     if is_narrow:
-        shown = shown.drop(columns=["model", "iter.", "cases"], errors="ignore")
+        shown = shown.drop(columns=["model", "iter."], errors="ignore")
     for column in shown.columns:
         is_text = column in ("solver", "model", "ended")
         width = _SOLVER_WIDTH[is_narrow] if column == "solver" else None

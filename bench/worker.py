@@ -69,7 +69,7 @@ class Worker:
         self._process = context.Process(
             target=_serve, args=(theirs, problem_data, solver, memory_bytes, str(self._output)), daemon=True
         )
-        with _environment(ONE_THREAD):
+        with _environment(ONE_THREAD), _main_left_alone(solver):
             self._process.start()
         theirs.close()
         self.peak_memory_bytes = 0
@@ -138,6 +138,26 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+@contextlib.contextmanager
+def _main_left_alone(solver: Solver) -> Iterator[None]:
+    """Keep a starting process from running the caller's script again, unless the solver's class is defined in it.
+
+    multiprocessing imports the main module in every child, which would measure again in a script that calls ``run``
+    without asking for ``__name__ == "__main__"``.
+    """
+    main = sys.modules["__main__"]
+    if type(solver).__module__ == "__main__":
+        yield
+        return
+    kept = {name: main.__dict__[name] for name in ("__file__", "__spec__") if name in main.__dict__}
+    main.__dict__.pop("__file__", None)
+    main.__spec__ = None
+    try:
+        yield
+    finally:
+        main.__dict__.update(kept)
 
 
 def _serve(pipe: Connection, problem_data: bytes, solver: Solver, memory_bytes: int, output: str) -> None:

@@ -177,3 +177,15 @@ def test_limits_are_those_of_the_plan(tmp_path: Path) -> None:
     case = load(folder).cases.iloc[0]
     assert case["outcome"] == Outcome.TIMEOUT
     assert 0.4 <= case["wall_seconds"] <= 5.0
+
+
+def test_a_script_without_a_main_guard_is_run_once(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from proxbench.bench import load, run\n"
+        "print('begin')\n"
+        f"folder = run(['hard-no-motion'], ['SORprox', 'Jprox'], results={str(tmp_path)!r}, tolerances=[1e-2])\n"
+        "print(load(folder).cases['outcome'].tolist())\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.splitlines() == ["begin", "['measured', 'measured']"]
