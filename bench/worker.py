@@ -151,7 +151,7 @@ def _main_left_alone(solver: Solver) -> Iterator[None]:
     if type(solver).__module__ == "__main__":
         yield
         return
-    kept = {name: main.__dict__[name] for name in ("__file__", "__spec__") if name in main.__dict__}
+    kept: dict[str, Any] = {name: main.__dict__[name] for name in ("__file__", "__spec__") if name in main.__dict__}
     main.__dict__.pop("__file__", None)
     main.__spec__ = None
     try:
