@@ -5,7 +5,8 @@ Friction alone can turn a ball, so without it a ball has no rotational degrees o
     spatial    u = (v, ω) ∈ R⁶, rows N, T1, T2        without friction u = v ∈ R³, row N
     planar     u = (v, ω) ∈ R³, rows N, T             without friction u = v ∈ R², row N
 
-Contacts are found by a cell list and written straight into a sparse W; no dense matrix appears anywhere.
+Contacts are found by a cell list and written straight into W in pieces, two balls a contact or one; no dense matrix
+appears anywhere.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from numba import njit
 
 from .broadphase import overlapping_pairs
 from .errors import ProblemError
 from .factors import InverseMass
 from .laws import FloatArray, IntArray, Laws
+from .pieces import Pieces
 from .surfaces import Surface
 from .system import ActiveContacts, StepAssembly
 
@@ -135,12 +136,10 @@ class BallSystem:
         keys, first, second, gap, normal = self._touching(centres)
         if not len(keys):
             return None
-        indptr, indices, values = _force_directions(
+        starts, chunks, values = _force_directions(
             first, second, normal, self.radii, self.dofs_per_ball, self.rows_per_contact
         )
-        shape = (self.n_balls * self.dofs_per_ball, len(keys) * self.rows_per_contact)
-        directions = sp.csc_array((values, indices, indptr), shape=shape)
-        directions.has_canonical_format = True
+        directions = Pieces(starts, chunks, values, self.n_balls)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
         restitution[:, 0] = self.restitution_normal
         laws = Laws.contacts(self.friction or 0.0, self.rows_per_contact, len(keys))
@@ -153,93 +152,101 @@ class BallSystem:
         """
         n, stride = self.n_balls, self.n_balls + len(self.surfaces)
         pairs = overlapping_pairs(centres, self.radii)
-        apart = centres[pairs[:, 0]] - centres[pairs[:, 1]]
-        distance = np.sqrt((apart**2).sum(axis=1))
-        keys = [pairs[:, 0] * stride + pairs[:, 1]]
-        gaps = [distance - self.radii[pairs[:, 0]] - self.radii[pairs[:, 1]]]
-        normals = [_unit(apart, distance)]
+        gap, normal = _pair_geometry(pairs, centres, self.radii)
+        keys, gaps, normals = [pairs[:, 0] * stride + pairs[:, 1]], [gap], [normal]
         for index, surface in enumerate(self.surfaces):
             touching, gap, normal = surface.touching(centres, self.radii)
             keys.append(touching * stride + n + index)
             gaps.append(gap)
             normals.append(normal)
         key = np.concatenate(keys)
-        order = np.argsort(key)
+        order = np.argsort(key, kind="stable")  # merges runs that are sorted already
         key = key[order]
-        second = key % stride
-        return (
-            key,
-            key // stride,
-            np.where(second < n, second, -1),
-            np.concatenate(gaps)[order],
-            np.concatenate(normals)[order],
-        )
+        first = key // stride
+        second = key - stride * first
+        second[second >= n] = -1
+        return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
 
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
 
 
-def _unit(vectors: FloatArray, length: FloatArray) -> FloatArray:
-    """Return vectors of length one; concentric balls, which have no normal, are pushed apart along the first axis."""
-    unit = vectors / np.where(length > 0.0, length, 1.0)[:, None]
-    unit[length == 0.0, 0] = 1.0
-    return unit
+@njit(cache=True)
+def _pair_geometry(pairs, centres, radii):  # type: ignore[no-untyped-def]
+    """Return gaps and normals of pairs; concentric balls, which have none, are pushed along the first axis."""
+    dim = centres.shape[1]
+    gaps, normals = np.empty(len(pairs)), np.zeros((len(pairs), dim))
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        squared = 0.0
+        for axis in range(dim):
+            normals[k, axis] = centres[i, axis] - centres[j, axis]
+            squared += normals[k, axis] ** 2
+        distance = np.sqrt(squared)
+        gaps[k] = distance - radii[i] - radii[j]
+        if distance > 0.0:
+            for axis in range(dim):
+                normals[k, axis] /= distance
+        else:
+            normals[k, 0] = 1.0
+    return gaps, normals
 
 
 @njit(cache=True)
-def _tangents(normal, tangents):  # type: ignore[no-untyped-def]
-    """Write T (planar) or T1, T2 (spatial; Duff et al. 2017, which jumps only at n_z = 0) orthogonal to ``normal``."""
-    if len(normal) == 2:
-        tangents[0, 0], tangents[0, 1] = -normal[1], normal[0]
-        return
+def _frame(normal, dim, rows):  # type: ignore[no-untyped-def]
+    """Write N and T (planar) or N, T1, T2 (spatial; Duff et al. 2017, which jumps only at n_z = 0) into ``rows``."""
     x, y, z = normal
+    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
+    if dim == 2:
+        rows[1, 0], rows[1, 1] = -y, x
+        return
     sign = 1.0 if z >= 0.0 else -1.0
     a = -1.0 / (sign + z)
     b = x * y * a
-    tangents[0, 0], tangents[0, 1], tangents[0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-    tangents[1, 0], tangents[1, 1], tangents[1, 2] = b, sign + y * y * a, -y
+    rows[1, 0], rows[1, 1], rows[1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    rows[2, 0], rows[2, 1], rows[2, 2] = b, sign + y * y * a, -y
 
 
 @njit(cache=True)
 def _force_directions(first, second, normals, radii, dofs_per_ball, rows_per_contact):  # type: ignore[no-untyped-def]
-    """Return W in compressed columns: the relative velocity of contact point and partner, row by row.
+    """Return starts, chunks and values of W in pieces: the relative velocity of contact point and partner, row by row.
 
     γ_N = n·(v_i − v_j), γ_T = t·(v_i − v_j) − (n × t)·(r_i ω_i + r_j ω_j), with n from j to i; in the plane n × t = 1.
     """
     n_contacts, dim = normals.shape
-    spins = dofs_per_ball - dim
-    indptr = np.zeros(n_contacts * rows_per_contact + 1, dtype=np.int32)
-    size = n_contacts * 2 * (dim + (rows_per_contact - 1) * dofs_per_ball)
-    indices = np.empty(size, dtype=np.int32)
-    values = np.empty(size)
-    tangents = np.empty((2, dim))
-    entry = 0
+    starts = np.zeros(n_contacts + 1, dtype=np.int64)
     for c in range(n_contacts):
-        normal = normals[c]
-        if rows_per_contact > 1:
-            _tangents(normal, tangents)
-        for lane in range(rows_per_contact):
-            direction = normal if lane == 0 else tangents[lane - 1]
-            for body in range(2):
-                ball = first[c] if body == 0 else second[c]
-                if ball < 0:
-                    continue
-                sign = 1.0 - 2.0 * body
-                for axis in range(dim):
-                    indices[entry] = ball * dofs_per_ball + axis
-                    values[entry] = sign * direction[axis]
-                    entry += 1
-                if lane == 0:
-                    continue
-                for spin in range(spins):
-                    if dim == 2:
-                        lever = 1.0
-                    else:
-                        p, q = (spin + 1) % 3, (spin + 2) % 3
-                        lever = normal[p] * direction[q] - normal[q] * direction[p]
-                    indices[entry] = ball * dofs_per_ball + dim + spin
-                    values[entry] = -radii[ball] * lever
-                    entry += 1
-            indptr[c * rows_per_contact + lane + 1] = entry
-    return indptr, indices[:entry], values[:entry]
+        starts[c + 1] = starts[c] + (1 if second[c] < 0 else 2)
+    n_pieces, length = starts[n_contacts], rows_per_contact * dofs_per_ball
+    chunks = np.empty(n_pieces + 1, dtype=np.int64)
+    values = np.empty((n_pieces + 1) * length)
+    rows, unit = np.zeros((3, 3)), np.zeros(3)
+    for c in range(n_contacts):
+        for axis in range(dim):
+            unit[axis] = normals[c, axis]
+        _frame(unit, dim, rows)
+        for piece in range(starts[c], starts[c + 1]):
+            chunks[piece] = first[c] if piece == starts[c] else second[c]
+            sign = 1.0 if piece == starts[c] else -1.0
+            _write_piece(rows, dim, rows_per_contact, dofs_per_ball, sign, radii[chunks[piece]], values, length * piece)
+    chunks[n_pieces] = len(radii)
+    values[length * n_pieces :] = 0.0
+    return starts, chunks, values.reshape((n_pieces + 1, rows_per_contact, dofs_per_ball))
+
+
+@njit(cache=True)
+def _write_piece(rows, dim, n_rows, n_dofs, sign, radius, values, at):  # type: ignore[no-untyped-def]
+    """Write the rows of a contact on one ball: ``sign`` for the centre, the radius times n × t for the rotation."""
+    for lane in range(n_rows):
+        for axis in range(dim):
+            values[at + axis] = sign * rows[lane, axis]
+        for spin in range(n_dofs - dim):
+            lever = 0.0
+            if dim == 2 and lane == 1:
+                lever = 1.0
+            elif dim == 3:
+                p, q = (spin + 1) % 3, (spin + 2) % 3
+                lever = rows[0, p] * rows[lane, q] - rows[0, q] * rows[lane, p]
+            values[at + dim + spin] = -radius * lever if lane else 0.0
+        at += n_dofs

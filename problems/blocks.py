@@ -63,6 +63,8 @@ class BlockLayout:
 
     def pad(self, rows: FloatArray) -> FloatArray:
         """Return a vector over rows as a fresh array of shape (n_blocks, width), unused lanes zero."""
+        if self.is_dense:
+            return rows.reshape(self.n_blocks, self.width).copy()
         padded = np.zeros(self.n_blocks * self.width)
         padded[self.slot] = rows
         return padded.reshape(self.n_blocks, self.width)

@@ -25,7 +25,7 @@ from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
 from .errors import ProblemError
 from .factors import Factors, as_sparse_input
 from .laws import FloatArray, Laws, frozen
-from .pieces import FactorPieces, cut_into_pieces, delassus_diagonal
+from .pieces import Pieces
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
@@ -150,7 +150,7 @@ class ContactProblem:
         assert self.matrix is not None
         return blocks_from_matrix(self.matrix, self.layout)
 
-    def factor_pieces(self) -> FactorPieces:
+    def factor_pieces(self) -> Pieces:
         """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, cut at the first call and kept.
 
         Raises:
@@ -159,10 +159,10 @@ class ContactProblem:
         return self._factor_pieces
 
     @cached_property
-    def _factor_pieces(self) -> FactorPieces:
+    def _factor_pieces(self) -> Pieces:
         if self.factors is None:
             raise ProblemError(f"{self.name!r} holds G only; its factors W and M⁻¹ are not known.")
-        return cut_into_pieces(self.factors, self.layout)
+        return self.factors.scaled_pieces(self.layout)
 
     def delassus(self) -> sp.csr_array:
         """Return G [1/kg], a read-only scipy CSR array, (n_rows, n_rows), assembled at the first call and kept."""
@@ -176,7 +176,7 @@ class ContactProblem:
     def delassus_diagonal(self) -> FloatArray:
         """Diagonal of G [1/kg], shape (n_rows,), found without assembling G."""
         if self.factors is not None:
-            return frozen(delassus_diagonal(self.factor_pieces(), self.layout), np.float64)
+            return frozen(self.layout.unpad(self.factor_pieces().square_sums()), np.float64)
         assert self.matrix is not None
         return frozen(self.matrix.diagonal(), np.float64)
 

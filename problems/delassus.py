@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .blocks import BlockLayout
 from .laws import FloatArray, IntArray
-from .pieces import FactorPieces
+from .pieces import Pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlo
     return _read_only(starts.astype(np.int64), columns, values)
 
 
-def blocks_from_pieces(pieces: FactorPieces) -> DelassusBlocks:
+def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
     """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃."""
     starts, columns, values = _multiply(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     return _read_only(starts, columns, values)
@@ -73,13 +73,13 @@ def _read_only(starts: IntArray, columns: NDArray[np.int32], values: FloatArray)
 def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece."""
     chunk_starts = np.zeros(n_chunks + 1, dtype=np.int64)
-    for p in range(len(chunks)):
+    for p in range(starts[-1]):
         chunk_starts[chunks[p] + 1] += 1
     for chunk in range(n_chunks):
         chunk_starts[chunk + 1] += chunk_starts[chunk]
     filled = chunk_starts[:-1].copy()
-    members = np.empty(len(chunks), dtype=np.int64)
-    block_of_piece = np.empty(len(chunks), dtype=np.int64)
+    members = np.empty(starts[-1], dtype=np.int64)
+    block_of_piece = np.empty(starts[-1], dtype=np.int64)
     for block in range(len(starts) - 1):
         for p in range(starts[block], starts[block + 1]):
             block_of_piece[p] = block

@@ -9,8 +9,10 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
+from .blocks import BlockLayout
 from .errors import ProblemError
 from .laws import FloatArray, frozen
+from .pieces import Pieces, cut_into_pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +63,45 @@ class InverseMass:
             raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
         return sp.csr_array((np.sqrt(diagonal), self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
 
+    def times(self, vector: FloatArray) -> FloatArray:
+        """Return M⁻¹ x, shape (n_dofs,)."""
+        product: FloatArray = self.matrix.data * vector if self.is_diagonal else self.matrix @ vector
+        return product
+
+    def root_blocks(self, length: int) -> FloatArray | None:
+        """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them, None if it has other entries."""
+        if length not in self._root_blocks:
+            self._root_blocks[length] = self._cut_root(length)
+        return self._root_blocks[length]
+
+    @cached_property
+    def _root_blocks(self) -> dict[int, FloatArray | None]:
+        return {}
+
+    def _cut_root(self, length: int) -> FloatArray | None:
+        root = self.root
+        n_dofs = root.shape[0]
+        if n_dofs % length:
+            return None
+        if self.is_diagonal:
+            return frozen(root.data, np.float64)
+        blocks = sp.bsr_array(root, blocksize=(length, length))
+        if not np.array_equal(blocks.indices, np.arange(n_dofs // length)):
+            return None
+        return frozen(blocks.data, np.float64)
+
 
 @dataclass(frozen=True, eq=False)
 class Factors:
     """W, M⁻¹ and the free motion of the system that a problem comes from; build it with ``create``.
 
     Attributes:
-        force_directions: W, shape (n_dofs, n_rows), scipy CSC.
+        directions: W as given: scipy CSC, shape (n_dofs, n_rows), or in pieces, one block a contact.
         inverse_mass: M⁻¹.
         free_motion: u_B + M⁻¹ h Δt, the velocity the system would have without contacts, shape (n_dofs,), or ``None``.
     """
 
-    force_directions: sp.csc_array[Any]
+    directions: sp.csc_array[Any] | Pieces
     inverse_mass: InverseMass
     free_motion: FloatArray | None = None
 
@@ -100,12 +129,34 @@ class Factors:
     @property
     def n_dofs(self) -> int:
         """Number of degrees of freedom."""
-        return int(self.force_directions.shape[0])
+        return int(self.inverse_mass.matrix.shape[0])
 
     @property
     def n_rows(self) -> int:
         """Number of rows of the problem."""
-        return int(self.force_directions.shape[1])
+        given = self.directions
+        return given.n_blocks * given.width if isinstance(given, Pieces) else int(given.shape[1])
+
+    @cached_property
+    def force_directions(self) -> sp.csc_array[Any]:
+        """W, shape (n_dofs, n_rows), scipy CSC, read-only."""
+        if not isinstance(self.directions, Pieces):
+            return self.directions
+        columns = self.directions.to_csc()
+        for array in (columns.data, columns.indices, columns.indptr):
+            array.setflags(write=False)
+        return columns
+
+    def scaled_pieces(self, layout: BlockLayout) -> Pieces:
+        """Return W̃ = Sᵀ W in pieces, for the blocks of ``layout``."""
+        given = self.directions
+        if isinstance(given, Pieces) and given.width == layout.width and layout.is_dense:
+            blocks = self.inverse_mass.root_blocks(given.length)
+            if blocks is not None:
+                return given.scaled(blocks)
+        if self.inverse_mass.is_diagonal:
+            return cut_into_pieces(self.force_directions, self.inverse_mass.root.data, layout)
+        return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)
 
     @cached_property
     def scaled_directions(self) -> sp.csc_array[Any]:
@@ -120,7 +171,7 @@ class Factors:
 
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
-        product: FloatArray = self.force_directions.T @ (self.inverse_mass.matrix @ (self.force_directions @ impulses))
+        product: FloatArray = self.force_directions.T @ self.inverse_mass.times(self.force_directions @ impulses)
         return product
 
     def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
@@ -134,7 +185,7 @@ class Factors:
     def fresh(self) -> "Factors":
         """Return equal factors that share no memory with these."""
         motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
-        return Factors(self.force_directions.copy(), InverseMass(self.inverse_mass.matrix.copy()), motion)
+        return Factors(self.directions.copy(), InverseMass(self.inverse_mass.matrix.copy()), motion)
 
 
 def as_sparse_input(given: Any, name: str) -> Any:

@@ -67,15 +67,12 @@ class Residual:
     """
 
     def __init__(self, problem: "ContactProblem") -> None:
-        laws, diagonal = problem.laws, problem.delassus_diagonal
-        alpha = diagonal[laws.first_row].copy()
-        spatial = laws.kind == LawKind.SPATIAL_FRICTION
-        alpha[spatial] = np.maximum(alpha[spatial], diagonal[laws.first_row[spatial] + 1])
+        laws, free_velocity = problem.laws, problem.free_velocity
+        alpha, speeds, stuck = _scales(laws.kind, laws.first_row, problem.delassus_diagonal, free_velocity)
         self.alpha: FloatArray = alpha
-        self.speeds: FloatArray = _law_norms(problem, problem.free_velocity)
-        self.scale = float(self.speeds.max(initial=0.0))
-        stuck = (laws.kind == LawKind.UNILATERAL) & (alpha == 0.0)
-        self.infeasible = bool((problem.free_velocity[laws.first_row[stuck]] < 0.0).any())
+        self.speeds: FloatArray = speeds
+        self.scale = float(speeds.max(initial=0.0))
+        self.infeasible = stuck >= 0
         self._squares = np.empty(laws.n_laws)
         self._arguments = (laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner, alpha)
 
@@ -83,9 +80,7 @@ class Residual:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
-        _squared_violations(*self._arguments, impulses, velocity, self._squares)
-        largest = float(np.sqrt(self._squares.max(initial=0.0)))  # NaN passes through max
-        return _relative(largest, self.scale)
+        return _relative(_squared_violations(*self._arguments, impulses, velocity, self._squares), self.scale)
 
 
 def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
@@ -134,33 +129,37 @@ def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.C
 def _squared_violations(  # type: ignore[no-untyped-def]
     kind, first_row, mu, fixed, partner, alpha, impulses, velocity, squares
 ):
-    """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law.
+    """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest violation [m/s], NaN if any is NaN.
 
     Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
     for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
     """
+    largest = 0.0
     for law in range(len(kind)):
         row, a = first_row[law], alpha[law]
         held = a * impulses[row]
         x = held - velocity[row]
         if kind[law] == 0:
-            squares[law] = (held - max(x, 0.0)) ** 2
-            continue
-        bound = fixed[law]
-        if partner[law] >= 0:
-            bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
-        bound *= a
-        if kind[law] == 1:
-            squares[law] = (held - min(max(x, -bound), bound)) ** 2
-            continue
-        held_2 = a * impulses[row + 1]
-        y = held_2 - velocity[row + 1]
-        length_squared = x * x + y * y
-        if length_squared > bound * bound:
-            scale = bound / np.sqrt(length_squared)
-            x *= scale
-            y *= scale
-        squares[law] = (held - x) ** 2 + (held_2 - y) ** 2
+            square = (held - max(x, 0.0)) ** 2
+        else:
+            bound = fixed[law]
+            if partner[law] >= 0:
+                bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
+            bound *= a
+            if kind[law] == 1:
+                square = (held - min(max(x, -bound), bound)) ** 2
+            else:
+                held_2 = a * impulses[row + 1]
+                y = held_2 - velocity[row + 1]
+                length_squared = x * x + y * y
+                if length_squared > bound * bound:
+                    scale = bound / np.sqrt(length_squared)
+                    x *= scale
+                    y *= scale
+                square = (held - x) ** 2 + (held_2 - y) ** 2
+        squares[law] = square
+        largest = square if square > largest or square != square else largest
+    return np.sqrt(largest)
 
 
 def _violations(
@@ -257,20 +256,20 @@ def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
     return np.column_stack([rows[first], other])
 
 
-def _law_norms(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
-    """Norm of the entries of every law, shape (n_laws,)."""
-    norms: FloatArray = _norms(problem.laws.kind, problem.laws.first_row, rows)
-    return norms
-
-
 @njit(cache=True)
-def _norms(kind, first_row, rows):  # type: ignore[no-untyped-def]
-    norms = np.empty(len(kind))
+def _scales(kind, first_row, diagonal, free_velocity):  # type: ignore[no-untyped-def]
+    """Return α_i and ‖c_i‖ of every law, and a unilateral law with α_i = 0 and c_i < 0, −1 if there is none."""
+    alpha, speeds = np.empty(len(kind)), np.empty(len(kind))
+    stuck = -1
     for law in range(len(kind)):
-        norms[law] = abs(rows[first_row[law]])
+        row = first_row[law]
+        alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
         if kind[law] == 2:
-            norms[law] = np.hypot(norms[law], rows[first_row[law] + 1])
-    return norms
+            alpha[law] = max(alpha[law], diagonal[row + 1])
+            speeds[law] = np.hypot(speeds[law], free_velocity[row + 1])
+        if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
+            stuck = law
+    return alpha, speeds, stuck
 
 
 def _natural_map(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:

@@ -12,7 +12,7 @@ that belongs to a unilateral law, the partner.
 
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,10 +108,10 @@ class Laws:
         """Number of laws."""
         return len(self.kind)
 
-    @property
+    @cached_property
     def n_rows(self) -> int:
         """Number of rows, the length of c, Λ and ξ."""
-        return int(ROWS_OF_KIND[self.kind].sum())
+        return int(self.first_row[-1] + ROWS_OF_KIND[self.kind[-1]]) if len(self.kind) else 0
 
     @staticmethod
     def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
@@ -131,15 +131,42 @@ class Laws:
         bad = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
         if len(bad):
             raise ProblemError(f"friction[{bad[0]}] = {coefficient[bad[0]]} must be finite and not negative.")
-        index = np.arange(n_contacts, dtype=np.int64)
-        if dim == 1:
-            zeros = np.zeros(n_contacts)
-            return Laws(np.zeros(n_contacts, dtype=np.int8), index, zeros, zeros, np.full(n_contacts, -1))
-        kind = np.tile(np.array([0, dim - 1], dtype=np.int8), n_contacts)
-        first_row = np.column_stack([dim * index, dim * index + 1]).ravel()
-        mu = np.column_stack([np.zeros(n_contacts), coefficient]).ravel()
-        partner = np.column_stack([np.full(n_contacts, -1), 2 * index]).ravel()
-        return Laws(kind, first_row, mu, np.zeros(2 * n_contacts), partner)
+        if np.ndim(friction) == 0:
+            return _equal_laws(float(np.asarray(friction)), dim, n_contacts)
+        return _laws_of_contacts(coefficient, dim)
+
+
+def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
+    """Return one contact for each μ, with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3)."""
+    n_contacts = len(coefficient)
+    index = np.arange(n_contacts, dtype=np.int64)
+    if dim == 1:
+        zeros = np.zeros(n_contacts)
+        return Laws(np.zeros(n_contacts, dtype=np.int8), index, zeros, zeros, np.full(n_contacts, -1))
+    kind = np.tile(np.array([0, dim - 1], dtype=np.int8), n_contacts)
+    first_row = np.column_stack([dim * index, dim * index + 1]).ravel()
+    mu = np.column_stack([np.zeros(n_contacts), coefficient]).ravel()
+    partner = np.column_stack([np.full(n_contacts, -1), 2 * index]).ravel()
+    return Laws(kind, first_row, mu, np.zeros(2 * n_contacts), partner)
+
+
+def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
+    """Return contacts of one μ as the first part of a longer list, which time stepping asks for again and again.
+
+    The longer list has been checked, and every part of it that begins at its beginning holds together.
+    """
+    room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
+    whole = _many_equal_laws(friction, dim, room)
+    count = n_contacts if dim == 1 else 2 * n_contacts
+    part = object.__new__(Laws)
+    for name in ("kind", "first_row", "friction_coefficient", "fixed_bound", "partner"):
+        object.__setattr__(part, name, getattr(whole, name)[:count])
+    return part
+
+
+@lru_cache(maxsize=16)
+def _many_equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
+    return _laws_of_contacts(np.full(n_contacts, friction), dim)
 
 
 def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], wanted: str) -> None:

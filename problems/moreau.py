@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from numba import njit
 
 from .contact import ContactProblem
 from .errors import ProblemError
@@ -108,7 +109,7 @@ class Moreau:
         problem = step_problem(assembly, contacts, state.velocity)
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
-        velocity = assembly.free_motion + assembly.inverse_mass.matrix @ (contacts.directions @ solution.impulses)
+        velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.directions.times(solution.impulses))
         held = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
         end = State(time, self.system.move(midpoint, velocity, half), velocity, contacts.keys, held)
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
@@ -123,17 +124,27 @@ class Moreau:
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
     """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B."""
-    transposed = contacts.directions.T
-    free_velocity = transposed @ assembly.free_motion + contacts.restitution * (transposed @ velocity)
-    factors = Factors(contacts.directions, assembly.inverse_mass, assembly.free_motion)
+    directions = contacts.directions
+    free_velocity = directions.transposed_times(assembly.free_motion)
+    free_velocity += contacts.restitution * directions.transposed_times(velocity)
+    factors = Factors(directions, assembly.inverse_mass, assembly.free_motion)
     return ContactProblem(free_velocity, contacts.laws, factors=factors)
 
 
 def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
     """Return the last impulses of the contacts that persist and zero for new ones, shape (n_rows,)."""
     start = np.zeros((len(contacts.keys), contacts.rows_per_contact))
-    if len(state.keys) and state.impulses.shape[1] == contacts.rows_per_contact:
-        place = np.minimum(np.searchsorted(state.keys, contacts.keys), len(state.keys) - 1)
-        persists = state.keys[place] == contacts.keys
-        start[persists] = state.impulses[place[persists]]
+    if state.impulses.shape[1] == contacts.rows_per_contact:
+        _copy_matching(state.keys, state.impulses, contacts.keys, start)
     return start.ravel()
+
+
+@njit(cache=True)
+def _copy_matching(old_keys, old_rows, keys, rows):  # type: ignore[no-untyped-def]
+    """Copy the rows of keys that occur in both ascending lists."""
+    old = 0
+    for new in range(len(keys)):
+        while old < len(old_keys) and old_keys[old] < keys[new]:
+            old += 1
+        if old < len(old_keys) and old_keys[old] == keys[new]:
+            rows[new] = old_rows[old]

@@ -1,16 +1,19 @@
-"""The scaled factor W̃ = Sᵀ W in small dense pieces, one for each contact and each chunk of coordinates it touches.
+"""Force directions in small dense pieces, one for each contact and each chunk of coordinates that it touches.
 
 A chunk is a run of ``length`` degrees of freedom (a body's, where all bodies have equally many). Contacts touch one or
-two bodies, so a contact has one or two pieces, and kernels over pieces need no index for every single number.
+two bodies, so a contact has one or two pieces, and kernels over pieces need no index for every single number. The same
+form holds W, as systems write it, and W̃ = Sᵀ W with M⁻¹ = S Sᵀ, as kernels read it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numba import njit
+import scipy.sparse as sp
+from numba import njit, uint64
 
 from .blocks import BlockLayout
-from .factors import Factors
 from .laws import FloatArray, IntArray
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
@@ -21,13 +24,16 @@ SAMPLED_ROWS = 300
 
 
 @dataclass(frozen=True, eq=False)
-class FactorPieces:
-    """W̃ in pieces.
+class Pieces:
+    """A matrix with a row for each degree of freedom and a column for each lane of each block, in pieces.
+
+    One more piece, of zeros and on a chunk behind all others, ends the list: it is the second piece of a block that
+    has only one, for kernels that treat all blocks alike.
 
     Attributes:
         starts: first piece of each block, shape (n_blocks + 1,).
-        chunks: chunk of each piece, shape (n_pieces,).
-        values: the pieces [kg^-½], shape (n_pieces, width, length).
+        chunks: chunk of each piece, shape (n_pieces + 1,).
+        values: the pieces, transposed, shape (n_pieces + 1, width, length).
         n_chunks: number of chunks.
     """
 
@@ -37,49 +43,160 @@ class FactorPieces:
     n_chunks: int
 
     @property
+    def n_blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.starts) - 1
+
+    @property
+    def width(self) -> int:
+        """Lanes of a block."""
+        return int(self.values.shape[1])
+
+    @property
+    def length(self) -> int:
+        """Degrees of freedom of a chunk."""
+        return int(self.values.shape[2])
+
+    @cached_property
     def most_per_block(self) -> int:
         """Largest number of pieces of one block."""
         return int(np.diff(self.starts).max(initial=0))
 
+    @cached_property
+    def loops(self) -> tuple[tuple[int, ...], tuple[int, ...], IntArray, IntArray, FloatArray]:
+        """What kernels take: lanes and axes of a piece, starts, chunks, and the values flat.
 
-def cut_into_pieces(factors: Factors, layout: BlockLayout) -> FactorPieces:
-    """Return W̃ in pieces of the chunk length that makes them cheapest: numbers to read, plus four for each piece.
+        Lanes and axes are tuples, whose length the compiler knows, so that it unrolls the loops over them.
+        """
+        return tuple(range(self.width)), tuple(range(self.length)), self.starts, self.chunks, self.values.reshape(-1)
 
-    The length is chosen by the first rows; a problem's contacts are alike.
+    def copy(self) -> "Pieces":
+        """Return the same pieces in memory of their own."""
+        return Pieces(self.starts.copy(), self.chunks.copy(), self.values.copy(), self.n_chunks)
+
+    def times(self, padded: FloatArray) -> FloatArray:
+        """Return the product with a vector over lanes, shape (n_chunks · length,)."""
+        product = np.zeros((self.n_chunks + 1) * self.length)
+        _times(*self.loops, padded.reshape(-1), product)
+        return product[: -self.length]
+
+    def transposed_times(self, vector: FloatArray) -> FloatArray:
+        """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
+        product = np.empty(self.n_blocks * self.width)
+        _transposed_times(*self.loops, vector, product)
+        return product
+
+    def square_sums(self) -> FloatArray:
+        """Return the squared norm of each column, shape (n_blocks, width): for W̃ the diagonal of G [1/kg]."""
+        sums: FloatArray = _square_sums(*self.loops)
+        return sums
+
+    def scaled(self, root_blocks: FloatArray) -> "Pieces":
+        """Return the pieces of Sᵀ W for a block diagonal S.
+
+        Args:
+            root_blocks: the blocks of S, shape (n_chunks, length, length), or its diagonal, shape (n_chunks · length,).
+        """
+        if root_blocks.ndim == 1:
+            values = np.empty_like(self.values)
+            _scaled_by_diagonal(*self.loops, root_blocks, values.reshape(-1))
+        else:
+            values = _scaled_by_blocks(self.chunks, self.values, root_blocks)
+        return Pieces(self.starts, self.chunks, values, self.n_chunks)
+
+    def to_csc(self) -> sp.csc_array[Any]:
+        """Return the matrix, zeros not stored, shape (n_chunks · length, n_blocks · width)."""
+        block = np.repeat(np.arange(self.n_blocks), np.diff(self.starts))
+        values = self.values[:-1]
+        piece, lane, k = np.nonzero(values)
+        rows, columns = self.chunks[piece] * self.length + k, block[piece] * self.width + lane
+        shape = (self.n_chunks * self.length, self.n_blocks * self.width)
+        return sp.csc_array(sp.coo_array((values[piece, lane, k], (rows, columns)), shape=shape))
+
+
+def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
+    """Return a matrix with a column for each row of a problem, its rows scaled by ``root``, in pieces.
+
+    The chunk length is the one that makes them cheapest, counting the numbers to read plus four for each piece; it is
+    chosen by the first rows, because a problem's contacts are alike.
     """
-    if factors.inverse_mass.is_diagonal:
-        scaled, root = factors.force_directions, factors.inverse_mass.root.data
-    else:
-        scaled, root = factors.scaled_directions, np.ones(factors.n_dofs)
-    dofs = np.arange(factors.n_dofs)
+    dofs = np.arange(columns.shape[0])
     sample = layout.slot[:SAMPLED_ROWS]
     cost = {
-        length: _count_pieces(scaled.indptr, scaled.indices, sample, layout.n_blocks, layout.width, dofs // length)[-1]
+        length: _count_pieces(columns.indptr, columns.indices, sample, layout.n_blocks, layout.width, dofs // length)[
+            -1
+        ]
         * (layout.width * length + 4)
         for length in CHUNK_LENGTHS
     }
     length = min(CHUNK_LENGTHS, key=lambda candidate: cost[candidate])
-    pattern = (scaled.indptr, scaled.indices, layout.slot, layout.n_blocks, layout.width, dofs // length)
-    starts, chunks, values = _cut(*pattern, length, scaled.data, root)
-    return FactorPieces(starts, chunks, values, -(-factors.n_dofs // length))
+    n_chunks = -(-columns.shape[0] // length)
+    pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width, dofs // length)
+    starts, chunks, values = _cut(*pattern, length, n_chunks, columns.data, root)
+    return Pieces(starts, chunks, values, n_chunks)
 
 
-def delassus_diagonal(pieces: FactorPieces, layout: BlockLayout) -> FloatArray:
-    """Return the diagonal of G = W̃ᵀ W̃ [1/kg], shape (n_rows,)."""
-    return layout.unpad(_square_sums(pieces.starts, pieces.values))
+@njit(cache=True, fastmath={"contract"})
+def _times(lanes, axes, starts, chunks, values, padded, product):  # type: ignore[no-untyped-def]
+    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
+    for i in range(uint64(len(starts) - 1)):
+        for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            chunk, piece = length * uint64(chunks[p]), width * length * p
+            for k in range(length):
+                total = product[chunk + k]
+                for lane in range(width):
+                    total += values[piece + length * lane + k] * padded[width * i + lane]
+                product[chunk + k] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _transposed_times(lanes, axes, starts, chunks, values, vector, product):  # type: ignore[no-untyped-def]
+    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
+    for i in range(uint64(len(starts) - 1)):
+        for lane in range(width):
+            total = 0.0
+            for p in range(uint64(starts[i]), uint64(starts[i + one])):
+                chunk, row = length * uint64(chunks[p]), length * (width * p + lane)
+                for k in range(length):
+                    total += values[row + k] * vector[chunk + k]
+            product[width * i + lane] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _square_sums(lanes, axes, starts, chunks, values):  # type: ignore[no-untyped-def]
+    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
+    sums = np.zeros((len(starts) - 1, len(lanes)))
+    for i in range(uint64(len(starts) - 1)):
+        for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            for lane in range(width):
+                for k in range(length):
+                    sums[i, lane] += values[length * (width * p + lane) + k] ** 2
+    return sums
 
 
 @njit(cache=True)
-def _square_sums(starts, values):  # type: ignore[no-untyped-def]
-    """Sum of the squares of each lane of each block."""
-    _, width, length = values.shape
-    sums = np.zeros((len(starts) - 1, width))
-    for block in range(len(starts) - 1):
-        for piece in range(starts[block], starts[block + 1]):
-            for lane in range(width):
-                for k in range(length):
-                    sums[block, lane] += values[piece, lane, k] * values[piece, lane, k]
-    return sums
+def _scaled_by_diagonal(lanes, axes, starts, chunks, values, diagonal, scaled):  # type: ignore[no-untyped-def]
+    width, length = uint64(len(lanes)), uint64(len(axes))
+    last = uint64(len(chunks) - 1)
+    for p in range(last):
+        chunk = length * uint64(chunks[p])
+        for lane in range(width):
+            row = length * (width * p + lane)
+            for k in range(length):
+                scaled[row + k] = values[row + k] * diagonal[chunk + k]
+    scaled[width * length * last :] = 0.0
+
+
+@njit(cache=True)
+def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
+    scaled = np.zeros_like(values)
+    n_pieces, width, length = values.shape
+    for p in range(n_pieces - 1):
+        for lane in range(width):
+            for k in range(length):
+                for m in range(length):
+                    scaled[p, lane, k] += values[p, lane, m] * blocks[chunks[p], m, k]
+    return scaled
 
 
 @njit(cache=True)
@@ -100,12 +217,12 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of):  # type: ig
 
 
 @njit(cache=True)
-def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, data, root):  # type: ignore[no-untyped-def]
+def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, n_chunks, data, root):  # type: ignore[no-untyped-def]
     """Return starts, chunks and values of the pieces for one chunk length, entries scaled by ``root`` of their row."""
     starts = _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of)
     n_pieces = starts[n_blocks]
-    chunks = np.empty(n_pieces, dtype=np.int64)
-    values = np.zeros((n_pieces, width, length))
+    chunks = np.full(n_pieces + 1, n_chunks, dtype=np.int64)
+    values = np.zeros((n_pieces + 1, width, length))
     filled = starts[:-1].copy()
     for row in range(len(slot)):
         block, lane = slot[row] // width, slot[row] % width

@@ -1,9 +1,11 @@
 """Rigid surfaces that balls touch, with the gap and the normal at each contact."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 
 from .laws import FloatArray, IntArray
 
@@ -39,23 +41,6 @@ class Plane:
         return balls, gap[balls], np.tile(unit, (len(balls), 1))
 
 
-def _distance_from_axis(centres: FloatArray, side: int) -> FloatArray:
-    """ρ of points: around the vertical (last) axis for side 0, to the right (+1) or left (−1) in a planar scene."""
-    if side:
-        return side * centres[:, 0]
-    distance: FloatArray = np.sqrt(centres[:, 0] ** 2 + centres[:, 1] ** 2)
-    return distance
-
-
-def _outward(centres: FloatArray, distance: FloatArray, side: int) -> FloatArray:
-    """Horizontal direction in which ρ grows, shape (n, d − 1); the first axis for points on the vertical one."""
-    if side:
-        return np.full((len(centres), 1), float(side))
-    outward = centres[:, :2] / np.where(distance > 0.0, distance, 1.0)[:, None]
-    outward[distance == 0.0, 0] = 1.0
-    return outward
-
-
 @dataclass(frozen=True)
 class Segment:
     """A wall whose cross-section is a segment in the (ρ, z) half-plane: a cone, a cylinder, or a flat wall.
@@ -72,18 +57,11 @@ class Segment:
 
     def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
         """Return where the distance to the segment, on the side of the axis, is below r; normals point to the axis."""
-        span = np.array(self.upper) - np.array(self.lower)
-        length = float(np.hypot(*span))
-        along = span / length
-        inward = (-along[1], along[0])
-        radius = _distance_from_axis(centres, self.side)
-        across, up = radius - self.lower[0], centres[:, -1] - self.lower[1]
-        position = along[0] * across + along[1] * up
-        distance = inward[0] * across + inward[1] * up
-        balls = np.flatnonzero((position >= 0.0) & (position <= length) & (np.abs(distance) < radii))
-        outward = _outward(centres[balls], radius[balls], self.side)
-        normal = np.column_stack([inward[0] * outward, np.full(len(balls), inward[1])])
-        return balls, distance[balls] - radii[balls], normal
+        span = (self.upper[0] - self.lower[0], self.upper[1] - self.lower[1])
+        length = math.hypot(*span)
+        along = (span[0] / length, span[1] / length)
+        touching: Touching = _touching_segment(centres, radii, self.lower, along, length, self.side)
+        return touching
 
 
 @dataclass(frozen=True)
@@ -102,12 +80,60 @@ class Rim:
 
     def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
         """Return where the distance to the rim is below r; normals point from the rim to the centre."""
-        radius = _distance_from_axis(centres, self.side)
-        across, up = radius - self.point[0], centres[:, -1] - self.point[1]
+        touching: Touching = _touching_rim(centres, radii, self.point, self.along, self.side)
+        return touching
+
+
+@njit(cache=True)
+def _across(centre, side):  # type: ignore[no-untyped-def]
+    """Return ρ and the horizontal direction in which it grows, of which planar scenes use the first entry.
+
+    ρ is measured from the vertical (last) axis for side 0, to the right (+1) or left (−1) in a planar scene; points on
+    the axis count the first direction as outward.
+    """
+    if side != 0:
+        return side * centre[0], float(side), 0.0
+    distance = np.sqrt(centre[0] ** 2 + centre[1] ** 2)
+    if distance == 0.0:
+        return 0.0, 1.0, 0.0
+    return distance, centre[0] / distance, centre[1] / distance
+
+
+@njit(cache=True)
+def _touching_segment(centres, radii, lower, along, length, side):  # type: ignore[no-untyped-def]
+    n, dim = centres.shape
+    balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
+    count = 0
+    for i in range(n):
+        radius, outward_x, outward_y = _across(centres[i], side)
+        across, up = radius - lower[0], centres[i, dim - 1] - lower[1]
+        position = along[0] * across + along[1] * up
+        distance = along[0] * up - along[1] * across
+        if 0.0 <= position <= length and abs(distance) < radii[i]:
+            balls[count], gaps[count] = i, distance - radii[i]
+            normals[count, 0] = -along[1] * outward_x
+            if dim == 3:
+                normals[count, 1] = -along[1] * outward_y
+            normals[count, dim - 1] = along[0]
+            count += 1
+    return balls[:count], gaps[:count], normals[:count]
+
+
+@njit(cache=True)
+def _touching_rim(centres, radii, point, along, side):  # type: ignore[no-untyped-def]
+    n, dim = centres.shape
+    balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
+    count = 0
+    for i in range(n):
+        radius, outward_x, outward_y = _across(centres[i], side)
+        across, up = radius - point[0], centres[i, dim - 1] - point[1]
         squared = across**2 + up**2
-        behind = self.along[0] * across + self.along[1] * up < 0.0
-        balls = np.flatnonzero(behind & (squared < radii**2) & (squared > 0.0))
-        distance = np.sqrt(squared[balls])
-        outward = _outward(centres[balls], radius[balls], self.side)
-        normal = np.column_stack([(across[balls] / distance)[:, None] * outward, up[balls] / distance])
-        return balls, distance - radii[balls], normal
+        if along[0] * across + along[1] * up < 0.0 and 0.0 < squared < radii[i] ** 2:
+            distance = np.sqrt(squared)
+            balls[count], gaps[count] = i, distance - radii[i]
+            normals[count, 0] = across / distance * outward_x
+            if dim == 3:
+                normals[count, 1] = across / distance * outward_y
+            normals[count, dim - 1] = up / distance
+            count += 1
+    return balls[:count], gaps[:count], normals[:count]

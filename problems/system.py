@@ -6,15 +6,15 @@ M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws betwee
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ProblemError
 from .factors import InverseMass
 from .laws import FloatArray, IntArray, Laws
+from .pieces import Pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class ActiveContacts:
         keys: identity of each contact, ascending, shape (n_contacts,); a contact keeps its key from step to step.
         gap: g(q_M) [m], shape (n_contacts,).
         laws: their force laws, ``rows_per_contact`` rows each.
-        directions: W at the midpoint, shape (n_dofs, n_rows).
+        directions: W at the midpoint, shape (n_dofs, n_rows), in pieces, one block a contact.
         restitution: ε of each row, shape (n_rows,).
         rows_per_contact: 1, 2 or 3.
     """
@@ -33,7 +33,7 @@ class ActiveContacts:
     keys: IntArray
     gap: FloatArray
     laws: Laws
-    directions: sp.csc_array[Any]
+    directions: Pieces
     restitution: FloatArray
     rows_per_contact: int
 
@@ -118,7 +118,7 @@ class MechanicalSystem:
         if not active.any():
             return StepAssembly(free_motion, sparse_inverse, None)
         keys, rows, laws, restitution = self._active_laws(active)
-        directions = sp.csc_array(self.directions(midpoint)[:, rows])
+        directions = _one_chunk(self.directions(midpoint)[:, rows], self.rows_per_contact)
         contacts = ActiveContacts(keys, gap[active], laws, directions, restitution, self.rows_per_contact)
         return StepAssembly(free_motion, sparse_inverse, contacts)
 
@@ -145,3 +145,14 @@ class MechanicalSystem:
             restitution[::width] = np.asarray(self.restitution_normal)[active]
             self._laws[pattern] = (keys, rows, laws, restitution)
         return self._laws[pattern]
+
+
+def _one_chunk(directions: FloatArray, width: int) -> Pieces:
+    """Return a dense W as pieces: all degrees of freedom are one chunk, and each contact has one piece."""
+    n_dofs, n_rows = directions.shape
+    n_blocks = n_rows // width
+    values = np.zeros((n_blocks + 1, width, n_dofs))
+    values[:-1] = directions.T.reshape(n_blocks, width, n_dofs)
+    chunks = np.zeros(n_blocks + 1, dtype=np.int64)
+    chunks[-1] = 1
+    return Pieces(np.arange(n_blocks + 1), chunks, values, 1)

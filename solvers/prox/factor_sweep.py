@@ -19,7 +19,7 @@ from numba import njit, uint64
 from ...problems.blocks import BlockLayout
 from ...problems.contact import ContactProblem
 from ...problems.laws import FloatArray
-from ...problems.pieces import FactorPieces
+from ...problems.pieces import Pieces
 from .delassus_sweep import law_arguments
 from .projection import disc_scale
 
@@ -40,7 +40,7 @@ class FactorSweep:
     """
 
     layout: BlockLayout
-    pieces: FactorPieces
+    pieces: Pieces
     factor: tuple[Any, ...]
     free: FloatArray
     laws: tuple[FloatArray, FloatArray, FloatArray, Any]
@@ -76,9 +76,8 @@ class FactorIterates:
         self._sweep = sweep
         self._impulses = padded
         self._relative = np.empty_like(padded)
-        pieces = sweep.pieces
-        self._scaled = np.zeros((pieces.n_chunks + 1) * pieces.values.shape[2])  # one idle chunk, for _pairs
-        _scaled_velocity(pieces.starts, pieces.chunks, pieces.values, padded, self._scaled)
+        idle = np.zeros(sweep.pieces.length)  # where the piece of zeros reads and writes
+        self._scaled = np.concatenate([sweep.pieces.times(padded), idle])
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
@@ -96,32 +95,29 @@ class FactorIterates:
         return own.layout.unpad(self._relative)
 
 
-def _pairs(pieces: FactorPieces) -> tuple[Any, Any, Any]:
-    """Return the pieces as exactly two a block: axes of a chunk, first coordinate of each piece, values, flat.
+def _pairs(pieces: Pieces) -> tuple[Any, Any, Any, FloatArray]:
+    """Return axes of a chunk, and first coordinate, first number (two a block) and numbers of the pieces, flat.
 
-    A block of one piece gets a second one of zeros, on an idle chunk behind the others. The axes are a tuple whose
-    length the compiler knows, so that it unrolls the loops over them.
+    A block of one piece gets the piece of zeros as its second. The axes are a tuple whose length the compiler knows, so
+    that it unrolls the loops over them.
     """
-    length = pieces.values.shape[2]
-    chunks, values = _two_a_block(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
-    return tuple(np.arange(length, dtype=np.uint64)), chunks, values
+    size = pieces.width * pieces.length
+    firsts, numbers = _two_a_block(pieces.starts, pieces.chunks, pieces.length, size)
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, numbers, pieces.values.reshape(-1)
 
 
 @njit(cache=True)
-def _two_a_block(starts, chunks, pieces, idle):  # type: ignore[no-untyped-def]
-    """First coordinates and values of exactly two pieces a block, flat; a missing one is zero and on chunk ``idle``."""
-    _, width, length = pieces.shape
-    n_blocks, size = len(starts) - 1, width * length
-    firsts = np.full(2 * n_blocks, idle * length, dtype=np.uint64)
-    values = np.zeros(2 * n_blocks * size)
+def _two_a_block(starts, chunks, length, size):  # type: ignore[no-untyped-def]
+    """First coordinate in v and first number in the flat values of exactly two pieces a block."""
+    n_blocks, zeros = len(starts) - 1, len(chunks) - 1
+    firsts = np.empty(2 * n_blocks, dtype=np.uint64)
+    numbers = np.empty(2 * n_blocks, dtype=np.uint64)
     for block in range(n_blocks):
-        for p in range(starts[block], starts[block + 1]):
-            place = 2 * block + p - starts[block]
-            firsts[place] = length * chunks[p]
-            for lane in range(width):
-                for k in range(length):
-                    values[place * size + lane * length + k] = pieces[p, lane, k]
-    return firsts, values
+        for k in range(2):
+            piece = starts[block] + k if starts[block] + k < starts[block + 1] else zeros
+            firsts[2 * block + k] = length * chunks[piece]
+            numbers[2 * block + k] = size * piece
+    return firsts, numbers
 
 
 @njit(cache=True)
@@ -135,18 +131,6 @@ def _own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
                 for k in range(length):
                     coupling[i, lane - 1] += pieces[p, lane, k] * pieces[p, 0, k]
     return coupling
-
-
-@njit(cache=True)
-def _scaled_velocity(starts, chunks, pieces, impulses, scaled):  # type: ignore[no-untyped-def]
-    """Write v = W̃ Λ."""
-    _, width, length = pieces.shape
-    scaled[:] = 0.0
-    for i in range(len(starts) - 1):
-        for p in range(starts[i], starts[i + 1]):
-            for lane in range(width):
-                for k in range(length):
-                    scaled[length * chunks[p] + k] += pieces[p, lane, k] * impulses[width * i + lane]
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -163,16 +147,16 @@ def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ig
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+def _product_spatial_pairs(axes, firsts, numbers, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
-    for i in range(uint64(len(chunks)) // two):
+    for i in range(uint64(len(firsts)) // two):
         k = three * i
         normal, first, second = free[k], free[k + one], free[k + two]
         for body in range(two):
-            chunk, own = chunks[two * i + body], three * length * (two * i + body)
+            begin, own = firsts[two * i + body], numbers[two * i + body]
             for x in range(length):
-                v = scaled[chunk + x]
+                v = scaled[begin + x]
                 normal += pieces[own + x] * v
                 first += pieces[own + length + x] * v
                 second += pieces[own + two * length + x] * v
@@ -217,21 +201,22 @@ def _sweep(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
-    count, axes, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+    count, axes, firsts, numbers, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
 ):
     """Sweeps over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
         for i in range(uint64(len(friction))):
-            k, own = uint64(3) * i, uint64(6) * length * i
-            a, b = chunks[two * i], chunks[two * i + one]
+            k = uint64(3) * i
+            a, b = firsts[two * i], firsts[two * i + one]
+            own_a, own_b = numbers[two * i], numbers[two * i + one]
             normal, first, second = free[k], free[k + one], free[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):
-                va, vb, at = scaled[a + x], scaled[b + x], own + x
-                normal += pieces[at + uint64(3) * length] * vb
-                first += pieces[at + uint64(4) * length] * vb
-                second += pieces[at + uint64(5) * length] * vb
+                va, vb, at, to = scaled[a + x], scaled[b + x], own_a + x, own_b + x
+                normal += pieces[to] * vb
+                first += pieces[to + length] * vb
+                second += pieces[to + two * length] * vb
                 normal_a += pieces[at] * va
                 first_a += pieces[at + length] * va
                 second_a += pieces[at + two * length] * va
@@ -250,12 +235,12 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
             impulses[k + one], impulses[k + two] = t, s
             dt, ds = t - old_t, s - old_s
             for x in range(length):
-                at = own + x
+                at = own_a + x
                 scaled[a + x] = (
                     scaled[a + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
                 )
             for x in range(length):
-                at = own + x + uint64(3) * length
+                at = own_b + x
                 scaled[b + x] = (
                     scaled[b + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
                 )
