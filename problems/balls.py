@@ -210,29 +210,30 @@ def _frame(normal, dim, rows):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _force_directions(first, second, normals, radii, dofs_per_ball, rows_per_contact):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and values of W in pieces: the relative velocity of contact point and partner, row by row.
+    """Return W in pairs of pieces (starts, chunks, values): the relative velocity of each contact point, row by row.
 
     γ_N = n·(v_i − v_j), γ_T = t·(v_i − v_j) − (n × t)·(r_i ω_i + r_j ω_j), with n from j to i; in the plane n × t = 1.
     """
     n_contacts, dim = normals.shape
-    starts = np.zeros(n_contacts + 1, dtype=np.int64)
-    for c in range(n_contacts):
-        starts[c + 1] = starts[c] + (1 if second[c] < 0 else 2)
-    n_pieces, length = starts[n_contacts], rows_per_contact * dofs_per_ball
-    chunks = np.empty(n_pieces + 1, dtype=np.int64)
-    values = np.empty((n_pieces + 1) * length)
+    n_balls, length = len(radii), rows_per_contact * dofs_per_ball
+    chunks = np.empty(2 * n_contacts, dtype=np.int64)
+    values = np.empty(2 * n_contacts * length)
     rows, unit = np.zeros((3, 3)), np.zeros(3)
     for c in range(n_contacts):
         for axis in range(dim):
             unit[axis] = normals[c, axis]
         _frame(unit, dim, rows)
-        for piece in range(starts[c], starts[c + 1]):
-            chunks[piece] = first[c] if piece == starts[c] else second[c]
-            sign = 1.0 if piece == starts[c] else -1.0
-            _write_piece(rows, dim, rows_per_contact, dofs_per_ball, sign, radii[chunks[piece]], values, length * piece)
-    chunks[n_pieces] = len(radii)
-    values[length * n_pieces :] = 0.0
-    return starts, chunks, values.reshape((n_pieces + 1, rows_per_contact, dofs_per_ball))
+        at, i, j = 2 * c * length, first[c], second[c]
+        _write_piece(rows, dim, rows_per_contact, dofs_per_ball, 1.0, radii[i], values, at)
+        chunks[2 * c] = i
+        if j >= 0:
+            _write_piece(rows, dim, rows_per_contact, dofs_per_ball, -1.0, radii[j], values, at + length)
+            chunks[2 * c + 1] = j
+        else:
+            values[at + length : at + 2 * length] = 0.0
+            chunks[2 * c + 1] = n_balls
+    starts = 2 * np.arange(n_contacts + 1)
+    return starts, chunks, values.reshape((2 * n_contacts, rows_per_contact, dofs_per_ball))
 
 
 @njit(cache=True)

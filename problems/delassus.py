@@ -71,20 +71,25 @@ def _read_only(starts: IntArray, columns: NDArray[np.int32], values: FloatArray)
 
 @njit(cache=True)
 def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
-    """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece."""
-    chunk_starts = np.zeros(n_chunks + 1, dtype=np.int64)
-    for p in range(starts[-1]):
-        chunk_starts[chunks[p] + 1] += 1
-    for chunk in range(n_chunks):
+    """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece.
+
+    The idle chunk, the last one, keeps none of its pieces.
+    """
+    chunk_starts = np.zeros(n_chunks + 2, dtype=np.int64)
+    for p in range(len(chunks)):
+        if chunks[p] < n_chunks:
+            chunk_starts[chunks[p] + 1] += 1
+    for chunk in range(n_chunks + 1):
         chunk_starts[chunk + 1] += chunk_starts[chunk]
     filled = chunk_starts[:-1].copy()
-    members = np.empty(starts[-1], dtype=np.int64)
-    block_of_piece = np.empty(starts[-1], dtype=np.int64)
+    members = np.empty(len(chunks), dtype=np.int64)
+    block_of_piece = np.empty(len(chunks), dtype=np.int64)
     for block in range(len(starts) - 1):
         for p in range(starts[block], starts[block + 1]):
             block_of_piece[p] = block
-            members[filled[chunks[p]]] = p
-            filled[chunks[p]] += 1
+            if chunks[p] < n_chunks:
+                members[filled[chunks[p]]] = p
+                filled[chunks[p]] += 1
     return chunk_starts, members, block_of_piece
 
 

@@ -27,14 +27,14 @@ SAMPLED_ROWS = 300
 class Pieces:
     """A matrix with a row for each degree of freedom and a column for each lane of each block, in pieces.
 
-    One more piece, of zeros and on a chunk behind all others, ends the list: it is the second piece of a block that
-    has only one, for kernels that treat all blocks alike.
+    Where no block has more than two pieces, they may come in pairs: a block of one piece has a second one of zeros, on
+    the idle chunk ``n_chunks`` behind all others. Kernels then treat all blocks alike.
 
     Attributes:
         starts: first piece of each block, shape (n_blocks + 1,).
-        chunks: chunk of each piece, shape (n_pieces + 1,).
-        values: the pieces, transposed, shape (n_pieces + 1, width, length).
-        n_chunks: number of chunks.
+        chunks: chunk of each piece, shape (n_pieces,).
+        values: the pieces, transposed, shape (n_pieces, width, length); zero on the idle chunk.
+        n_chunks: number of chunks, the idle one not counted.
     """
 
     starts: IntArray
@@ -58,9 +58,9 @@ class Pieces:
         return int(self.values.shape[2])
 
     @cached_property
-    def most_per_block(self) -> int:
-        """Largest number of pieces of one block."""
-        return int(np.diff(self.starts).max(initial=0))
+    def in_pairs(self) -> bool:
+        """Whether every block has exactly two pieces."""
+        return bool((np.diff(self.starts) == 2).all())
 
     @cached_property
     def loops(self) -> tuple[tuple[int, ...], tuple[int, ...], IntArray, IntArray, FloatArray]:
@@ -76,14 +76,14 @@ class Pieces:
 
     def times(self, padded: FloatArray) -> FloatArray:
         """Return the product with a vector over lanes, shape (n_chunks · length,)."""
-        product = np.zeros((self.n_chunks + 1) * self.length)
-        _times(*self.loops, padded.reshape(-1), product)
-        return product[: -self.length]
+        product = np.zeros(self.n_chunks * self.length)
+        _times(*self.loops, self.n_chunks, padded.reshape(-1), product)
+        return product
 
     def transposed_times(self, vector: FloatArray) -> FloatArray:
         """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
         product = np.empty(self.n_blocks * self.width)
-        _transposed_times(*self.loops, vector, product)
+        _transposed_times(*self.loops, self.n_chunks, vector, product)
         return product
 
     def square_sums(self) -> FloatArray:
@@ -99,7 +99,7 @@ class Pieces:
         """
         if root_blocks.ndim == 1:
             values = np.empty_like(self.values)
-            _scaled_by_diagonal(*self.loops, root_blocks, values.reshape(-1))
+            _scaled_by_diagonal(*self.loops, self.n_chunks, root_blocks, values.reshape(-1))
         else:
             values = _scaled_by_blocks(self.chunks, self.values, root_blocks)
         return Pieces(self.starts, self.chunks, values, self.n_chunks)
@@ -107,11 +107,10 @@ class Pieces:
     def to_csc(self) -> sp.csc_array[Any]:
         """Return the matrix, zeros not stored, shape (n_chunks · length, n_blocks · width)."""
         block = np.repeat(np.arange(self.n_blocks), np.diff(self.starts))
-        values = self.values[:-1]
-        piece, lane, k = np.nonzero(values)
+        piece, lane, k = np.nonzero(self.values)
         rows, columns = self.chunks[piece] * self.length + k, block[piece] * self.width + lane
         shape = (self.n_chunks * self.length, self.n_blocks * self.width)
-        return sp.csc_array(sp.coo_array((values[piece, lane, k], (rows, columns)), shape=shape))
+        return sp.csc_array(sp.coo_array((self.values[piece, lane, k], (rows, columns)), shape=shape))
 
 
 def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
@@ -137,10 +136,12 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
 
 
 @njit(cache=True, fastmath={"contract"})
-def _times(lanes, axes, starts, chunks, values, padded, product):  # type: ignore[no-untyped-def]
+def _times(lanes, axes, starts, chunks, values, idle, padded, product):  # type: ignore[no-untyped-def]
     one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
     for i in range(uint64(len(starts) - 1)):
         for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            if chunks[p] == idle:
+                continue
             chunk, piece = length * uint64(chunks[p]), width * length * p
             for k in range(length):
                 total = product[chunk + k]
@@ -150,12 +151,14 @@ def _times(lanes, axes, starts, chunks, values, padded, product):  # type: ignor
 
 
 @njit(cache=True, fastmath={"contract"})
-def _transposed_times(lanes, axes, starts, chunks, values, vector, product):  # type: ignore[no-untyped-def]
+def _transposed_times(lanes, axes, starts, chunks, values, idle, vector, product):  # type: ignore[no-untyped-def]
     one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
     for i in range(uint64(len(starts) - 1)):
         for lane in range(width):
             total = 0.0
             for p in range(uint64(starts[i]), uint64(starts[i + one])):
+                if chunks[p] == idle:
+                    continue
                 chunk, row = length * uint64(chunks[p]), length * (width * p + lane)
                 for k in range(length):
                     total += values[row + k] * vector[chunk + k]
@@ -175,23 +178,26 @@ def _square_sums(lanes, axes, starts, chunks, values):  # type: ignore[no-untype
 
 
 @njit(cache=True)
-def _scaled_by_diagonal(lanes, axes, starts, chunks, values, diagonal, scaled):  # type: ignore[no-untyped-def]
+def _scaled_by_diagonal(lanes, axes, starts, chunks, values, idle, diagonal, scaled):  # type: ignore[no-untyped-def]
     width, length = uint64(len(lanes)), uint64(len(axes))
-    last = uint64(len(chunks) - 1)
-    for p in range(last):
+    for p in range(uint64(len(chunks))):
+        if chunks[p] == idle:
+            scaled[width * length * p : width * length * (p + uint64(1))] = 0.0
+            continue
         chunk = length * uint64(chunks[p])
         for lane in range(width):
             row = length * (width * p + lane)
             for k in range(length):
                 scaled[row + k] = values[row + k] * diagonal[chunk + k]
-    scaled[width * length * last :] = 0.0
 
 
 @njit(cache=True)
 def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
     scaled = np.zeros_like(values)
     n_pieces, width, length = values.shape
-    for p in range(n_pieces - 1):
+    for p in range(n_pieces):
+        if chunks[p] == len(blocks):
+            continue
         for lane in range(width):
             for k in range(length):
                 for m in range(length):
@@ -218,11 +224,19 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of):  # type: ig
 
 @njit(cache=True)
 def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, n_chunks, data, root):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and values of the pieces for one chunk length, entries scaled by ``root`` of their row."""
+    """Return starts, chunks and values of the pieces for one chunk length, entries scaled by ``root`` of their row.
+
+    They come in pairs where a block has two pieces and none has more.
+    """
     starts = _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of)
+    most = 0
+    for block in range(n_blocks):
+        most = max(most, starts[block + 1] - starts[block])
+    if most == 2:
+        starts = 2 * np.arange(n_blocks + 1)
     n_pieces = starts[n_blocks]
-    chunks = np.full(n_pieces + 1, n_chunks, dtype=np.int64)
-    values = np.zeros((n_pieces + 1, width, length))
+    chunks = np.full(n_pieces, n_chunks, dtype=np.int64)
+    values = np.zeros((n_pieces, width, length))
     filled = starts[:-1].copy()
     for row in range(len(slot)):
         block, lane = slot[row] // width, slot[row] % width

@@ -151,8 +151,5 @@ def _one_chunk(directions: FloatArray, width: int) -> Pieces:
     """Return a dense W as pieces: all degrees of freedom are one chunk, and each contact has one piece."""
     n_dofs, n_rows = directions.shape
     n_blocks = n_rows // width
-    values = np.zeros((n_blocks + 1, width, n_dofs))
-    values[:-1] = directions.T.reshape(n_blocks, width, n_dofs)
-    chunks = np.zeros(n_blocks + 1, dtype=np.int64)
-    chunks[-1] = 1
-    return Pieces(np.arange(n_blocks + 1), chunks, values, 1)
+    values = np.ascontiguousarray(directions.T).reshape(n_blocks, width, n_dofs)
+    return Pieces(np.arange(n_blocks + 1), np.zeros(n_blocks, dtype=np.int64), values, 1)

@@ -56,7 +56,7 @@ class FactorSweep:
         kernel: Callable[..., None]
         product: Callable[..., None]
         factor: tuple[Any, ...]
-        if layout.width == 3 and pieces.most_per_block <= 2:
+        if layout.width == 3 and pieces.in_pairs:
             kernel, product, factor = _sweep_spatial_pairs, _product_spatial_pairs, _pairs(pieces)
         else:
             kernel, product = _sweep, _product
@@ -66,18 +66,19 @@ class FactorSweep:
 
     def begin(self, start: FloatArray) -> "FactorIterates":
         """Return the iterates that begin at ``start``, shape (n_rows,)."""
-        return FactorIterates(self, self.layout.pad(start).reshape(-1))
+        return FactorIterates(self, start)
 
 
 class FactorIterates:
     """Λ and v = W̃ Λ of a Gauss–Seidel iteration, padded and flat."""
 
-    def __init__(self, sweep: FactorSweep, padded: FloatArray) -> None:
+    def __init__(self, sweep: FactorSweep, start: FloatArray) -> None:
         self._sweep = sweep
-        self._impulses = padded
-        self._relative = np.empty_like(padded)
-        idle = np.zeros(sweep.pieces.length)  # where the piece of zeros reads and writes
-        self._scaled = np.concatenate([sweep.pieces.times(padded), idle])
+        layout, pieces = sweep.layout, sweep.pieces
+        self._impulses = layout.pad(start).reshape(-1)
+        self._relative = np.empty_like(self._impulses)
+        idle = np.zeros(pieces.length)  # where the idle chunk reads and writes
+        self._scaled = np.concatenate([pieces.times(self._impulses), idle])
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
@@ -95,29 +96,13 @@ class FactorIterates:
         return own.layout.unpad(self._relative)
 
 
-def _pairs(pieces: Pieces) -> tuple[Any, Any, Any, FloatArray]:
-    """Return axes of a chunk, and first coordinate, first number (two a block) and numbers of the pieces, flat.
+def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
+    """Return axes of a chunk, first coordinate of each piece, and the pieces flat, two a block.
 
-    A block of one piece gets the piece of zeros as its second. The axes are a tuple whose length the compiler knows, so
-    that it unrolls the loops over them.
+    The axes are a tuple whose length the compiler knows, so that it unrolls the loops over them.
     """
-    size = pieces.width * pieces.length
-    firsts, numbers = _two_a_block(pieces.starts, pieces.chunks, pieces.length, size)
-    return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, numbers, pieces.values.reshape(-1)
-
-
-@njit(cache=True)
-def _two_a_block(starts, chunks, length, size):  # type: ignore[no-untyped-def]
-    """First coordinate in v and first number in the flat values of exactly two pieces a block."""
-    n_blocks, zeros = len(starts) - 1, len(chunks) - 1
-    firsts = np.empty(2 * n_blocks, dtype=np.uint64)
-    numbers = np.empty(2 * n_blocks, dtype=np.uint64)
-    for block in range(n_blocks):
-        for k in range(2):
-            piece = starts[block] + k if starts[block] + k < starts[block + 1] else zeros
-            firsts[2 * block + k] = length * chunks[piece]
-            numbers[2 * block + k] = size * piece
-    return firsts, numbers
+    firsts = (pieces.length * pieces.chunks).astype(np.uint64)
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, pieces.values.reshape(-1)
 
 
 @njit(cache=True)
@@ -147,14 +132,14 @@ def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ig
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, firsts, numbers, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
     for i in range(uint64(len(firsts)) // two):
         k = three * i
         normal, first, second = free[k], free[k + one], free[k + two]
         for body in range(two):
-            begin, own = firsts[two * i + body], numbers[two * i + body]
+            begin, own = firsts[two * i + body], three * length * (two * i + body)
             for x in range(length):
                 v = scaled[begin + x]
                 normal += pieces[own + x] * v
@@ -201,22 +186,21 @@ def _sweep(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
-    count, axes, firsts, numbers, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+    count, axes, firsts, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
 ):
     """Sweeps over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
         for i in range(uint64(len(friction))):
-            k = uint64(3) * i
+            k, own = uint64(3) * i, uint64(6) * length * i
             a, b = firsts[two * i], firsts[two * i + one]
-            own_a, own_b = numbers[two * i], numbers[two * i + one]
             normal, first, second = free[k], free[k + one], free[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):
-                va, vb, at, to = scaled[a + x], scaled[b + x], own_a + x, own_b + x
-                normal += pieces[to] * vb
-                first += pieces[to + length] * vb
-                second += pieces[to + two * length] * vb
+                va, vb, at = scaled[a + x], scaled[b + x], own + x
+                normal += pieces[at + uint64(3) * length] * vb
+                first += pieces[at + uint64(4) * length] * vb
+                second += pieces[at + uint64(5) * length] * vb
                 normal_a += pieces[at] * va
                 first_a += pieces[at + length] * va
                 second_a += pieces[at + two * length] * va
@@ -235,12 +219,12 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
             impulses[k + one], impulses[k + two] = t, s
             dt, ds = t - old_t, s - old_s
             for x in range(length):
-                at = own_a + x
+                at = own + x
                 scaled[a + x] = (
                     scaled[a + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
                 )
             for x in range(length):
-                at = own_b + x
+                at = own + x + uint64(3) * length
                 scaled[b + x] = (
                     scaled[b + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
                 )

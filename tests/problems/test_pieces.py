@@ -13,14 +13,13 @@ from proxbench.problems.pieces import Pieces, cut_into_pieces
 
 
 def pairs(seed: int, n_blocks: int, width: int, length: int, n_chunks: int) -> Pieces:
-    """Blocks of one or two pieces on chunks of their own choice."""
+    """Blocks of two pieces on chunks of their own choice, the second one idle for some."""
     rng = np.random.default_rng(seed)
-    counts = rng.integers(1, 3, n_blocks)
-    chosen = [rng.choice(n_chunks, count, replace=False) for count in counts]
-    chunks = np.concatenate([*chosen, [n_chunks]]).astype(np.int64)
+    chunks = np.concatenate([rng.choice(n_chunks, 2, replace=False) for _ in range(n_blocks)]).astype(np.int64)
     values = rng.normal(size=(len(chunks), width, length))
-    values[-1] = 0.0
-    return Pieces(np.concatenate([[0], np.cumsum(counts)]), chunks, values, n_chunks)
+    alone = 2 * np.flatnonzero(rng.random(n_blocks) < 0.4) + 1
+    chunks[alone], values[alone] = n_chunks, 0.0
+    return Pieces(2 * np.arange(n_blocks + 1), chunks, values, n_chunks)
 
 
 shapes = given(
@@ -90,3 +89,4 @@ def test_cutting_restores_the_matrix_at_every_chunk_length_it_may_choose() -> No
         dense = np.zeros((pieces.n_chunks * pieces.length, 15))
         dense[: columns.shape[0]] = columns.toarray()
         assert np.array_equal(pieces.to_csc().toarray(), dense)
+        assert pieces.in_pairs or pieces.length != length
