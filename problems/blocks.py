@@ -61,6 +61,11 @@ class BlockLayout:
         """Whether every lane is a row, so that padded and plain vectors are the same numbers."""
         return len(self.slot) == self.n_blocks * self.width
 
+    @cached_property
+    def bounds_are_own(self) -> bool:
+        """Whether no friction is bounded by the impulse of another block."""
+        return bool(np.array_equal(self.partner, np.arange(self.n_blocks)))
+
     def pad(self, rows: FloatArray) -> FloatArray:
         """Return a vector over rows as a fresh array of shape (n_blocks, width), unused lanes zero."""
         if self.is_dense:

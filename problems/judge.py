@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import ArrayLike
 
 from .errors import ProblemError
@@ -135,8 +135,8 @@ def _squared_violations(  # type: ignore[no-untyped-def]
     for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
     """
     largest = 0.0
-    for law in range(len(kind)):
-        row, a = first_row[law], alpha[law]
+    for law in range(uint64(len(kind))):
+        row, a = uint64(first_row[law]), alpha[law]
         held = a * impulses[row]
         x = held - velocity[row]
         if kind[law] == 0:
@@ -144,13 +144,13 @@ def _squared_violations(  # type: ignore[no-untyped-def]
         else:
             bound = fixed[law]
             if partner[law] >= 0:
-                bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
+                bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
             bound *= a
             if kind[law] == 1:
                 square = (held - min(max(x, -bound), bound)) ** 2
             else:
-                held_2 = a * impulses[row + 1]
-                y = held_2 - velocity[row + 1]
+                held_2 = a * impulses[row + uint64(1)]
+                y = held_2 - velocity[row + uint64(1)]
                 length_squared = x * x + y * y
                 if length_squared > bound * bound:
                     scale = bound / np.sqrt(length_squared)

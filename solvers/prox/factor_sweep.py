@@ -6,7 +6,7 @@ the degrees of freedom that it touches:
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 
 W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. Contacts between two bodies
-have a kernel of their own, whose two pieces of W̃ need no inner loop over pieces.
+have a kernel of their own, whose two pieces of W̃ need no inner loop over pieces; many of them are swept in batches.
 """
 
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from ...problems.blocks import BlockLayout
 from ...problems.contact import ContactProblem
 from ...problems.laws import FloatArray
 from ...problems.pieces import Pieces
+from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, sweep_batches
 from .delassus_sweep import law_arguments
 from .projection import disc_scale
 
@@ -31,38 +32,38 @@ class FactorSweep:
     Attributes:
         layout: the padded blocks.
         pieces: W̃ in pieces.
-        factor: the pieces as the kernel takes them.
-        free: c, padded and flat.
-        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
-        coupling: G_T1N and G_T2N of each block's own diagonal block, in turn.
-        kernel: the sweep.
-        product: ξ from v.
+        kernel: does sweeps; called with their number, ``kernel_arguments``, Λ and v.
+        kernel_arguments: what the kernel reads.
+        product: writes ξ from v; called with ``product_arguments``, v and ξ.
+        product_arguments: what the product reads.
     """
 
     layout: BlockLayout
     pieces: Pieces
-    factor: tuple[Any, ...]
-    free: FloatArray
-    laws: tuple[FloatArray, FloatArray, FloatArray, Any]
-    coupling: FloatArray
     kernel: Callable[..., None]
+    kernel_arguments: tuple[Any, ...]
     product: Callable[..., None]
+    product_arguments: tuple[Any, ...]
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
-        """Return the sweep of ``problem``, which holds factors, with step sizes of shape (n_blocks, 2)."""
+        """Return the sweep of ``problem``, which holds factors, with step sizes of shape (n_blocks, 2).
+
+        Spatial contacts between two bodies, or one and the ground, have kernels of their own, in batches if these fill.
+        """
         layout, pieces = problem.layout, problem.factor_pieces()
+        free, laws = layout.pad(problem.free_velocity).reshape(-1), law_arguments(layout, sizes)
         coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
-        kernel: Callable[..., None]
-        product: Callable[..., None]
-        factor: tuple[Any, ...]
-        if layout.width == 3 and pieces.in_pairs:
-            kernel, product, factor = _sweep_spatial_pairs, _product_spatial_pairs, _pairs(pieces)
-        else:
-            kernel, product = _sweep, _product
+        if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-        free = layout.pad(problem.free_velocity).reshape(-1)
-        return FactorSweep(layout, pieces, factor, free, law_arguments(layout, sizes), coupling, kernel, product)
+            return FactorSweep(layout, pieces, _sweep, (*factor, free, *laws, coupling), _product, (*factor, free))
+        pairs = _pairs(pieces)
+        product = (_product_spatial_pairs, (*pairs, free))
+        places, n_batches = deal_into_batches(pieces)
+        if len(places) < FULLNESS * LANES * n_batches or not layout.bounds_are_own:
+            return FactorSweep(layout, pieces, _sweep_spatial_pairs, (*pairs, free, *laws, coupling), *product)
+        arguments = batch_arguments(pieces, places, n_batches, free, laws[:3], coupling)
+        return FactorSweep(layout, pieces, sweep_batches, arguments, *product)
 
     def begin(self, start: FloatArray) -> "FactorIterates":
         """Return the iterates that begin at ``start``, shape (n_rows,)."""
@@ -83,7 +84,7 @@ class FactorIterates:
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         own = self._sweep
-        own.kernel(count, *own.factor, own.free, *own.laws, own.coupling, self._impulses, self._scaled)
+        own.kernel(count, *own.kernel_arguments, self._impulses, self._scaled)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -92,7 +93,7 @@ class FactorIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         own = self._sweep
-        own.product(*own.factor, own.free, self._scaled, self._relative)
+        own.product(*own.product_arguments, self._scaled, self._relative)
         return own.layout.unpad(self._relative)
 
 

@@ -44,7 +44,7 @@ class Monitor:
     Attributes:
         stop: the limits.
         best_residual: the lowest finite residual seen.
-        best_impulses: a copy of the iterate that has it, None before the first.
+        best_impulses: the iterate that has it, None before the first; nobody may write to it after ``look``.
     """
 
     stop: Stop
@@ -68,7 +68,7 @@ class Monitor:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
         if residual < self.best_residual:
             progress = residual < 0.99 * self.best_residual
-            self.best_residual, self.best_impulses = residual, impulses.copy()
+            self.best_residual, self.best_impulses = residual, impulses
             self._looks_without_progress = 0 if progress else self._looks_without_progress + 1
         else:
             self._looks_without_progress += 1
