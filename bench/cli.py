@@ -128,6 +128,8 @@ def generate(
     chosen = list(names or [])
     if suite:
         chosen += [name for name in suite_members(suite) if name not in HARD_CASES and name not in chosen]
+        if not chosen:
+            raise BenchError(f"no problem of the suite {suite!r} comes from a scene; its members are always at hand.")
     if not chosen:
         raise BenchError("name the problems to generate, or a --suite.")
     digests = {str(file): read_problem(file).digest for file in make(chosen, output)}

@@ -82,15 +82,16 @@ class Store:
         return cases, damaged
 
     def _case_file(self, problem: str, solver: str) -> Path:
-        """Return the file of a case: readable, safe as a file name, and unique by a short hash of the full names."""
-        digest = hashlib.sha256(json.dumps([problem, solver]).encode()).hexdigest()[:8]
-        plain = "--".join(plain_name(name) for name in (problem, solver))
-        return self.folder / "cases" / f"{plain}-{digest}.json"
+        """Return the file of a case: readable, safe as a file name, and unique."""
+        return self.folder / "cases" / f"{plain_name(problem)}--{plain_name(solver)}.json"
 
 
 def plain_name(name: str) -> str:
-    """Return ``name`` reduced to what is safe in a file name anywhere."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")[:60]
+    """Return ``name`` reduced to what is safe in a file name anywhere; different names stay different."""
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")
+    if plain == name and len(plain) <= 60:
+        return plain
+    return f"{plain[:51]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:

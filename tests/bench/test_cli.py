@@ -26,6 +26,7 @@ from proxbench.bench.cli import run_command
         ("list solvrs", "'solvers'"),
         ("generate", "--suite"),
         ("generate funnel-31", "'funnel-3"),
+        ("generate --suite hard", "no problem of the suite 'hard' comes from a scene"),
         ("report nowhere", "no stored run"),
         ("run --resume nowhere", "no stored run"),
         ("run --resume nowhere --solver SORprox", "--solver"),

@@ -1,11 +1,14 @@
 """Results survive what happens to files, and damage is noticed."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from proxbench.bench.errors import BenchError
-from proxbench.bench.store import Store
+from proxbench.bench.store import Store, plain_name
 
 CASE = {"problem": "a/../b", "solver": "S(x='y')", "value": 1.5, "infinite": float("inf")}
 
@@ -102,3 +105,11 @@ def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
 def test_files_are_plain_json(store: Store) -> None:
     store.write_case(CASE)
     assert json.loads(only_case(store).read_text())["problem"] == "a/../b"
+
+
+@given(first=st.text(max_size=90), second=st.text(max_size=90))
+def test_plain_names_are_short_safe_and_different(first: str, second: str) -> None:
+    plain = plain_name(first)
+    assert re.fullmatch(r"[A-Za-z0-9._-]{0,60}", plain)
+    assert not plain.startswith(".")
+    assert (plain == plain_name(second)) == (first == second)
