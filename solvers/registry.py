@@ -14,6 +14,7 @@ _BUILT_IN = {
     "JORprox": "prox.jacobi",
     "SORprox": "prox.gauss_seidel",
     "ClarabelSOCP": "conic.clarabel_socp",
+    "ClarabelCoulomb": "conic.clarabel_coulomb",
 }
 """Module of each built-in solver, imported when the solver is created."""
 

@@ -1,0 +1,203 @@
+"""The associated contact model as a cone program for Clarabel, in Delassus and in factor form.
+
+    Delassus    minimise ½ ΛᵀGΛ + cᵀΛ   subject to   Λ ∈ K,            K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact
+    factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
+
+The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ its multipliers; it never
+assembles G. Both take another normal velocity c_N + s as an update of their data, without a new set-up. Lengths are
+divided by the largest free velocity, impulses by that over the mean of the diagonal of G.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import clarabel
+import numpy as np
+import scipy.sparse as sp
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray
+
+Form = Literal["delassus", "factors"]
+
+MOST_ITERATIONS = 200
+"""Interior point iterations of one solve; Clarabel needs 10 to 30, or makes no progress."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConicResult:
+    """What one run of Clarabel gave.
+
+    Attributes:
+        impulses: Λ [N s], shape (n_rows,).
+        iterations: interior point iterations.
+        seconds: its own time [s].
+        status: how it ended, in Clarabel's words.
+    """
+
+    impulses: FloatArray
+    iterations: int
+    seconds: float
+    status: Any
+
+
+class ConicProgram(Protocol):
+    """A cone program that has been set up."""
+
+    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+        """Solve with c_N + ``shift`` [m/s], shape (n_blocks,), to Clarabel's tolerance ``accuracy``."""
+        ...
+
+
+def conic_program(problem: ContactProblem, residual: Residual, form: Form) -> ConicProgram:
+    """Return the program of ``problem`` in one of both forms."""
+    return FactorsProgram(problem, residual) if form == "factors" else DelassusProgram(problem, residual)
+
+
+def factors_obstacle(problem: ContactProblem) -> str | None:
+    """Say why the factor form does not apply, or None."""
+    if problem.factors is None:
+        return "the problem holds G only, and this form needs the factors W and M⁻¹"
+    if (problem.laws.fixed_bound > 0.0).any():
+        law = int(np.argmax(problem.laws.fixed_bound > 0.0))
+        return f"friction law {law} has a fixed bound, whose dual is no cone; form='delassus' takes it"
+    return None
+
+
+class _Scaling:
+    """Units of velocity and impulse, and the row of each lane of each block (−1 for none)."""
+
+    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
+        layout, diagonal = problem.layout, problem.delassus_diagonal
+        mean = float(diagonal.mean()) if len(diagonal) else 0.0
+        self.velocity = residual.scale if residual.scale > 0.0 else 1.0
+        self.impulse = self.velocity / mean if mean > 0.0 else 1.0
+        row_of_slot = np.full(layout.n_blocks * layout.width, -1)
+        row_of_slot[layout.slot] = np.arange(problem.n_rows)
+        self.lanes = row_of_slot.reshape(layout.n_blocks, layout.width)
+        self.has_normal = self.lanes[:, 0] >= 0
+
+    def shifted(self, free_velocity: FloatArray, shift: FloatArray) -> FloatArray:
+        """Return c with ``shift`` added to its normal rows, over the unit of velocity."""
+        shifted = free_velocity.copy()
+        shifted[self.lanes[self.has_normal, 0]] += shift[self.has_normal]
+        return shifted / self.velocity
+
+
+class DelassusProgram:
+    """The program over impulses."""
+
+    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
+        self._free_velocity = problem.free_velocity
+        self._scaling = scaling = _Scaling(problem, residual)
+        quadratic = problem.delassus() * (scaling.impulse / scaling.velocity)
+        constraints, bounds, cones = _cones(problem, scaling)
+        linear = problem.free_velocity / scaling.velocity
+        self._solver = _solver(quadratic, linear, constraints, bounds, cones)
+
+    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+        """See ``ConicProgram``."""
+        linear = self._scaling.shifted(self._free_velocity, shift)
+        self._solver.update(q=linear, settings=_settings(accuracy, iterations, seconds))
+        result = self._solver.solve()
+        impulses = self._scaling.impulse * np.asarray(result.x)
+        return ConicResult(impulses, result.iterations, result.solve_time, result.status)
+
+
+class FactorsProgram:
+    """The program over scaled velocities."""
+
+    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
+        assert problem.factors is not None
+        self._free_velocity = problem.free_velocity
+        self._scaling = scaling = _Scaling(problem, residual)
+        self._rows, self._factor, cones = _dual_cones(problem, scaling)
+        scaled = problem.factors.scaled_directions * np.sqrt(scaling.impulse / scaling.velocity)
+        constraints = -sp.diags_array(self._factor) @ scaled.T.tocsr()[self._rows]
+        n_dofs = scaled.shape[0]
+        bounds = self._factor * (problem.free_velocity / scaling.velocity)[self._rows]
+        self._solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, bounds, cones)
+
+    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+        """See ``ConicProgram``."""
+        bounds = self._factor * self._scaling.shifted(self._free_velocity, shift)[self._rows]
+        self._solver.update(b=bounds, settings=_settings(accuracy, iterations, seconds))
+        result = self._solver.solve()
+        impulses = np.zeros(len(self._free_velocity))
+        impulses[self._rows] = self._scaling.impulse * self._factor * np.asarray(result.z)
+        return ConicResult(impulses, result.iterations, result.solve_time, result.status)
+
+
+def _settings(accuracy: float, iterations: int, seconds: float) -> Any:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.presolve_enable = False  # data updates ask for it
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = accuracy
+    settings.max_iter = max(1, min(MOST_ITERATIONS, iterations))
+    settings.time_limit = max(seconds, 1e-3)
+    return settings
+
+
+def _solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatArray, cones: list[Any]) -> Any:
+    upper = sp.csc_matrix(sp.triu(quadratic, format="csc"))
+    settings = _settings(1e-8, MOST_ITERATIONS, 60.0)
+    return clarabel.DefaultSolver(upper, linear, sp.csc_matrix(constraints), bounds, cones, settings)
+
+
+def _cones(problem: ContactProblem, scaling: _Scaling) -> tuple[Any, FloatArray, list[Any]]:
+    """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
+
+    Λ_N ≥ 0 is implied by ‖Λ_T‖ ≤ μ Λ_N and is written out only where the cone does not say it; friction without any
+    bound to speak of (a = μ = 0) is the equation Λ_T = 0.
+    """
+    layout = problem.layout
+    rows, columns, values = [], [], []
+    bounds: list[float] = []
+    cones: list[Any] = []
+
+    def add(kind: Any, entries: list[tuple[int, float]], offset: float) -> None:
+        for column, value in entries:
+            rows.append(len(bounds))
+            columns.append(column)
+            values.append(value)
+        bounds.append(offset)
+        if kind is not None:
+            cones.append(kind)
+
+    for block in range(layout.n_blocks):
+        normal, tangents = int(scaling.lanes[block, 0]), [int(row) for row in scaling.lanes[block, 1:] if row >= 0]
+        mu, fixed = float(layout.friction_coefficient[block]), float(layout.fixed_bound[block]) / scaling.impulse
+        if normal >= 0 and (fixed > 0.0 or mu == 0.0 or not tangents):
+            add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
+        if tangents and mu == 0.0 and fixed == 0.0:
+            for row in tangents:
+                add(clarabel.ZeroConeT(1), [(row, 1.0)], 0.0)
+        elif tangents:
+            add(None, [(normal, -mu)] if mu > 0.0 else [], fixed)
+            for row in tangents:
+                add(None, [(row, -1.0)], 0.0)
+            cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
+    constraints = sp.csc_matrix((values, (rows, columns)), shape=(len(bounds), problem.n_rows))
+    return constraints, np.array(bounds), cones
+
+
+def _dual_cones(problem: ContactProblem, scaling: _Scaling) -> tuple[Any, FloatArray, list[Any]]:
+    """Return rows, a factor for each, and the cones in which (factor · ξ)[rows] lies: (ξ_N/μ, ξ_T), or ξ_N alone.
+
+    A row that is in no cone has no impulse: friction with μ = 0.
+    """
+    layout = problem.layout
+    rows: list[int] = []
+    factors: list[float] = []
+    cones: list[Any] = []
+    for block in range(layout.n_blocks):
+        normal, mu = int(scaling.lanes[block, 0]), float(layout.friction_coefficient[block])
+        tangents = [int(row) for row in scaling.lanes[block, 1:] if row >= 0] if mu > 0.0 else []
+        if normal < 0:
+            continue
+        rows += [normal, *tangents]
+        factors += [1.0 / mu if tangents else 1.0, *[1.0] * len(tangents)]
+        cones.append(clarabel.SecondOrderConeT(1 + len(tangents)) if tangents else clarabel.NonnegativeConeT(1))
+    return np.array(rows, dtype=np.int64), np.array(factors), cones
