@@ -15,6 +15,9 @@ _BUILT_IN = {
     "SORprox": "prox.gauss_seidel",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",
+    "CvxpySOCP": "conic.cvxpy_solvers",
+    "CvxpyCoulomb": "conic.cvxpy_solvers",
+    "CvxpyQP": "conic.cvxpy_solvers",
 }
 """Module of each built-in solver, imported when the solver is created."""
 

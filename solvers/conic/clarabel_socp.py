@@ -8,29 +8,12 @@ separates with ξ_N = μ‖ξ_T‖ instead of staying closed. The programs are t
 from dataclasses import dataclass
 from typing import ClassVar, get_args
 
-import clarabel
-import numpy as np
-
 from ...problems.contact import ContactProblem
-from ...problems.judge import Residual, convex_obstacle, judge
-from ...problems.laws import FloatArray
+from ...problems.judge import Residual, convex_obstacle
 from ...problems.model import Model
-from ..interface import Observer, Solution, SolverError, Status, Stop, described
-from .programs import ConicProgram, Form, conic_program, factors_obstacle
-
-FIRST_ACCURACY = 1e-2
-"""Clarabel's tolerances at the first try, relative to the residual asked for."""
-
-TIGHTENING = 1e-2
-"""Factor on Clarabel's tolerances when the residual is not yet reached."""
-
-TIGHTEST = 1e-15
-"""Below this Clarabel's tolerances mean nothing in double precision."""
-
-_ENDED = {
-    clarabel.SolverStatus.MaxIterations: Status.ITERATION_LIMIT,
-    clarabel.SolverStatus.MaxTime: Status.TIME_LIMIT,
-}
+from ..interface import SolverError, described
+from .convex import PreparedConvex
+from .programs import Form, conic_program, factors_obstacle
 
 
 def check_form(form: str) -> None:
@@ -76,58 +59,10 @@ class ClarabelSOCP:
         """Say why ``problem`` cannot be treated, or None."""
         return obstacle(problem, self.form)
 
-    def prepare(self, problem: ContactProblem) -> "PreparedSOCP":
+    def prepare(self, problem: ContactProblem) -> "PreparedConvex":
         """Set the program up."""
         reason = self.supports(problem)
         if reason:
             raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
         residual = Residual(problem)
-        return PreparedSOCP(problem, residual, conic_program(problem, residual, self.form))
-
-
-@dataclass(frozen=True)
-class PreparedSOCP:
-    """The cone program of one problem."""
-
-    problem: ContactProblem
-    residual: Residual
-    program: ConicProgram
-
-    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve to the judge's residual of the convex model; Clarabel cannot use a start, and shows no iterates."""
-        n_rows = self.problem.n_rows
-        if self.residual.infeasible:
-            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
-        if n_rows == 0 or self.residual.scale == 0.0:
-            return Solution(np.zeros(n_rows), Status.SOLVED, 0)
-        accuracy, seconds, iterations = FIRST_ACCURACY * stop.tolerance, 0.0, 0
-        no_shift = np.zeros(self.problem.n_contacts)
-        best, best_residual = np.zeros(n_rows), np.inf
-        while True:
-            left = stop.max_iterations - iterations
-            result = self.program.run(no_shift, accuracy, left, stop.max_seconds - seconds)
-            seconds += result.seconds
-            iterations += result.iterations
-            if np.isfinite(result.impulses).all():
-                residual = judge(self.problem, result.impulses, Model.CONVEX).residual
-                if residual < best_residual:
-                    best, best_residual = result.impulses, residual
-            if best_residual <= stop.tolerance:
-                return Solution(best, Status.SOLVED, iterations)
-            limit = _ENDED.get(result.status)
-            if limit is not None or iterations >= stop.max_iterations or seconds >= stop.max_seconds:
-                ended = (limit or Status.ITERATION_LIMIT, f"residual {best_residual:.1e} in the convex model")
-                break
-            if not converged(result.status):
-                ended = (Status.STALLED, f"Clarabel ended with {result.status} at residual {best_residual:.1e}")
-                break
-            accuracy *= TIGHTENING
-            if accuracy < TIGHTEST:
-                ended = (Status.STALLED, f"Clarabel's tolerances are at their floor, residual {best_residual:.1e}")
-                break
-        return Solution(best, ended[0], iterations, ended[1])
-
-
-def converged(status: object) -> bool:
-    """Whether Clarabel says that it has reached its tolerances, or nearly."""
-    return status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+        return PreparedConvex(problem, residual, conic_program(problem, residual, self.form))

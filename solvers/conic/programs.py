@@ -9,6 +9,7 @@ divided by the largest free velocity, impulses by that over the mean of the diag
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Literal, Protocol
 
 import clarabel
@@ -25,21 +26,30 @@ MOST_ITERATIONS = 200
 """Interior point iterations of one solve; Clarabel needs 10 to 30, or makes no progress."""
 
 
+class Ended(StrEnum):
+    """How one run of a conic solver ended."""
+
+    CONVERGED = "its tolerances reached"
+    ITERATION_LIMIT = "its iteration limit"
+    TIME_LIMIT = "its time limit"
+    GAVE_UP = "no further progress"
+
+
 @dataclass(frozen=True, eq=False)
 class ConicResult:
-    """What one run of Clarabel gave.
+    """What one run of a conic solver gave.
 
     Attributes:
-        impulses: Λ [N s], shape (n_rows,).
-        iterations: interior point iterations.
-        seconds: its own time [s].
-        status: how it ended, in Clarabel's words.
+        impulses: Λ [N s], shape (n_rows,); NaN if there are none.
+        iterations: its iterations.
+        seconds: its time [s].
+        ended: how it ended.
     """
 
     impulses: FloatArray
     iterations: int
     seconds: float
-    status: Any
+    ended: Ended
 
 
 class ConicProgram(Protocol):
@@ -65,7 +75,7 @@ def factors_obstacle(problem: ContactProblem) -> str | None:
     return None
 
 
-class _Scaling:
+class Scaling:
     """Units of velocity and impulse, and the row of each lane of each block (−1 for none)."""
 
     def __init__(self, problem: ContactProblem, residual: Residual) -> None:
@@ -90,7 +100,7 @@ class DelassusProgram:
 
     def __init__(self, problem: ContactProblem, residual: Residual) -> None:
         self._free_velocity = problem.free_velocity
-        self._scaling = scaling = _Scaling(problem, residual)
+        self._scaling = scaling = Scaling(problem, residual)
         quadratic = problem.delassus() * (scaling.impulse / scaling.velocity)
         constraints, bounds, cones = _cones(problem, scaling)
         linear = problem.free_velocity / scaling.velocity
@@ -102,7 +112,7 @@ class DelassusProgram:
         self._solver.update(q=linear, settings=_settings(accuracy, iterations, seconds))
         result = self._solver.solve()
         impulses = self._scaling.impulse * np.asarray(result.x)
-        return ConicResult(impulses, result.iterations, result.solve_time, result.status)
+        return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
 
 
 class FactorsProgram:
@@ -111,7 +121,7 @@ class FactorsProgram:
     def __init__(self, problem: ContactProblem, residual: Residual) -> None:
         assert problem.factors is not None
         self._free_velocity = problem.free_velocity
-        self._scaling = scaling = _Scaling(problem, residual)
+        self._scaling = scaling = Scaling(problem, residual)
         self._rows, self._factor, cones = _dual_cones(problem, scaling)
         scaled = problem.factors.scaled_directions * np.sqrt(scaling.impulse / scaling.velocity)
         constraints = -sp.diags_array(self._factor) @ scaled.T.tocsr()[self._rows]
@@ -126,7 +136,17 @@ class FactorsProgram:
         result = self._solver.solve()
         impulses = np.zeros(len(self._free_velocity))
         impulses[self._rows] = self._scaling.impulse * self._factor * np.asarray(result.z)
-        return ConicResult(impulses, result.iterations, result.solve_time, result.status)
+        return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
+
+
+def _ended(status: Any) -> Ended:
+    if status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+        return Ended.CONVERGED
+    limits = {
+        clarabel.SolverStatus.MaxIterations: Ended.ITERATION_LIMIT,
+        clarabel.SolverStatus.MaxTime: Ended.TIME_LIMIT,
+    }
+    return limits.get(status, Ended.GAVE_UP)
 
 
 def _settings(accuracy: float, iterations: int, seconds: float) -> Any:
@@ -146,7 +166,7 @@ def _solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatA
     return clarabel.DefaultSolver(upper, linear, sp.csc_matrix(constraints), bounds, cones, settings)
 
 
-def _cones(problem: ContactProblem, scaling: _Scaling) -> tuple[Any, FloatArray, list[Any]]:
+def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
     Λ_N ≥ 0 is implied by ‖Λ_T‖ ≤ μ Λ_N and is written out only where the cone does not say it; friction without any
@@ -183,7 +203,7 @@ def _cones(problem: ContactProblem, scaling: _Scaling) -> tuple[Any, FloatArray,
     return constraints, np.array(bounds), cones
 
 
-def _dual_cones(problem: ContactProblem, scaling: _Scaling) -> tuple[Any, FloatArray, list[Any]]:
+def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return rows, a factor for each, and the cones in which (factor · ξ)[rows] lies: (ξ_N/μ, ξ_T), or ξ_N alone.
 
     A row that is in no cone has no impulse: friction with μ = 0.

@@ -1,0 +1,144 @@
+"""The associated contact model written in cvxpy, for any of its conic solvers.
+
+    minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact, Λ = y times a unit
+
+with G = RᵀR: R = W̃ where the factors are known, else from the eigenvalues of G. The linear term is a parameter: cvxpy
+compiles the program once, and later runs replace b alone.
+"""
+
+import importlib
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray
+from ..interface import SolverError
+from .programs import ConicResult, Ended, Scaling
+
+_OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "CLARABEL": (("tol_gap_abs", "tol_gap_rel", "tol_feas"), "max_iter", "time_limit"),
+    "SCS": (("eps_abs", "eps_rel"), "max_iters", "time_limit_secs"),
+    "OSQP": (("eps_abs", "eps_rel"), "max_iter", "time_limit"),
+    "ECOS": (("abstol", "reltol", "feastol"), "max_iters", ""),
+    "CVXOPT": (("abstol", "reltol", "feastol"), "max_iters", ""),
+    "PROXQP": (("eps_abs", "eps_rel"), "max_iter", ""),
+    "PIQP": (("eps_abs", "eps_rel"), "max_iter", ""),
+}
+"""What solvers call their tolerances, their limit of iterations and their limit of time; others keep their defaults."""
+
+BUNDLED_CONIC = "CLARABEL"
+"""A conic solver that is installed with cvxpy."""
+
+BUNDLED_QUADRATIC = "OSQP"
+"""A quadratic solver that is installed with cvxpy."""
+
+FIRST_ORDER_ITERATIONS = 100_000
+"""Most iterations of a splitting method, whose iterations are cheap."""
+
+
+def cvxpy() -> Any:
+    """Return cvxpy, imported when it is first needed: it takes more than a second."""
+    return importlib.import_module("cvxpy")
+
+
+def check_solver(name: str, cones: bool) -> None:
+    """Raise ``SolverError`` unless cvxpy has the solver ``name``, and it takes second-order cones if ``cones``."""
+    if name in (BUNDLED_CONIC, *([] if cones else [BUNDLED_QUADRATIC])):
+        return  # without importing cvxpy
+    known = installed(cones)
+    if name not in known:
+        what = "conic" if cones else "quadratic"
+        raise SolverError(f"cvxpy has no {what} solver {name!r} here; installed are {', '.join(known)}.")
+
+
+def installed(cones: bool) -> list[str]:
+    """Return the installed solvers of cvxpy that take second-order cones, or quadratic objectives."""
+    cp = cvxpy()
+    defines = importlib.import_module("cvxpy.reductions.solvers.defines")
+    names = []
+    for name in cp.installed_solvers():
+        conic = defines.SOLVER_MAP_CONIC.get(name)
+        takes_cones = conic is not None and cp.SOC in conic.SUPPORTED_CONSTRAINTS
+        if takes_cones or (not cones and name in defines.SOLVER_MAP_QP):
+            names.append(name)
+    return names
+
+
+class CvxpyProgram:
+    """The program over impulses; see ``programs.ConicProgram``."""
+
+    def __init__(self, problem: ContactProblem, residual: Residual, solver: str) -> None:
+        cp = cvxpy()
+        self._solver = solver
+        self._free_velocity = problem.free_velocity
+        self._scaling = scaling = Scaling(problem, residual)
+        self._impulses = cp.Variable(problem.n_rows)
+        self._linear = cp.Parameter(problem.n_rows)
+        root = _root(problem) * np.sqrt(scaling.impulse / scaling.velocity)
+        objective = 0.5 * cp.sum_squares(root @ self._impulses) + self._linear @ self._impulses
+        self._program = cp.Problem(cp.Minimize(objective), _constraints(problem, scaling, self._impulses))
+        self._linear.value = problem.free_velocity / scaling.velocity
+        self._program.get_problem_data(solver)  # compiles, and keeps what it compiled
+
+    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+        """See ``ConicProgram``."""
+        cp = cvxpy()
+        self._linear.value = self._scaling.shifted(self._free_velocity, shift)
+        tolerances, most_iterations, most_seconds = _OPTIONS.get(self._solver, ((), "", ""))
+        options: dict[str, float] = dict.fromkeys(tolerances, accuracy)
+        if most_iterations:
+            options[most_iterations] = max(1, min(FIRST_ORDER_ITERATIONS, iterations))
+        if most_seconds:
+            options[most_seconds] = max(seconds, 1e-3)
+        began = time.perf_counter()
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of inaccuracy, which the judge measures
+                self._program.solve(solver=self._solver, warm_start=False, **options)
+            ended = Ended.CONVERGED if self._program.status == cp.OPTIMAL else Ended.GAVE_UP
+        except cp.error.SolverError:
+            ended = Ended.GAVE_UP
+        taken = time.perf_counter() - began
+        found = self._impulses.value
+        impulses = np.full(len(self._free_velocity), np.nan) if found is None else self._scaling.impulse * found
+        stats = self._program.solver_stats
+        count = getattr(stats, "num_iters", None) if stats is not None else None
+        return ConicResult(impulses, int(count or 1), taken, ended)
+
+
+def _root(problem: ContactProblem) -> Any:
+    """Return R with G = RᵀR."""
+    if problem.factors is not None:
+        return problem.factors.scaled_directions
+    values, vectors = np.linalg.eigh(problem.delassus().toarray())
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+
+
+def _constraints(problem: ContactProblem, scaling: Scaling, impulses: Any) -> list[Any]:
+    """Return y_N ≥ 0 for all contacts, and the friction discs, those of equally many tangents together."""
+    cp = cvxpy()
+    layout, lanes = problem.layout, scaling.lanes
+    constraints = []
+    if scaling.has_normal.any():
+        constraints.append(impulses[lanes[scaling.has_normal, 0]] >= 0.0)
+    for tangents in (1, 2):
+        blocks = np.flatnonzero((lanes[:, 1:] >= 0).sum(axis=1) == tangents)
+        if not len(blocks):
+            continue
+        mu, fixed = layout.friction_coefficient[blocks], layout.fixed_bound[blocks] / scaling.impulse
+        normal = lanes[blocks, 0]
+        pick = sp.csr_array(
+            (mu[normal >= 0], (np.flatnonzero(normal >= 0), normal[normal >= 0])), shape=(len(blocks), problem.n_rows)
+        )
+        bound = pick @ impulses + fixed
+        rows = lanes[blocks, 1 : 1 + tangents]
+        if tangents == 1:
+            constraints.append(cp.abs(impulses[rows[:, 0]]) <= bound)
+        else:
+            constraints.append(cp.SOC(bound, cp.vstack([impulses[rows[:, 0]], impulses[rows[:, 1]]]), axis=0))
+    return constraints

@@ -1,0 +1,76 @@
+"""The formulations through cvxpy solve the problems that the direct ones solve."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, Laws, Model, judge, load
+from proxbench.solvers import SolverError, Status, Stop, create, solve
+
+
+@pytest.mark.parametrize("name", ["funnel-30-early", "funnel-planar-30", "hard-sticking-box"])
+def test_the_convex_model_is_that_of_clarabel_called_directly(name: str) -> None:
+    problem = load(name)
+    through = create("CvxpySOCP").prepare(problem).solve(Stop(1e-6))
+    direct = create("ClarabelSOCP").prepare(problem).solve(Stop(1e-6))
+    assert through.status is direct.status is Status.SOLVED
+    assert judge(problem, through.impulses, Model.CONVEX).residual <= 1e-6
+    speed = float(np.abs(problem.free_velocity).max())
+    difference = problem.relative_velocity(through.impulses) - problem.relative_velocity(direct.impulses)
+    assert np.abs(difference).max() <= 1e-3 * speed
+
+
+def test_a_splitting_method_by_name_solves_it_too() -> None:
+    problem = load("funnel-30-early")
+    solution = create("CvxpySOCP", solver="SCS").prepare(problem).solve(Stop(1e-6, 100_000))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-6
+
+
+@pytest.mark.parametrize("name", ["funnel-30-early", "funnel-30", "woodpecker-lower-slip-to-stick"])
+def test_the_fixed_point_gives_coulomb_friction(name: str) -> None:
+    problem = load(name)
+    solution = create("CvxpyCoulomb").prepare(problem).solve(Stop(1e-6, 200))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-6
+
+
+def test_a_problem_with_only_the_delassus_matrix_is_solved_through_its_eigenvalues() -> None:
+    """A unit point mass at rest on the ground, pulled by 5 m/s: it slides with Λ = (1, −0.3, 0)."""
+    problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 5.0, 0.0), 0.3)
+    assert solve(problem, "CvxpyCoulomb", tolerance=1e-7).impulses == pytest.approx([1.0, -0.3, 0.0], abs=1e-6)
+
+
+def test_a_fixed_bound_and_a_cone_hold_in_one_problem() -> None:
+    """Law 0: a joint with a = 0.2 pushed by 1 m/s; laws 1, 2: a contact that sticks under μ = 0.5."""
+    laws = Laws(
+        np.array([1, 0, 1]), np.arange(3), np.array([0.0, 0.0, 0.5]), np.array([0.2, 0.0, 0.0]), np.array([-1, -1, 1])
+    )
+    problem = ContactProblem.from_delassus(np.eye(3), (1.0, -1.0, 0.4), laws=laws)
+    assert solve(problem, "CvxpyCoulomb", tolerance=1e-7).impulses == pytest.approx([-0.2, 1.0, -0.4], abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["OSQP", "CLARABEL"])
+def test_frictionless_contact_is_a_quadratic_program(solver: str) -> None:
+    problem = load("funnel-frictionless-100")
+    solution = create("CvxpyQP", solver=solver).prepare(problem).solve(Stop(1e-6, 100_000))
+    swept = create("SORprox", relaxation=1.3).prepare(problem).solve(Stop(1e-11, 100_000))
+    assert solution.status is Status.SOLVED
+    assert swept.status is Status.SOLVED
+    difference = problem.relative_velocity(solution.impulses) - problem.relative_velocity(swept.impulses)
+    assert np.abs(difference).max() <= 1e-4 * float(np.abs(problem.free_velocity).max())
+
+
+def test_friction_is_refused_by_the_quadratic_program_with_the_reason() -> None:
+    solution = solve(load("funnel-30-early"), "CvxpyQP")
+    assert solution.status is Status.UNSUPPORTED
+    assert "friction" in solution.message
+
+
+@pytest.mark.parametrize("name", ["CvxpySOCP", "CvxpyCoulomb", "CvxpyQP"])
+def test_a_solver_that_is_not_there_is_named_with_those_that_are(name: str) -> None:
+    with pytest.raises(SolverError, match=r"'NOSUCH'.*CLARABEL"):
+        create(name, solver="NOSUCH")
+
+
+def test_a_quadratic_solver_is_no_conic_solver() -> None:
+    with pytest.raises(SolverError, match=r"no conic solver 'OSQP'"):
+        create("CvxpySOCP", solver="OSQP")
