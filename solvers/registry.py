@@ -18,6 +18,7 @@ _BUILT_IN = {
     "CvxpySOCP": "conic.cvxpy_solvers",
     "CvxpyCoulomb": "conic.cvxpy_solvers",
     "CvxpyQP": "conic.cvxpy_solvers",
+    "Enumeration": "lcp.enumeration",
 }
 """Module of each built-in solver, imported when the solver is created."""
 

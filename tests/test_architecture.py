@@ -12,7 +12,7 @@ BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": 
 AT_HOME = {
     "altair": {"bench/charts.py"},
     "vl_convert": {"bench/charts.py"},
-    "clarabel": {"solvers/conic/clarabel_socp.py"},
+    "clarabel": {"solvers/conic/programs.py"},
     "pandas": {"bench/frames.py", "bench/tables.py", "bench/charts.py"},
     "typer": {"bench/cli.py"},
     "psutil": {"bench/machine.py", "bench/worker.py"},

@@ -1,39 +1,10 @@
 """The known answers of the hard cases hold before the judge, and by enumeration of contact states."""
 
-import itertools
-
 import numpy as np
 import pytest
-from proxbench.problems import ContactProblem, judge
+from proxbench.problems import judge
 from proxbench.problems.hard import GRAVITY, HARD_CASES, TIME_STEP, hard_case
-from proxbench.solvers import Status, solve
-
-
-def enumerated_solutions(problem: ContactProblem) -> list[np.ndarray]:
-    """All solutions of a small planar problem, by trying open, stick, slip+ and slip− at every contact."""
-    delassus, c = problem.delassus().toarray(), problem.free_velocity
-    n = problem.n_contacts
-    mu = problem.layout.friction_coefficient
-    found = []
-    for states in itertools.product("osr-", repeat=n):
-        matrix, right = np.zeros_like(delassus), np.zeros_like(c)
-        for i, state in enumerate(states):
-            normal, tangent = 2 * i, 2 * i + 1
-            if state == "o":
-                matrix[normal, normal] = matrix[tangent, tangent] = 1.0
-                continue
-            matrix[normal], right[normal] = delassus[normal], -c[normal]
-            if state == "s":
-                matrix[tangent], right[tangent] = delassus[tangent], -c[tangent]
-            else:
-                matrix[tangent, tangent] = 1.0
-                matrix[tangent, normal] = -mu[i] if state == "r" else mu[i]
-        if abs(np.linalg.det(matrix)) < 1e-14:
-            continue
-        impulses = np.linalg.solve(matrix, right)
-        if judge(problem, impulses).residual < 1e-10 and not any(np.allclose(impulses, known) for known in found):
-            found.append(impulses)
-    return found
+from proxbench.solvers import Status, create, solve
 
 
 @pytest.mark.parametrize("name", HARD_CASES)
@@ -66,7 +37,7 @@ def test_known_sums_are_met_by_a_solution_that_knows_nothing_of_them(name: str) 
 def test_enumeration_finds_exactly_the_known_solutions(name: str, count: int) -> None:
     problem = hard_case(name)
     assert problem.answer is not None
-    found = enumerated_solutions(problem)
+    found = create("Enumeration").prepare(problem).all_solutions(1e-10)  # type: ignore[attr-defined]
     assert len(found) == len(problem.answer.impulses) == count
     for impulses in found:
         assert problem.answer.impulse_error(impulses) == pytest.approx(0.0, abs=1e-12)

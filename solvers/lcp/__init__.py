@@ -1,0 +1,1 @@
+"""Contact problems as complementarity problems."""

@@ -1,0 +1,131 @@
+"""Enumeration of contact states: every solution of a tiny planar problem, as an oracle for other methods.
+
+A unilateral law is open (Λ_N = 0) or closed (ξ_N = 0), a planar friction law sticks (ξ_T = 0) or slips at one of its
+bounds (Λ_T = ±(a + μ Λ_N), or 0 at an open contact). Each combination is one linear system; the judge says whether its
+solution obeys the inequalities as well. Without fixed bounds these are at most 5ⁿ for n contacts.
+"""
+
+import itertools
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray, LawKind
+from ...problems.model import Model
+from ..interface import Observer, Solution, SolverError, Status, Stop, described
+
+MOST_CONTACTS = 6
+"""Contacts up to which it is a matter of a second."""
+
+SINGULAR = 1e-12
+"""Ratio of singular values below which a system counts as singular, and its solution of least norm is taken."""
+
+SAME = 1e-9
+"""Impulses that differ by less, relative to the largest, are one solution."""
+
+
+@dataclass(frozen=True)
+class Enumeration:
+    """All combinations of contact states, tried one after the other."""
+
+    model: ClassVar[Model] = Model.COULOMB
+    has_iterates: ClassVar[bool] = False
+
+    @property
+    def name(self) -> str:
+        """Class name."""
+        return described(self)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any():
+            return "it has spatial friction, whose directions of slip cannot be enumerated"
+        if problem.n_contacts > MOST_CONTACTS:
+            return f"it has {problem.n_contacts} contacts, and their states are too many beyond {MOST_CONTACTS}"
+        return None
+
+    def prepare(self, problem: ContactProblem) -> "PreparedEnumeration":
+        """Take G as a dense matrix."""
+        reason = self.supports(problem)
+        if reason:
+            raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
+        return PreparedEnumeration(problem, problem.delassus().toarray(), Residual(problem))
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedEnumeration:
+    """The combinations of one problem."""
+
+    problem: ContactProblem
+    matrix: FloatArray
+    residual: Residual
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Return the first solution; INFEASIBLE if all combinations are regular and none solves the problem."""
+        n_rows = self.problem.n_rows
+        if self.residual.infeasible:
+            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+        if n_rows == 0:
+            return Solution(np.zeros(0), Status.SOLVED, 0)
+        best, best_residual, tried, singular = np.zeros(n_rows), np.inf, 0, 0
+        deadline = time.perf_counter() + stop.max_seconds
+        for impulses, regular in self._candidates():
+            tried += 1
+            singular += not regular
+            residual = self.residual(impulses, self.problem.relative_velocity(impulses))
+            if residual < best_residual:
+                best, best_residual = impulses, residual
+            if best_residual <= stop.tolerance:
+                return Solution(best, Status.SOLVED, tried)
+            if time.perf_counter() > deadline:
+                return Solution(best, Status.TIME_LIMIT, tried, f"residual {best_residual:.1e} after {tried} states")
+        if singular:
+            reason = f"none of {tried} states solves it; {singular} are singular and were tried at least norm only"
+            return Solution(best, Status.STALLED, tried, reason)
+        return Solution(best, Status.INFEASIBLE, tried, f"none of {tried} states solves it, and none is singular")
+
+    def all_solutions(self, tolerance: float) -> list[FloatArray]:
+        """Return all Λ of judged residual ``tolerance`` or less, equal ones once."""
+        found: list[FloatArray] = []
+        for impulses, _ in self._candidates():
+            if self.residual(impulses, self.problem.relative_velocity(impulses)) > tolerance:
+                continue
+            scale = max(float(np.abs(impulses).max(initial=0.0)), np.finfo(float).tiny)
+            if not any(np.abs(impulses - known).max(initial=0.0) <= SAME * scale for known in found):
+                found.append(impulses)
+        return found
+
+    def _candidates(self) -> Iterator[tuple[FloatArray, bool]]:
+        """Yield the impulses of each combination of states, and whether its system is regular."""
+        laws = self.problem.laws
+        choices = [("open", "closed") if kind == LawKind.UNILATERAL else ("stick", "+", "-") for kind in laws.kind]
+        for states in itertools.product(*choices):
+            slips_for_nothing = any(
+                state == "-" and laws.fixed_bound[law] == 0.0 and states[laws.partner[law]] == "open"
+                for law, state in enumerate(states)
+            )
+            if not slips_for_nothing:  # the bound is zero, and "+" says the same
+                yield self._solved(states)
+
+    def _solved(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:
+        laws, n_rows = self.problem.laws, self.problem.n_rows
+        system, right = self.matrix.copy(), -self.problem.free_velocity
+        for law, state in enumerate(states):
+            row = laws.first_row[law]
+            if state in ("closed", "stick"):
+                continue
+            system[row], right[row] = 0.0, 0.0
+            system[row, row] = 1.0
+            if state in ("+", "-"):
+                sign = 1.0 if state == "+" else -1.0
+                right[row] = sign * laws.fixed_bound[law]
+                if laws.partner[law] >= 0:
+                    system[row, laws.first_row[laws.partner[law]]] = -sign * laws.friction_coefficient[law]
+        solved = np.linalg.lstsq(system, right, rcond=SINGULAR)
+        impulses: FloatArray = solved[0].astype(np.float64)
+        return impulses, int(solved[2]) == n_rows
