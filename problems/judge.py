@@ -83,6 +83,20 @@ class Residual:
         return _relative(_squared_violations(*self._arguments, impulses, velocity, self._squares), self.scale)
 
 
+class ModelResidual(Residual):
+    """The residual under another model than Coulomb's law; attributes as there."""
+
+    def __init__(self, problem: "ContactProblem", model: Model) -> None:
+        super().__init__(problem)
+        self._problem, self._model = problem, model
+
+    def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
+        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        if self.infeasible:
+            return np.inf
+        return _relative(_violations(self._problem, self, impulses, velocity, self._model).max(initial=0.0), self.scale)
+
+
 def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
     """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
 

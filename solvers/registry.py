@@ -18,6 +18,8 @@ _BUILT_IN = {
     "CvxpySOCP": "conic.cvxpy_solvers",
     "CvxpyCoulomb": "conic.cvxpy_solvers",
     "CvxpyQP": "conic.cvxpy_solvers",
+    "Lemke": "lcp.lemke",
+    "PyramidPGS": "lcp.projected_gauss_seidel",
     "Enumeration": "lcp.enumeration",
 }
 """Module of each built-in solver, imported when the solver is created."""

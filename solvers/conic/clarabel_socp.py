@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar, get_args
 
 from ...problems.contact import ContactProblem
-from ...problems.judge import Residual, convex_obstacle
+from ...problems.judge import ModelResidual, convex_obstacle
 from ...problems.model import Model
 from ..interface import SolverError, described
 from .convex import PreparedConvex
@@ -64,5 +64,5 @@ class ClarabelSOCP:
         reason = self.supports(problem)
         if reason:
             raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
-        residual = Residual(problem)
+        residual = ModelResidual(problem, self.model)
         return PreparedConvex(problem, residual, conic_program(problem, residual, self.form))

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.contact import ContactProblem
-from ...problems.judge import Residual, judge
+from ...problems.judge import ModelResidual
 from ...problems.laws import FloatArray
-from ...problems.model import Model
 from ..interface import Observer, Solution, Status, Stop
 from .programs import ConicProgram, Ended
 
@@ -31,7 +30,7 @@ class PreparedConvex:
     """The cone program of one problem."""
 
     problem: ContactProblem
-    residual: Residual
+    residual: ModelResidual
     program: ConicProgram
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -50,7 +49,7 @@ class PreparedConvex:
             seconds += result.seconds
             iterations += result.iterations
             if np.isfinite(result.impulses).all():
-                residual = judge(self.problem, result.impulses, Model.CONVEX).residual
+                residual = self.residual(result.impulses, self.problem.relative_velocity(result.impulses))
                 if residual < best_residual:
                     best, best_residual = result.impulses, residual
             if best_residual <= stop.tolerance:

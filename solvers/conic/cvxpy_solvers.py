@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
+from ...problems.judge import ModelResidual, Residual
+from ...problems.laws import LawKind
 from ...problems.model import Model
 from ..interface import SolverError, described
 from .clarabel_socp import obstacle
@@ -17,12 +18,16 @@ from .cvxpy_program import CvxpyProgram, check_solver
 from .fixed_point import PreparedFixedPoint, check_memory
 
 
-def _program(solver: "CvxpySOCP | CvxpyCoulomb | CvxpyQP", problem: ContactProblem) -> tuple[Residual, CvxpyProgram]:
+def _refuse_unsupported(solver: "CvxpySOCP | CvxpyCoulomb | CvxpyQP", problem: ContactProblem) -> None:
     reason = solver.supports(problem)
     if reason:
         raise SolverError(f"{solver.name} cannot treat {problem.name!r}: {reason}.")
-    residual = Residual(problem)
-    return residual, CvxpyProgram(problem, residual, solver.solver)
+
+
+def _prepared_convex(solver: "CvxpySOCP | CvxpyQP", problem: ContactProblem) -> PreparedConvex:
+    _refuse_unsupported(solver, problem)
+    residual = ModelResidual(problem, Model.CONVEX)
+    return PreparedConvex(problem, residual, CvxpyProgram(problem, residual, solver.solver))
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class CvxpySOCP:
 
     def prepare(self, problem: ContactProblem) -> PreparedConvex:
         """Compile the program."""
-        return PreparedConvex(problem, *_program(self, problem))
+        return _prepared_convex(self, problem)
 
 
 @dataclass(frozen=True)
@@ -91,12 +96,16 @@ class CvxpyCoulomb:
 
     def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
         """Compile the program, once for all outer iterations."""
-        return PreparedFixedPoint(problem, *_program(self, problem), self.memory)
+        _refuse_unsupported(self, problem)
+        residual = Residual(problem)
+        return PreparedFixedPoint(problem, residual, CvxpyProgram(problem, residual, self.solver), self.memory)
 
 
 @dataclass(frozen=True)
 class CvxpyQP:
-    """Frictionless contact as a quadratic program through cvxpy: minimise ½ ΛᵀGΛ + cᵀΛ over Λ ≥ 0.
+    """Complementarity where it is convex, a quadratic program through cvxpy: minimise ½ ΛᵀGΛ + cᵀΛ over Λ_N ≥ 0.
+
+    Planar friction with fixed bounds, ‖Λ_T‖ ≤ a, is part of it; Coulomb friction is not convex.
 
     Attributes:
         solver: a quadratic solver that cvxpy has installed.
@@ -120,10 +129,13 @@ class CvxpyQP:
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        if problem.laws.is_friction.any():
-            return "it has friction laws, and a quadratic program holds none of them"
+        laws = problem.laws
+        if laws.friction_coefficient.any():
+            return "it has Coulomb friction, whose complementarity problem is not convex"
+        if (laws.kind == LawKind.SPATIAL_FRICTION).any():
+            return "it has spatial friction, whose disc is no set of a quadratic program"
         return obstacle(problem, "delassus")
 
     def prepare(self, problem: ContactProblem) -> PreparedConvex:
         """Compile the program."""
-        return PreparedConvex(problem, *_program(self, problem))
+        return _prepared_convex(self, problem)

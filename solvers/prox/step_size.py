@@ -25,6 +25,11 @@ def check_options(step_size: str, relaxation: float) -> None:
     """Raise ``SolverError`` unless both options make sense."""
     if step_size not in get_args(StepSize):
         raise SolverError(f"step_size must be 'diagonal' or 'row_sum', got {step_size!r}.")
+    check_relaxation(relaxation)
+
+
+def check_relaxation(relaxation: float) -> None:
+    """Raise ``SolverError`` unless ω is a positive number."""
     if not (isinstance(relaxation, int | float) and 0.0 < relaxation < np.inf):
         raise SolverError(f"relaxation must be a positive number, got {relaxation!r}.")
 

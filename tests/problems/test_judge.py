@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
+from proxbench.problems.judge import ModelResidual
 
 MIXED = Laws(
     np.array([0, 0, 1, 0, 2, 1, 2]),
@@ -223,3 +224,12 @@ def test_a_pyramid_approaches_the_cone_with_the_square_of_its_sides() -> None:
 def test_impulses_of_the_wrong_shape_are_named(impulses: object) -> None:
     with pytest.raises(ProblemError, match="shape"):
         judge(one_contact((-1.0, 0.0, 0.0)), impulses)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("model", [Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS, Model.pyramid(5)], ids=str)
+def test_the_residual_that_solvers_stop_on_is_the_one_of_the_verdict(model: Model) -> None:
+    rng = np.random.default_rng(11)
+    problem = ContactProblem.from_factors(rng.normal(size=(9, 12)), np.ones(9), rng.normal(size=12), 0.4)
+    impulses = rng.normal(size=12)
+    residual = ModelResidual(problem, model)(impulses, problem.relative_velocity(impulses))
+    assert residual == judge(problem, impulses, model).residual

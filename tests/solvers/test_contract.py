@@ -24,6 +24,10 @@ VARIANTS = [
     "CvxpySOCP(solver='SCS')",
     "CvxpyCoulomb",
     "CvxpyQP",
+    "Lemke",
+    "Lemke(sides=3)",
+    "PyramidPGS",
+    "PyramidPGS(sides=4, relaxation=1.2)",
     "Enumeration",
 ]
 ITERATIVE = [name for name in VARIANTS if create(name).has_iterates]

@@ -1,0 +1,140 @@
+"""Lemke's method on the linear complementarity problem of contact: planar friction exactly, spatial as a pyramid.
+
+Contacts that influence each other only within groups make the matrix fall into blocks, which are solved one by one: the
+work grows with the cube of the largest group, not of the problem.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import ModelResidual, Residual
+from ...problems.laws import FloatArray, IntArray
+from ...problems.model import Model
+from ..interface import Observer, Solution, SolverError, Status, Stop, described
+from .formulation import Complementarity, check_sides, complementarity
+from .pivoting import Ending, Tableau
+
+LARGEST_GROUP = 6000
+"""Unknowns of one group beyond which the tableau takes too much memory (300 MB) and hours of pivoting."""
+
+PIVOTS_BETWEEN_LOOKS = 20
+"""Pivots between two looks at the clock."""
+
+
+@dataclass(frozen=True)
+class Lemke:
+    """Complementary pivoting with the lexicographic rule; exact up to rounding, whatever tolerance is asked for.
+
+    Attributes:
+        sides: k, sides of the pyramid that stands for the friction cone of a spatial contact; at least 3.
+
+    Raises:
+        SolverError: for fewer than 3 sides.
+    """
+
+    sides: int = 8
+
+    has_iterates: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_sides(self.sides)
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        return described(self)
+
+    @property
+    def model(self) -> Model:
+        """The pyramid of ``sides`` sides."""
+        return Model.pyramid(self.sides)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        unknowns = int(np.array([1, 2, self.sides + 1])[problem.laws.kind].sum())
+        if unknowns <= LARGEST_GROUP:
+            return None
+        group = max(
+            (len(group) for group in _groups(complementarity(problem, Residual(problem), self.sides).matrix)), default=0
+        )
+        if group > LARGEST_GROUP:
+            return f"{group} of its unknowns hang together, and pivoting takes hours beyond {LARGEST_GROUP}"
+        return None
+
+    def prepare(self, problem: ContactProblem) -> "PreparedLemke":
+        """Formulate the problem and find its groups."""
+        reason = self.supports(problem)
+        if reason:
+            raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
+        residual = ModelResidual(problem, self.model)
+        formulated = complementarity(problem, residual, self.sides)
+        return PreparedLemke(problem, residual, formulated, _groups(formulated.matrix))
+
+
+def _groups(matrix: sp.csr_array) -> list[IntArray]:
+    """Return the indices of each connected group of unknowns."""
+    count, label = connected_components(matrix, directed=False)
+    order = np.argsort(label, kind="stable")
+    return [np.sort(group) for group in np.split(order, np.cumsum(np.bincount(label, minlength=count))[:-1])]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedLemke:
+    """The linear complementarity problem of one contact problem, in groups."""
+
+    problem: ContactProblem
+    residual: ModelResidual
+    formulated: Complementarity
+    groups: list[IntArray]
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Pivot through every group; ``iterations`` counts pivots, and neither start nor observer has a use here."""
+        n_rows = self.problem.n_rows
+        if self.residual.infeasible:
+            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+        unknowns, pivots, rays = np.zeros(len(self.formulated.vector)), 0, 0
+        deadline = time.perf_counter() + stop.max_seconds
+        limit: Status | None = None
+        for group in self.groups:
+            tableau = Tableau(self.formulated.matrix[group][:, group].toarray(), self.formulated.vector[group])
+            limit = _advance(tableau, stop.max_iterations - pivots, deadline)
+            pivots += tableau.pivots
+            if limit is not None:
+                break
+            rays += tableau.ending is Ending.RAY
+            if tableau.ending is Ending.SOLUTION:
+                unknowns[group] = tableau.solution()
+        impulses = self.formulated.impulses(unknowns)
+        residual = self.residual(impulses, self.problem.relative_velocity(impulses))
+        return Solution(impulses, *self._ended(stop, residual, limit, rays, pivots))
+
+    def _ended(
+        self, stop: Stop, residual: float, limit: Status | None, rays: int, pivots: int
+    ) -> tuple[Status, int, str]:
+        """Return status, pivots and reason."""
+        if residual <= stop.tolerance:
+            return Status.SOLVED, pivots, ""
+        if limit is not None:
+            return limit, pivots, f"residual {residual:.1e} after {pivots} pivots"
+        if rays and not self.problem.laws.friction_coefficient.any():
+            return Status.INFEASIBLE, pivots, "the path ends on a ray, which without Coulomb friction proves it"
+        if rays:
+            return Status.STALLED, pivots, f"the path ends on a ray after {pivots} pivots, residual {residual:.1e}"
+        return Status.STALLED, pivots, f"rounding leaves the residual at {residual:.1e} after {pivots} pivots"
+
+
+def _advance(tableau: Tableau, most: int, deadline: float) -> Status | None:
+    """Pivot to the end, or to ``most`` pivots or the deadline; return the limit that was met, if any."""
+    while tableau.ending is Ending.UNFINISHED:
+        if tableau.pivots >= most:
+            return Status.ITERATION_LIMIT
+        if time.perf_counter() > deadline:
+            return Status.TIME_LIMIT
+        tableau.advance(min(PIVOTS_BETWEEN_LOOKS, most - tableau.pivots))
+    return None

@@ -1,0 +1,208 @@
+"""Lemke's complementary pivoting with the lexicographic rule (Cottle, Pang & Stone 1992, algorithms 4.4.5 and 4.9.8).
+
+    w = M z + q + d z₀,      w, z, z₀ ≥ 0,      d = (1, …, 1)
+
+From z₀ so large that w ≥ 0, each pivot lets the complement of the variable that has just left enter the basis, until z₀
+leaves. Which variable leaves is the lexicographic minimum of the rows [β, B⁻¹] over the entering column, so that
+degenerate problems cannot cycle. The tableau holds the columns of the nonbasic variables; those of B⁻¹ are the columns
+of w, found among them or unit vectors.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numba import njit
+
+from ...problems.laws import FloatArray, IntArray
+
+SMALLEST_PIVOT = 1e-8
+"""Entries of the entering column below this fraction of its largest count as zero."""
+
+TIE = 1e-13
+"""Ratios that differ by less, relative to the largest of the tied ones or to 1, are tied."""
+
+
+class Ending(IntEnum):
+    """How pivoting stands; the value is what the kernel returns."""
+
+    UNFINISHED = 0
+    SOLUTION = 1
+    RAY = 2
+
+
+@dataclass(eq=False)
+class Tableau:
+    """The state of the pivoting on one linear complementarity problem of size n.
+
+    Variables are numbered: w from 0, z from n, z₀ is 2n.
+
+    Attributes:
+        matrix: M, dense, shape (n, n).
+        vector: q, shape (n,).
+        ending: how it stands.
+        pivots: pivots done.
+    """
+
+    matrix: FloatArray
+    vector: FloatArray
+    ending: Ending = Ending.UNFINISHED
+    pivots: int = 0
+
+    def __post_init__(self) -> None:
+        n = len(self.vector)
+        self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
+        self._values = self.vector.copy()
+        self._basic = np.arange(n)
+        self._nonbasic = np.arange(n, 2 * n + 1)
+        self._entering = 2 * n
+        if n == 0 or self.vector.min() >= 0.0:
+            self.ending = Ending.SOLUTION
+
+    def advance(self, count: int) -> None:
+        """Do at most ``count`` pivots."""
+        if self.ending is not Ending.UNFINISHED:
+            return
+        ending, done, entering = _pivot(
+            count, self._rows, self._values, self._basic, self._nonbasic, self._entering, SMALLEST_PIVOT, TIE
+        )
+        self.ending, self._entering = Ending(ending), entering
+        self.pivots += done
+
+    def solution(self) -> FloatArray:
+        """Return z of the present basis, solved afresh from M and q so that no rounding of the pivots is left in it."""
+        n = len(self.vector)
+        unknowns = np.zeros(n)
+        closed = np.sort(self._basic[(self._basic >= n) & (self._basic < 2 * n)]) - n
+        if len(closed) == 0:
+            return unknowns
+        block, right = self.matrix[np.ix_(closed, closed)], -self.vector[closed]
+        try:
+            found = np.linalg.solve(block, right)
+            found += np.linalg.solve(block, right - block @ found)
+        except np.linalg.LinAlgError:
+            found = np.linalg.lstsq(block, right, rcond=None)[0]
+        if not np.isfinite(found).all():
+            found = np.linalg.lstsq(block, right, rcond=None)[0]
+        unknowns[closed] = np.maximum(found, 0.0)
+        return unknowns
+
+    @property
+    def basic(self) -> IntArray:
+        """The basic variables, shape (n,)."""
+        return self._basic
+
+
+@njit(cache=True)
+def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # type: ignore[no-untyped-def]
+    """Do at most ``count`` pivots in place; return how it stands, the pivots done, and the next entering variable."""
+    n = len(values)
+    place = np.empty(2 * n + 1, dtype=np.int64)  # row of a basic variable, −1 − column of a nonbasic one
+    for i in range(n):
+        place[basic[i]] = i
+    for j in range(n + 1):
+        place[nonbasic[j]] = -1 - j
+    tied = np.empty(n, dtype=np.int64)
+    filled = np.empty(n + 1, dtype=np.int64)
+    for done in range(count):
+        column = -1 - place[entering]
+        if entering == 2 * n and done == 0 and basic.max() < n:
+            row = _first_row(values)
+        else:
+            row = _leaving_row(rows, values, basic, place, column, tied, smallest, tie)
+        if row < 0:
+            return 2, done, entering
+        leaving = basic[row]
+        _exchange(rows, values, row, column, filled)
+        basic[row], nonbasic[column] = entering, leaving
+        place[entering], place[leaving] = row, -1 - column
+        if leaving == 2 * n:
+            return 1, done + 1, entering
+        entering = leaving + n if leaving < n else leaving - n
+    return 0, count, entering
+
+
+@njit(cache=True)
+def _first_row(values):  # type: ignore[no-untyped-def]
+    """Return the row of the most negative q, the last of equal ones: the lexicographic minimum of [q, I]."""
+    row = 0
+    for i in range(len(values)):
+        if values[i] <= values[row]:
+            row = i
+    return row
+
+
+@njit(cache=True)
+def _leaving_row(rows, values, basic, place, column, tied, smallest, tie):  # type: ignore[no-untyped-def]
+    """Return the row of the lexicographic minimum of [β, B⁻¹]/column over positive entries, −1 if there is none.
+
+    The row of z₀ wins every tie in β: the solution is reached.
+    """
+    n = len(values)
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(rows[i, column]))
+    threshold = smallest * largest
+    least = np.inf
+    for i in range(n):
+        if rows[i, column] > threshold:
+            least = min(least, max(values[i], 0.0) / rows[i, column])
+    if least == np.inf:
+        return -1
+    count = 0
+    for i in range(n):
+        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= least + tie * max(1.0, least):
+            if basic[i] == 2 * n:
+                return i
+            tied[count] = i
+            count += 1
+    for j in range(n):
+        if count == 1:
+            break
+        lowest = np.inf
+        for t in range(count):
+            lowest = min(lowest, _inverse_entry(rows, place, tied[t], j) / rows[tied[t], column])
+        kept = 0
+        for t in range(count):
+            ratio = _inverse_entry(rows, place, tied[t], j) / rows[tied[t], column]
+            if ratio <= lowest + tie * max(1.0, abs(lowest)):
+                tied[kept] = tied[t]
+                kept += 1
+        count = kept
+    return tied[0]
+
+
+@njit(cache=True)
+def _inverse_entry(rows, place, row, j):  # type: ignore[no-untyped-def]
+    """Return entry (row, j) of B⁻¹: from the column of w_j, or of the unit matrix if w_j is basic."""
+    if place[j] >= 0:
+        return 1.0 if place[j] == row else 0.0
+    return rows[row, -1 - place[j]]
+
+
+@njit(cache=True)
+def _exchange(rows, values, row, column, filled):  # type: ignore[no-untyped-def]
+    """Exchange the basic variable of ``row`` with the nonbasic one of ``column``; zeros cost nothing."""
+    n, width = rows.shape
+    inverse = 1.0 / rows[row, column]
+    count = 0
+    for j in range(width):
+        if j != column and rows[row, j] != 0.0:
+            rows[row, j] *= inverse
+            filled[count] = j
+            count += 1
+    rows[row, column] = inverse
+    values[row] *= inverse
+    is_full = 4 * count > width
+    for i in range(n):
+        factor = rows[i, column]
+        if i == row or factor == 0.0:
+            continue
+        if is_full:
+            for j in range(width):
+                rows[i, j] -= factor * rows[row, j]
+        else:
+            for f in range(count):
+                rows[i, filled[f]] -= factor * rows[row, filled[f]]
+        rows[i, column] = -factor * inverse
+        values[i] -= factor * values[row]
