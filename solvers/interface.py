@@ -115,7 +115,7 @@ class Solver(Protocol):
 
     @property
     def name(self) -> str:
-        """Unique name, with the options that differ from the defaults: ``"SORprox(relaxation=1.5)"``."""
+        """Unique name, with the options that differ from the defaults, such as ``"SORprox(relaxation=1.5)"``."""
         ...
 
     @property
