@@ -230,6 +230,26 @@ def _refuse_contradictions(context: typer.Context) -> None:
 
 
 @app.command()
+def check(
+    target: Annotated[
+        str, typer.Argument(help="Solver (with options) or problem, or a plugin file.", metavar="NAME|FILE")
+    ],
+    seconds: Annotated[float, typer.Option(help="Time limit of one check [s].")] = 60.0,
+    plugin: PluginFiles = None,
+    as_json: Json = False,
+) -> int:
+    """Hold a solver or problem to what it owes its users; exit code 1 if a check fails."""
+    from .check import checked, print_checks
+
+    subjects = checked(target, seconds)
+    if as_json:
+        print(json.dumps(subjects, indent=1, ensure_ascii=False))
+    else:
+        print_checks(subjects)
+    return int(not all(subject["passed"] for subject in subjects))
+
+
+@app.command()
 def report(
     run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run.")],
     as_json: Json = False,

@@ -154,9 +154,10 @@ def type_fault(solution: Any) -> str | None:
     """Say why ``solution`` is not a ``Solution`` with a status and a count of iterations, or None."""
     if not isinstance(solution, Solution):
         return f"its solve returned {type(solution).__name__}, not a Solution"
-    if not isinstance(solution.status, Status):
-        return f"it returned the status {solution.status!r}, which is none"
+    status: Any = solution.status
     count: Any = solution.iterations
+    if not isinstance(status, Status):
+        return f"it returned the status {status!r}, which is none"
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return f"it returned {str(count)[:60]} as its number of iterations, which is no whole number"
     return None
