@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..problems.catalog import is_available, load, problem_names, suite_members
+from ..problems.catalog import is_available, load, plugin_problems, problem_names, suite_members
 from ..problems.contact import ContactProblem
 from ..problems.errors import ProblemError, suggestion
 from ..solvers.contract import form_fault
@@ -88,10 +88,12 @@ def make_plan(
 ) -> Plan:
     """Return the plan for the given problems (or a suite) and solvers (or the default variants).
 
+    Problems of plugins are built here; the others are loaded when their turn comes.
+
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name.
         SolverError: for an unknown solver or option, with the nearest name.
-        PluginError: if a plugin's solver breaks the contract.
+        PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
         BenchError: for a name given twice, a solver object that breaks the contract, or a tolerance that is not between
             0 and 1.
     """
@@ -100,6 +102,8 @@ def make_plan(
     for problem in chosen:
         if isinstance(problem, str) and problem not in known:
             raise ProblemError(f"there is no problem {problem!r}{suggestion(problem, known)}")
+    from_plugins = {offer.name for offer in plugin_problems()}
+    chosen = tuple(load(p) if isinstance(p, str) and p in from_plugins else p for p in chosen)
     methods = tuple(create(s) if isinstance(s, str) else _well_formed(s) for s in (solvers or DEFAULT_SOLVERS))
     for kind, names in (("problem", [name_of(p) for p in chosen]), ("solver", [s.name for s in methods])):
         twice = next((name for name in names if names.count(name) > 1), None)

@@ -96,7 +96,7 @@ def run(
     store = Store.create(Path(results) / identity)
     planned = _planned(plan)
     info = {"run_id": identity, "plan": planned, "machine": describe_machine(), "calibration_seconds": []}
-    used = sources(planned["solvers"], [problem for problem in plan.problems if isinstance(problem, str)])
+    used = sources(planned["solvers"], planned["problems"])
     store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
     return _carry_out(plan, store, finished={}, on_event=on_event)
 

@@ -82,7 +82,7 @@ def form_fault(solver: Any) -> str | None:
 def prepared_fault(prepared: Any) -> str | None:
     """Say what is wrong with the result of ``prepare`` (``Prepared``), or None."""
     fault = _method_fault(prepared, "solve", _SOLVE, _bind_solve)
-    return None if fault is None else f"its prepare returned {_an(prepared)}, but {fault.removeprefix('it ')}"
+    return None if fault is None else f"its prepare returned {_an(prepared)}, which {fault.removeprefix('it ')}"
 
 
 def reason_fault(reason: Any) -> str | None:

@@ -1,6 +1,6 @@
 """Conformance: what every solver owes its users whatever its method, and every problem, as tests that anybody can run.
 
-``proxbench check`` runs them on any plugin, each in a process that may crash or hang; a test suite runs them directly:
+``proxbench check`` runs them on any plugin, each in a process that may crash or hang; a test suite runs them directly::
 
     @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
     def test_my_solver_conforms(check):
