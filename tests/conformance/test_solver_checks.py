@@ -86,6 +86,8 @@ class _Faulty:
             return replace(solution, impulses=0.9 * impulses, status=Status.SOLVED)
         if self.fault == "gives up":
             return Solution(np.zeros_like(impulses), Status.STALLED, 0)
+        if self.fault == "zero":
+            return Solution(np.zeros_like(impulses), Status.SOLVED, 0)
         if self.fault == "unsupported":
             return replace(solution, status=Status.UNSUPPORTED)
         if self.fault == "blind to infeasibility" and solution.status is Status.INFEASIBLE:
@@ -114,7 +116,8 @@ class _Faulty:
         ("writes problem", "inputs untouched", "changed the numbers of 8 frictionless contacts"),
         ("forgetful", "deterministic", "on the same prepared problem"),
         ("lies", "truthful", "to 0.0001, but the judge of its model (coulomb) reads"),
-        ("gives up", "useful", "solves none of 14 problems to 0.01"),
+        ("gives up", "useful", "solves none of 14 problems to 0.001"),
+        ("zero", "useful", "its best residual is 9.8e-03"),
         ("blind to infeasibility", "infeasible", "ends as iteration limit"),
         ("never zero", "at rest", "up to 1.0e-15 N s"),
         ("empty unsolved", "no contacts", "ends as stalled"),
