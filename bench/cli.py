@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | generate | list``.
+"""The command line: ``proxbench run | report | generate | list | check``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -25,6 +25,23 @@ FILE_WIDTH = 120
 """Columns of tables that go to a file or a pipe."""
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
+
+
+def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
+    if paths:
+        from .plugins import use_plugin_files
+
+        use_plugin_files(paths)
+    return paths
+
+
+PluginFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin", help="Python file that offers solvers or problems; may be repeated.", callback=_take_into_use
+    ),
+]
+"""The option of every command that takes names of solvers or problems; the files are in use when the command begins."""
 
 
 def main() -> None:
@@ -99,6 +116,7 @@ def _root(
 @app.command("list")
 def list_names(
     what: Annotated[str, typer.Argument(help="problems, solvers or suites; all three if left out.")] = "",
+    plugin: PluginFiles = None,
     as_json: Json = False,
 ) -> None:
     """List what there is: solvers and their options, suites, problems."""
@@ -116,6 +134,7 @@ def generate(
     names: Annotated[list[str] | None, typer.Argument(help="Problems to remake from their scenes.")] = None,
     suite: Annotated[str, typer.Option(help="Remake all members of a suite that come from scenes.")] = "",
     output: Annotated[Path | None, typer.Option(help="Folder to write to; the cache folder if left out.")] = None,
+    plugin: PluginFiles = None,
     as_json: Json = False,
 ) -> None:
     """Remake problems from their scenes; prints each file with the digest of its numbers."""
@@ -156,6 +175,7 @@ def run(
     solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 0.5,
     case_seconds: Annotated[float, typer.Option(help="Time limit of one case [s].")] = 60.0,
     memory: Annotated[int, typer.Option(help="Memory limit of one case [MB].")] = 2048,
+    plugin: PluginFiles = None,
     as_json: Json = False,
     progress: Annotated[bool, typer.Option(help="Show a progress bar.")] = True,
 ) -> int:
@@ -186,6 +206,7 @@ _STORED_WITH_THE_RUN = (
     "solve_seconds",
     "case_seconds",
     "memory",
+    "plugin",
 )
 """Options that --resume takes from the stored run."""
 
@@ -206,6 +227,26 @@ def _refuse_contradictions(context: typer.Context) -> None:
         raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
     if {"suite", "problem"} <= given:
         raise BenchError("--suite and --problem exclude each other; give one of them.")
+
+
+@app.command()
+def check(
+    target: Annotated[
+        str, typer.Argument(help="Solver (with options) or problem, or a plugin file.", metavar="NAME|FILE")
+    ],
+    seconds: Annotated[float, typer.Option(help="Time limit of one check [s].")] = 60.0,
+    plugin: PluginFiles = None,
+    as_json: Json = False,
+) -> int:
+    """Hold a solver or problem to what it owes its users; exit code 1 if a check fails."""
+    from .check import checked, print_checks
+
+    subjects = checked(target, seconds)
+    if as_json:
+        print(json.dumps(subjects, indent=1, ensure_ascii=False))
+    else:
+        print_checks(subjects)
+    return int(not all(subject["passed"] for subject in subjects))
 
 
 @app.command()
