@@ -9,27 +9,28 @@ from ..problems.catalog import SUITES, is_available, load, problem_names, suite_
 from ..problems.contact import ContactProblem
 from ..problems.errors import suggestion
 from ..problems.laws import LawKind
+from ..problems.scenes.registry import SCENES
 from ..solvers.registry import available, factory
 from .errors import BenchError
 
-KINDS = ("solvers", "suites", "problems")
+KINDS = ("solvers", "suites", "problems", "scenes")
 
 
 def listed(what: str = "") -> dict[str, list[dict[str, Any]]]:
-    """Return solvers, suites and problems, or the one kind asked for.
+    """Return solvers, suites, problems and scenes, or the one kind asked for.
 
     Raises:
         BenchError: for another kind, with the nearest one.
     """
     if what and what not in KINDS:
         raise BenchError(f"there is nothing called {what!r} to list{suggestion(what, KINDS)}")
-    makers = {"solvers": _solvers, "suites": _suites, "problems": _problems}
+    makers = {"solvers": _solvers, "suites": _suites, "problems": _problems, "scenes": _scenes}
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
 def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
     """Print the listing in aligned columns, wrapped to the width of the terminal."""
-    texts = {"solvers": _solver_text, "suites": _suite_text, "problems": _problem_text}
+    texts = {"solvers": _solver_text, "suites": _suite_text, "problems": _problem_text, "scenes": _scene_text}
     columns = shutil.get_terminal_size((100, 24)).columns
     for kind, rows in names.items():
         print(kind)
@@ -60,6 +61,10 @@ def _problem_text(row: dict[str, Any]) -> str:
     return f"{contacts}, {row['rows']} rows, {' and '.join(row['laws'])}, {row['form']}"
 
 
+def _scene_text(row: dict[str, Any]) -> str:
+    return f"{row['summary']}: {', '.join(row['options'])}"
+
+
 def _solvers() -> list[dict[str, Any]]:
     rows = []
     for name in available():
@@ -71,6 +76,16 @@ def _solvers() -> list[dict[str, Any]]:
 
 def _suites() -> list[dict[str, Any]]:
     return [{"name": name, "members": suite_members(name)} for name in SUITES]
+
+
+def _scenes() -> list[dict[str, Any]]:
+    rows = []
+    for name, kind in SCENES.items():
+        options = [
+            f"{key}={'off' if option.default is None else option.default}" for key, option in kind.options.items()
+        ]
+        rows.append({"name": name, "summary": kind.summary, "options": options})
+    return rows
 
 
 def _problems() -> list[dict[str, Any]]:
