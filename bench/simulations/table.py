@@ -104,7 +104,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     console.print(Text(f"{scene.name} · {plan.solver.name} · Δt {plan.step_size:g} s", style="bold"))
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
     has_outlet = scene.balls_through is not None
-    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "unsolved", "depth/r", "energy [J]"]
+    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "E [J]"]
     for head in [*heads, *(["through"] if has_outlet else [])]:
         table.add_column(Text(head), justify="right", no_wrap=True)  # a string would be read as markup
     for window in windows(simulation):
@@ -119,6 +119,8 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
             Text(f"{window.energy:.4g}"),
         ]
         table.add_row(*cells, *([Text(str(window.balls_through))] if has_outlet else []))
+    if console.measure(table, options=console.options.update(width=500)).maximum > console.width:
+        table.padding = (0, 0, 0, 0)  # closer columns, rather than numbers that are cut
     console.print(table)
     for line, style in _closing_lines(simulation):
         console.print(Text(line, style=style))
