@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | generate | list | check``.
+"""The command line: ``proxbench run | report | generate | simulate | list | check``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -12,6 +12,8 @@ from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
+
+from .simulations.command import simulate
 
 app = typer.Typer(
     name="proxbench",
@@ -67,9 +69,9 @@ def run_command(arguments: list[str]) -> int:
 def _exit_code(error: Exception) -> int:
     """Return the exit code of an error that has a sentence for users; raise any other one again."""
     from ..problems.errors import ProxbenchError
-    from .errors import InterruptedRunError
+    from .errors import InterruptedWorkError
 
-    if isinstance(error, InterruptedRunError):
+    if isinstance(error, InterruptedWorkError):
         return 130
     if isinstance(error, ProxbenchError):
         return 2
@@ -115,11 +117,11 @@ def _root(
 
 @app.command("list")
 def list_names(
-    what: Annotated[str, typer.Argument(help="problems, solvers or suites; all three if left out.")] = "",
+    what: Annotated[str, typer.Argument(help="problems, solvers, suites or scenes; all if left out.")] = "",
     plugin: PluginFiles = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: solvers and their options, suites, problems."""
+    """List what there is: solvers and scenes with their options, suites, problems."""
     from .listing import listed, print_listing
 
     names = listed(what)
@@ -227,6 +229,9 @@ def _refuse_contradictions(context: typer.Context) -> None:
         raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
     if {"suite", "problem"} <= given:
         raise BenchError("--suite and --problem exclude each other; give one of them.")
+
+
+app.command()(simulate)
 
 
 @app.command()

@@ -11,27 +11,28 @@ from ..problems.contact import ContactProblem
 from ..problems.errors import PluginError, ProxbenchError, suggestion
 from ..problems.laws import LawKind
 from ..problems.plugins import Offer
+from ..problems.scenes.registry import SCENES
 from ..solvers.registry import available, create, factory, plugin_solvers
 from .errors import BenchError
 
-KINDS = ("solvers", "suites", "problems")
+KINDS = ("solvers", "suites", "problems", "scenes")
 
 
 def listed(what: str = "") -> dict[str, list[dict[str, Any]]]:
-    """Return solvers, suites and problems, or the one kind asked for; what is wrong with a plugin is its "error".
+    """Return solvers, suites, problems and scenes, or the one kind asked for; a plugin's fault is its "error".
 
     Raises:
         BenchError: for another kind, with the nearest one.
     """
     if what and what not in KINDS:
         raise BenchError(f"there is nothing called {what!r} to list{suggestion(what, KINDS)}")
-    makers = {"solvers": _solvers, "suites": _suites, "problems": _problems}
+    makers = {"solvers": _solvers, "suites": _suites, "problems": _problems, "scenes": _scenes}
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
 def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
     """Print the listing in aligned columns, wrapped to the width of the terminal."""
-    texts = {"solvers": _solver_text, "suites": _suite_text, "problems": _problem_text}
+    texts = {"solvers": _solver_text, "suites": _suite_text, "problems": _problem_text, "scenes": _scene_text}
     columns = shutil.get_terminal_size((100, 24)).columns
     for kind, rows in names.items():
         print(kind)
@@ -69,6 +70,10 @@ def _problem_text(row: dict[str, Any]) -> str:
     return ", ".join((contacts, f"{row['rows']} rows", laws, row["form"], *_origin(row)))
 
 
+def _scene_text(row: dict[str, Any]) -> str:
+    return f"{row['summary']}: {', '.join(row['options'])}"
+
+
 def _solvers() -> list[dict[str, Any]]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
@@ -99,6 +104,16 @@ def _offered(offer: Offer, described: Callable[[str, str], dict[str, Any]]) -> d
 
 def _suites() -> list[dict[str, Any]]:
     return [{"name": name, "members": suite_members(name)} for name in SUITES]
+
+
+def _scenes() -> list[dict[str, Any]]:
+    rows = []
+    for name, kind in SCENES.items():
+        options = [
+            f"{key}={'off' if option.default is None else option.default}" for key, option in kind.options.items()
+        ]
+        rows.append({"name": name, "summary": kind.summary, "options": options})
+    return rows
 
 
 def _problems() -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ AT_HOME = {
     "vl_convert": {"bench/charts.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {"bench/frames.py", "bench/tables.py", "bench/charts.py"},
-    "typer": {"bench/cli.py"},
+    "typer": {"bench/cli.py", "bench/simulations/command.py"},
     "psutil": {"bench/machine.py", "bench/worker.py"},
 }
 

@@ -16,6 +16,8 @@ VARIANTS = [
     "CvxpySOCP",
     "CvxpyCoulomb",
     "CvxpyQP",
+    "Lemke",
+    "PyramidPGS",
     "Enumeration",
 ]
 
