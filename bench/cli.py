@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | generate | list``.
+"""The command line: ``proxbench run | report | record | generate | list``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -174,6 +174,36 @@ def run(
             limits = Limits(solve_seconds, case_seconds, memory * 2**20)
             folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
     return _report(folder, as_json)
+
+
+@app.command()
+def record(
+    problem: Annotated[str, typer.Argument(help="Problem to solve.")],
+    solver: Annotated[
+        list[str], typer.Option(help="Solver with options, SORprox(relaxation=1.5); repeat it to compare.")
+    ],
+    output: Annotated[Path, typer.Option(help="Recording to write, ending in .rrd.")],
+    tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
+    max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of each solver.")] = 1000,
+    max_seconds: Annotated[float, typer.Option(help="Largest time of each solver [s].")] = 60.0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing recording.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Record what solvers do in each iteration, side by side, to watch it with: rerun FILE."""
+    from ..solvers.interface import Stop
+    from .plan import make_plan, resolved
+    from .recordings.solves import record_solves
+
+    plan = make_plan([problem], solver, tolerances=[tolerance])
+    stop = Stop(tolerance, max_iterations, max_seconds)
+    made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, output, force)
+    if as_json:
+        print(json.dumps({"file": str(made.file), "solves": made.summary()}, indent=1, ensure_ascii=False))
+    else:
+        for trace in made.traces:
+            print(f"{trace.solver}: {trace.sentence}")
+        print(f"watch it with: rerun {made.file}")
+    return int(any(trace.failed for trace in made.traces))
 
 
 _STORED_WITH_THE_RUN = (
