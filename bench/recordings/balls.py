@@ -160,8 +160,8 @@ class BallRecorder(StepRecorder):
         return in_space(self._system.centres(position))
 
     def _camera(self, centres: FloatArray) -> Camera:
-        """Return a view of the balls as they start, and of the room below them where they fall to."""
-        low, high = centres.min(axis=0), centres.max(axis=0)
+        """Return a view of the balls as they start, but for those far below, and of the room where they fall to."""
+        low, high = np.quantile(centres, (0.05, 1.0), axis=0)
         if self._system.surfaces:
             low[2] = min(low[2], 0.0) - 0.3 * float(high[2] - min(low[2], 0.0))
         middle = (low + high) / 2.0
