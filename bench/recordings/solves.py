@@ -87,10 +87,13 @@ def record_solves(
         places: where the contacts are; found by ``find_places`` if None.
 
     Raises:
-        BenchError: if the file exists, is no ``.rrd``, or cannot be written; before any solving.
+        BenchError: without solvers or contacts, for places of other contacts, or if the file exists, is no ``.rrd``, or
+            cannot be written; before any solving.
     """
     if not solvers:
         raise BenchError("name at least one solver to record.")
+    if not problem.n_contacts:
+        raise BenchError(f"the problem {problem.name!r} has no contacts, so there is nothing to record.")
     where = places if places is not None else find_places(problem)
     if len(where.positions) != problem.n_contacts:
         raise BenchError(

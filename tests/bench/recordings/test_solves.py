@@ -11,7 +11,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.places import grid_places
 from proxbench.bench.recordings.solves import RecordedSolves, record_problems, record_solves
 from proxbench.bench.recordings.states import ContactState
-from proxbench.problems import judge, load
+from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Stop, create
 
 STOP = Stop(1e-6, 200)
@@ -117,3 +117,12 @@ def test_problems_get_a_file_each_and_existing_ones_are_refused_before_any_work(
     made = record_problems(problems, [create("SORprox")], STOP, tmp_path, force=True)
     assert [recording.file.name for recording in made] == ["hard-sticking-box.rrd", "hard-no-motion.rrd"]
     assert all(recording.file.stat().st_size > 1000 for recording in made)
+
+
+def test_what_has_nothing_to_show_is_refused(tmp_path: Path) -> None:
+    empty = ContactProblem.from_delassus(np.zeros((0, 0)), np.zeros(0), 0.3)
+    with pytest.raises(BenchError, match="no contacts"):
+        record_solves(empty, [create("SORprox")], STOP, tmp_path / "a.rrd")
+    with pytest.raises(BenchError, match="at least one solver"):
+        record_solves(load("hard-no-motion"), [], STOP, tmp_path / "a.rrd")
+    assert list(tmp_path.iterdir()) == []
