@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | generate | simulate | list | check``.
+"""The command line: ``proxbench run | report | record | generate | simulate | list | check``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import TyperException
 
+from .plugin_option import PluginFiles
 from .simulations.command import simulate
 
 app = typer.Typer(
@@ -27,23 +28,6 @@ FILE_WIDTH = 120
 """Columns of tables that go to a file or a pipe."""
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
-
-
-def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
-    if paths:
-        from .plugins import use_plugin_files
-
-        use_plugin_files(paths)
-    return paths
-
-
-PluginFiles = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--plugin", help="Python file that offers solvers or problems; may be repeated.", callback=_take_into_use
-    ),
-]
-"""The option of every command that takes names of solvers or problems; the files are in use when the command begins."""
 
 
 def main() -> None:
@@ -196,6 +180,36 @@ def run(
             limits = Limits(solve_seconds, case_seconds, memory * 2**20)
             folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
     return _report(folder, as_json)
+
+
+@app.command()
+def record(
+    problem: Annotated[str, typer.Argument(help="Problem to solve.")],
+    solver: Annotated[
+        list[str], typer.Option(help="Solver with options, SORprox(relaxation=1.5); repeat it to compare.")
+    ],
+    output: Annotated[Path, typer.Option(help="Recording to write, ending in .rrd.")],
+    tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
+    max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of each solver.")] = 1000,
+    max_seconds: Annotated[float, typer.Option(help="Largest time of each solver [s].")] = 60.0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing recording.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Record what solvers do in each iteration, side by side, to watch it with: rerun FILE."""
+    from ..solvers.interface import Stop
+    from .plan import make_plan, resolved
+    from .recordings.solves import record_solves
+
+    plan = make_plan([problem], solver, tolerances=[tolerance])
+    stop = Stop(tolerance, max_iterations, max_seconds)
+    made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, output, force)
+    if as_json:
+        print(json.dumps({"file": str(made.file), "solves": made.summary()}, indent=1, ensure_ascii=False))
+    else:
+        for trace in made.traces:
+            print(f"{trace.solver}: {trace.sentence}")
+        print(f"watch it with: rerun {made.file}")
+    return int(any(trace.failed for trace in made.traces))
 
 
 _STORED_WITH_THE_RUN = (
