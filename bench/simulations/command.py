@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from ..plugin_option import PluginFiles
+
 FILE_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
 
@@ -55,8 +57,12 @@ def simulate(
     planar: Annotated[bool, typer.Option("--planar", help="Discs in a vertical plane instead of balls.")] = False,
     start: Annotated[str | None, typer.Option(help="Start of the woodpecker: published or cycle.")] = None,
     output: Annotated[Path, typer.Option(help="Result file (.npz), or the folder for it.")] = Path("results"),
-    force: Annotated[bool, typer.Option("--force", help="Replace a result file that exists.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace a result file or a recording that exists.")] = False,
     resume: Annotated[Path | None, typer.Option(help="Result file to go on with.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
+    ] = None,
+    plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
     progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
 ) -> int:
@@ -66,22 +72,21 @@ def simulate(
     from .interrupts import deferred_interrupts
     from .live import LiveSummary
     from .plan import make_simulation_plan
-    from .running import resume_simulation
-    from .running import simulate as run
+    from .recording import recorded
+    from .running import advance, begun_simulation, new_simulation
 
     options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
     on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
-    with deferred_interrupts() as stop_asked, on_progress:
-        if resume is not None:
-            given = {**({"scene": scene} if scene else {}), **numbers, **options}
-            simulation = resume_simulation(
-                resume, given, duration=duration, on_progress=on_progress, stop_asked=stop_asked
-            )
-        else:
-            plan = make_simulation_plan(scene, options, duration=duration, **numbers)
-            simulation = run(plan, output, force=force, on_progress=on_progress, stop_asked=stop_asked)
-    return _report(simulation, as_json)
+    if resume is not None:
+        given = {**({"scene": scene} if scene else {}), **numbers, **options}
+        begun = begun_simulation(resume, given, duration)
+    else:
+        plan = make_simulation_plan(scene, options, duration=duration, **numbers)
+        begun = new_simulation(plan, output, force)
+    with recorded(begun, record, force) as on_step, deferred_interrupts() as stop_asked, on_progress:
+        advance(begun, on_step, on_progress, stop_asked)
+    return _report(begun, as_json, record)
 
 
 def _chosen(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -108,12 +113,12 @@ def _refuse_contradictions(context: typer.Context) -> None:
         if not given["scene"]:
             raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result file to go on with: --resume FILE.")
         return
-    for name in ("output", "force"):
+    for name in ("output", "force") if given["record"] is None else ("output",):
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE":
             raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own file; leave it out.")
 
 
-def _report(simulation: Any, as_json: bool) -> int:
+def _report(simulation: Any, as_json: bool, record: Path | None) -> int:
     """Print what the simulation came to; return 1 if the judge found a step unsolved."""
     from rich.console import Console
 
@@ -125,7 +130,8 @@ def _report(simulation: Any, as_json: bool) -> int:
     else:
         console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
         print_simulation(simulation, console)
-        console.print(f"\nresult  {simulation.file}", soft_wrap=True, highlight=False)
+        watch = "" if record is None else f"\nwatch   rerun {record}"
+        console.print(f"\nresult  {simulation.file}{watch}", soft_wrap=True, highlight=False)
     if not simulation.is_finished:
         raise InterruptedSimulationError(simulation.file)
     return int(simulation.unsolved.any())

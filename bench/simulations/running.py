@@ -53,9 +53,14 @@ def simulate(
     Raises:
         BenchError: if the output exists or cannot be written, or a step fails; the steps before it are stored.
     """
-    simulation = Simulation(plan, file=None if output is None else result_file(output, plan, force))
-    _advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    simulation = new_simulation(plan, output, force)
+    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
     return simulation
+
+
+def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
+    """Return a simulation without any step; arguments and errors as in ``simulate``."""
+    return Simulation(plan, file=None if output is None else result_file(output, plan, force))
 
 
 def resume_simulation(
@@ -85,6 +90,15 @@ def resume_simulation(
         BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has passed ``duration``
             already; and as in ``simulate``.
     """
+    simulation = begun_simulation(file, given, duration, solver)
+    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    return simulation
+
+
+def begun_simulation(
+    file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
+) -> Simulation:
+    """Return a stored simulation as far as it has come; arguments and errors as in ``resume_simulation``."""
     simulation = read_simulation(file, solver)
     check_agreement(simulation.plan, given or {}, str(file))
     if duration is not None:
@@ -94,8 +108,6 @@ def resume_simulation(
                 f"{file} has come to {simulation.state.time:g} s already, past the duration of {duration:g} s; "
                 "ask for a longer one, or leave it out."
             )
-    if not simulation.is_finished:
-        _advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
     return simulation
 
 
@@ -118,14 +130,16 @@ def result_file(output: Path, plan: SimulationPlan, force: bool) -> Path:
     return file
 
 
-def _advance(
+def advance(
     simulation: Simulation,
     on_step: Sequence[OnStep],
     on_progress: OnProgress,
     stop_asked: Callable[[], bool],
-    checkpoint_seconds: float,
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> None:
     """Take the steps that are left; whatever ends them, the result file holds all that were completed."""
+    if simulation.is_finished:
+        return
     plan = simulation.plan
     stepper = Moreau(plan.scene.system, _Asked(plan.solver), plan.stop, plan.step_size)
     clock = time.perf_counter
