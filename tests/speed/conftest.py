@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import pytest
@@ -16,7 +17,14 @@ os.environ.update(ONE_THREAD)
 def one_thread() -> Iterator[None]:
     """Hold libraries that were loaded before the environment was set to one thread too."""
     with threadpool_limits(1):
+        machine()
         yield
+
+
+@cache
+def machine() -> dict[str, Any]:
+    """Describe the machine once, at the start of the run."""
+    return describe_machine()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -31,7 +39,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_benchmark_generate_machine_info() -> dict[str, Any]:
     """Describe the machine as runs of the benchmark do, without its name."""
-    return describe_machine()
+    return machine()
 
 
 def pytest_benchmark_update_json(output_json: dict[str, Any]) -> None:
