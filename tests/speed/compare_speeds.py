@@ -28,12 +28,17 @@ SLOWER = 1.3
 """Ratio above which a benchmark is marked as slower; below its inverse it is marked as faster."""
 
 
+DISTURBED = 0.3
+"""Cores that other programs kept busy in one of two runs only, from which on a difference may be their doing."""
+
+
 class Mark(StrEnum):
     """What became of a benchmark."""
 
     SAME = ""
     SLOWER = "slower"
     FASTER = "faster"
+    DISTURBED = "disturbed"
     NEW = "new"
     GONE = "gone"
     OTHER = "another problem"
@@ -61,6 +66,10 @@ class Speeds:
     def calibration(self) -> float:
         """Geometric mean of the calibrations [s], which are spread over the run."""
         return geometric_mean([seconds for name, seconds in self.medians.items() if is_calibration(name)])
+
+    def load_of_others(self, name: str) -> float:
+        """Cores that other programs kept busy during a benchmark, 0 where it was not noted."""
+        return float(self.extra[name].get("load_of_others", 0.0))
 
 
 @dataclass(frozen=True)
@@ -139,7 +148,7 @@ def compare(new: Speeds, old: Speeds | None) -> list[Row]:
                 ratio, mark = median / before[name], Mark.SAME
             else:
                 ratio = median / before[name] / machine
-                mark = marked(ratio)
+                mark = marked(ratio, new.load_of_others(name) - old.load_of_others(name))
         rows.append(Row(name, median, ratio, mark, noted(new.extra[name])))
     for name, median in before.items():
         if name not in new.medians:
@@ -147,19 +156,23 @@ def compare(new: Speeds, old: Speeds | None) -> list[Row]:
     return rows
 
 
-def marked(ratio: float) -> Mark:
-    """Return the mark that a ratio deserves."""
+def marked(ratio: float, more_load: float) -> Mark:
+    """Return the mark that a ratio deserves, if other programs kept ``more_load`` cores more busy than before."""
     if ratio > SLOWER:
-        return Mark.SLOWER
-    return Mark.FASTER if ratio < 1.0 / SLOWER else Mark.SAME
+        return Mark.DISTURBED if more_load > DISTURBED else Mark.SLOWER
+    if ratio < 1.0 / SLOWER:
+        return Mark.DISTURBED if more_load < -DISTURBED else Mark.FASTER
+    return Mark.SAME
 
 
 def noted(extra: dict[str, Any]) -> str:
-    """Return what a benchmark noted in words, without the digest, which is for programs."""
+    """Return what a benchmark noted in words, without what is for programs."""
     parts = []
     for key, value in extra.items():
+        if key in ("digest", "load_of_others"):
+            continue
         if isinstance(value, str):
-            parts += [value] if key != "digest" else []
+            parts.append(value)
         else:
             number = f"{value:.1e}" if key.endswith("residual") else f"{value:.4g}"
             parts.append(f"{key.replace('_', ' ')} {number}")
@@ -206,7 +219,11 @@ def report(new: Speeds, old: Speeds | None, console: Console) -> None:
     console.print(table([row for row in rows if row.mark is not Mark.GONE], f"{new.path.name} against {old.path.name}"))
     if new.machine != old.machine:
         console.print(f"Another machine: {old.machine} before, {new.machine} now; ratios hold roughly at best.")
-    for mark, words in ((Mark.GONE, "measured before and not now"), (Mark.SLOWER, f"slower than {SLOWER} times")):
+    for mark, words in (
+        (Mark.GONE, "measured before and not now"),
+        (Mark.DISTURBED, "disturbed by other programs in one of the runs"),
+        (Mark.SLOWER, f"slower than {SLOWER} times"),
+    ):
         names = [short(row.name) for row in rows if row.mark is mark]
         console.print(Text(f"{len(names)} {words}{': ' if names else ''}{listed(names)}"))
     console.print(f"The machine took {new.calibration / old.calibration:.2f} times as long; ratios are free of that.")

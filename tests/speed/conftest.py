@@ -1,10 +1,12 @@
 """Shared by all speeds: one thread, and what is kept of a run in its file."""
 
 import os
+import time
 from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
+import psutil
 import pytest
 from proxbench.bench.machine import describe_machine
 from proxbench.bench.worker import ONE_THREAD
@@ -19,6 +21,23 @@ def one_thread() -> Iterator[None]:
     with threadpool_limits(1):
         machine()
         yield
+
+
+@pytest.fixture(autouse=True)
+def load_of_others(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Note how many cores other programs kept busy meanwhile: a calibration misses a burst between two of it."""
+    benchmark = request.getfixturevalue("benchmark") if "benchmark" in request.fixturenames else None
+    began, before = time.perf_counter(), _busy_seconds_of_others()
+    yield
+    if benchmark is not None:
+        busy = (_busy_seconds_of_others() - before) / (time.perf_counter() - began)
+        benchmark.extra_info["load_of_others"] = round(max(busy, 0.0), 2)
+
+
+def _busy_seconds_of_others() -> float:
+    """Processor time of the whole machine that is not this program's [s]; living children count as others."""
+    whole, own = psutil.cpu_times(), os.times()
+    return whole.user + whole.system - (own.user + own.system + own.children_user + own.children_system)
 
 
 @cache

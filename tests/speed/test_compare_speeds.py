@@ -61,6 +61,25 @@ def test_marks_say_what_became_of_each(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("ratio", "before", "now", "mark"),
+    [
+        (1.5, 0.0, 0.9, Mark.DISTURBED),
+        (1.5, 0.9, 0.9, Mark.SLOWER),
+        (1.5, 0.9, 0.0, Mark.SLOWER),
+        (0.5, 0.9, 0.0, Mark.DISTURBED),
+        (0.5, 0.0, 0.9, Mark.FASTER),
+        (1.1, 0.0, 0.9, Mark.SAME),
+    ],
+)
+def test_a_difference_that_other_programs_explain_is_not_blamed_on_the_code(
+    ratio: float, before: float, now: float, mark: Mark, tmp_path: Path
+) -> None:
+    old = stored(tmp_path / "o", {"test_calibration": 1.0, "test_a": 1.0}, test_a={"load_of_others": before})
+    new = stored(tmp_path / "n", {"test_calibration": 1.0, "test_a": ratio}, test_a={"load_of_others": now})
+    assert {row.name: row.mark for row in compare(read(new), read(old))}["t.py::test_a"] is mark
+
+
 def test_times_of_different_problems_are_not_compared(tmp_path: Path) -> None:
     medians = {"test_calibration": 1.0, "test_a": 1.0}
     assert marks(tmp_path, medians, medians, test_a={"digest": "f00"})["test_a"] is Mark.OTHER
