@@ -161,6 +161,9 @@ def run(
     solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 0.5,
     case_seconds: Annotated[float, typer.Option(help="Time limit of one case [s].")] = 60.0,
     memory: Annotated[int, typer.Option(help="Memory limit of one case [MB].")] = 2048,
+    record: Annotated[
+        bool, typer.Option("--record", help="Record how the iterations behave, one file a problem.")
+    ] = False,
     plugin: PluginFiles = None,
     as_json: Json = False,
     progress: Annotated[bool, typer.Option(help="Show a progress bar.")] = True,
@@ -179,6 +182,10 @@ def run(
         else:
             limits = Limits(solve_seconds, case_seconds, memory * 2**20)
             folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
+    if record:
+        from .recordings.runs import record_run
+
+        record_run(folder)
     return _report(folder, as_json)
 
 
@@ -189,6 +196,7 @@ def record(
         list[str], typer.Option(help="Solver with options, SORprox(relaxation=1.5); repeat it to compare.")
     ],
     output: Annotated[Path, typer.Option(help="Recording to write, ending in .rrd.")],
+    plugin: PluginFiles = None,
     tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
     max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of each solver.")] = 1000,
     max_seconds: Annotated[float, typer.Option(help="Largest time of each solver [s].")] = 60.0,
@@ -304,8 +312,9 @@ def _report(run_dir: Path, as_json: bool) -> int:
     else:
         console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
         print_tables(frames, console)
-        console.print(
-            f"\nresults  {run_dir}\ntables   {run_dir / 'tables'}\ncharts   {run_dir / 'charts'}", soft_wrap=True
-        )
+        places = [f"\nresults  {run_dir}", f"tables   {run_dir / 'tables'}", f"charts   {run_dir / 'charts'}"]
+        if (run_dir / "recordings").is_dir():
+            places.append(f"watch    rerun {run_dir / 'recordings'}/NAME.rrd")
+        console.print("\n".join(places), soft_wrap=True)
     failed = frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any()
     return int(failed)

@@ -44,10 +44,11 @@ class Measurement:
 
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first touches are off the clock."""
-        fault = prepared_fault(self.solver.prepare(self.problem.fresh()))
+        prepared = self.solver.prepare(self.problem.fresh())
+        fault = prepared_fault(prepared)
         if fault:
             raise MisbehaviourError(fault)
-        self._solve(self.problem.fresh(), stop)
+        _checked_type(prepared.solve(stop))
 
     def observe(self, stop: Stop) -> dict[str, list[float]]:
         """Return the convergence curve of one observed solve: iterations, and the judge's residual at each."""

@@ -14,9 +14,8 @@ from ...problems.laws import FloatArray
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
 from ..palette import PALETTE, rgb
-from ..store import plain_name
 from .annotations import write_state_colours
-from .file import SUFFIX, RecordingFile, refuse_bad_path
+from .file import RecordingFile
 from .layouts import ITERATION, Camera, solves_blueprint
 from .places import Places, find_places
 from .states import STATE_COLOURS, ContactState, contact_states
@@ -115,20 +114,6 @@ def record_solves(
             "about", rr.TextDocument(_about(problem, where, traces, reference), media_type="text/markdown"), static=True
         )
     return RecordedSolves(file, traces, where)
-
-
-def record_problems(
-    problems: Sequence[ContactProblem], solvers: Sequence[Solver], stop: Stop, folder: Path, force: bool = False
-) -> list[RecordedSolves]:
-    """Record the solves of each problem into ``folder``, one file ``NAME.rrd`` a problem.
-
-    Raises:
-        BenchError: as ``record_solves``; with an existing file before anything is solved.
-    """
-    files = [folder / f"{plain_name(problem.name)}{SUFFIX}" for problem in problems]
-    for file in files:
-        refuse_bad_path(file, force)
-    return [record_solves(problem, solvers, stop, file, force) for problem, file in zip(problems, files, strict=True)]
 
 
 def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings: dict[str, float]) -> None:

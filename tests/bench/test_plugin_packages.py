@@ -115,6 +115,14 @@ def test_both_pass_their_checks(proxbench: Command, target: str) -> None:
     assert {row["result"] for row in subject["checks"]} <= allowed
 
 
+def test_both_are_recorded(proxbench: Command, tmp_path: Path) -> None:
+    file = tmp_path / "a.rrd"
+    done = proxbench("record", "brick-on-slope", "--solver", "FixedStepGradient", "--output", str(file))
+    assert done.returncode == 0, done.stderr
+    assert "FixedStepGradient: " in done.stdout
+    assert file.is_file()
+
+
 def test_the_worked_problem_is_generated(proxbench: Command, tmp_path: Path) -> None:
     done = proxbench("generate", "brick-on-slope", "--output", str(tmp_path))
     assert done.returncode == 0, done.stderr

@@ -9,7 +9,7 @@ import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.places import grid_places
-from proxbench.bench.recordings.solves import RecordedSolves, record_problems, record_solves
+from proxbench.bench.recordings.solves import RecordedSolves, record_solves
 from proxbench.bench.recordings.states import ContactState
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Stop, create
@@ -106,17 +106,6 @@ def test_given_places_are_used_and_must_fit(tmp_path: Path, read_back: Callable[
     with pytest.raises(BenchError, match="hold 5 contacts"):
         record_solves(problem, [create("SORprox")], STOP, tmp_path / "b.rrd", places=grid_places(5))
     assert not (tmp_path / "b.rrd").exists()
-
-
-def test_problems_get_a_file_each_and_existing_ones_are_refused_before_any_work(tmp_path: Path) -> None:
-    problems = [load("hard-sticking-box"), load("hard-no-motion")]
-    (tmp_path / "hard-no-motion.rrd").write_text("precious")
-    with pytest.raises(BenchError, match="exists"):
-        record_problems(problems, [create("SORprox")], STOP, tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["hard-no-motion.rrd"]
-    made = record_problems(problems, [create("SORprox")], STOP, tmp_path, force=True)
-    assert [recording.file.name for recording in made] == ["hard-sticking-box.rrd", "hard-no-motion.rrd"]
-    assert all(recording.file.stat().st_size > 1000 for recording in made)
 
 
 def test_what_has_nothing_to_show_is_refused(tmp_path: Path) -> None:
