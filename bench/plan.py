@@ -17,12 +17,16 @@ LADDER = tuple(10.0**-k for k in range(1, 11))
 DEFAULT_SOLVERS = (
     "Jprox",
     "JORprox(relaxation=0.5)",
-    "JORprox(step_size='row_sum')",
     "SORprox",
     "SORprox(relaxation=1.5)",
     "SORprox(step_size='row_sum')",
     "SORprox(relaxation=1.5, form='factors')",
     "ClarabelSOCP",
+    "ClarabelCoulomb",
+    "Lemke",
+    "PyramidPGS(sides=4)",
+    "PyramidPGS(sides=8)",
+    "PyramidPGS(sides=16)",
 )
 """Solver variants of a run that names none."""
 
