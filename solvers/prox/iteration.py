@@ -52,6 +52,8 @@ class PreparedIteration:
             raise ProblemError(f"start must have shape ({n_rows},), one entry a row; got {first.shape}.")
         if self.residual.infeasible:
             return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+        if self.residual.scale == 0.0:
+            first = np.zeros(n_rows)  # c = 0 has the answer Λ = 0, against which any other start is infinitely wrong
         monitor = Monitor(stop)
         iterates = self.begin(first)
         advance = _Advance(iterates, monitor, observe)
