@@ -1,6 +1,7 @@
 """Every chore of the project, each with its own environment: ``nox -s tests``, ``nox -s bench``, …"""
 
 import os
+import time
 from pathlib import Path
 
 import nox
@@ -9,6 +10,7 @@ nox.options.sessions = ["tests", "lint", "types"]
 nox.options.reuse_existing_virtualenvs = True
 
 PACKAGES = ("problems", "solvers", "bench")
+SPEEDS = Path("results/speed")
 
 
 def _keep_compiled_kernels(session: nox.Session) -> None:
@@ -21,7 +23,7 @@ def tests(session: nox.Session) -> None:
     """Run the test suite against an installed package."""
     session.install(".[test]")
     _keep_compiled_kernels(session)
-    session.run("pytest", "--ignore=tests/speed", *session.posargs)
+    session.run("pytest", *session.posargs)
 
 
 @nox.session
@@ -34,10 +36,15 @@ def bench(session: nox.Session) -> None:
 
 @nox.session
 def speed(session: nox.Session) -> None:
-    """Run the pytest-benchmark suite."""
+    """Take speeds, and show ratios to the last run in results/speed; with arguments for pytest, store nothing."""
     session.install(".[test]")
     _keep_compiled_kernels(session)
-    session.run("pytest", "tests/speed", "--benchmark-only", *session.posargs)
+    folder = Path(session.create_tmp()) if session.posargs else SPEEDS
+    folder.mkdir(parents=True, exist_ok=True)
+    taken = folder / time.strftime("%Y%m%d-%H%M%S.json")
+    options = ("--benchmark-only", "--benchmark-quiet", f"--benchmark-json={taken}")
+    session.run("pytest", "tests/speed", *options, *session.posargs)
+    session.run("python", "tests/speed/compare_speeds.py", str(taken), str(SPEEDS))
 
 
 @nox.session
@@ -50,9 +57,10 @@ def lint(session: nox.Session) -> None:
 
 @nox.session
 def types(session: nox.Session) -> None:
-    """Check types, strictly, in the three packages as installed."""
-    session.install(".", "mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
+    """Check types, strictly, in the three packages as installed and in the programs among the tests."""
+    session.install(".[test]", "mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
     session.run("mypy", *(word for package in PACKAGES for word in ("-p", f"proxbench.{package}")))
+    session.run("mypy", "tests/speed/compare_speeds.py", "tests/speed/contestants.py", "tests/speed/known_solvers.py")
 
 
 @nox.session

@@ -10,7 +10,9 @@ from ..problems.contact import ContactProblem
 from ..problems.judge import judge
 from ..problems.laws import FloatArray
 from ..problems.model import Model
-from ..solvers.interface import Solver, Status, Stop
+from ..solvers.contract import reason_fault
+from ..solvers.interface import Solver, Status, Stop, shows_iterates
+from .measure import MeasuringTask
 from .outcome import Outcome, point_outcome
 from .plan import Limits
 from .worker import Fault, Worker
@@ -49,11 +51,20 @@ class Case:
         except Exception as error:
             self.outcome, self._reason = Outcome.CRASHED, f"its supports raised {type(error).__name__}: {error}"
             return
+        fault = reason_fault(reason)
+        if fault:
+            self.outcome, self._reason = Outcome.MISBEHAVED, fault
+            return
         if reason:
             self.outcome, self._reason = Outcome.UNSUPPORTED, reason
             return
-        limits = self.limits
-        self._worker = Worker(problem_data, self.solver, limits.case_seconds, limits.memory_bytes, folder)
+        limits, from_main = self.limits, type(self.solver).__module__ == "__main__"
+        try:
+            task = MeasuringTask(problem_data, self.solver)
+            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, folder, with_main=from_main)
+        except Fault as unsent:
+            self._fail(unsent)
+            return
         stop = self._stop(finest)
         short = Stop(1e-1, max_iterations=20, max_seconds=limits.solve_seconds)
         if self._ask("warm_up", short) is not None and (asked := self._ask("observe", stop)) is not None:
@@ -126,7 +137,7 @@ class Case:
             "digest": self.problem.digest,
             "solver": self.solver.name,
             "model": str(self.solver.model),
-            "has_iterates": self.solver.has_iterates,
+            "has_iterates": shows_iterates(self.solver),
             "n_rows": self.problem.n_rows,
             "n_contacts": self.problem.n_contacts,
             "outcome": self.outcome.value,

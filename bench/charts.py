@@ -11,10 +11,8 @@ import vl_convert
 from .errors import BenchError
 from .frames import RunFrames
 from .outcome import Outcome
+from .palette import PALETTE
 from .store import plain_name
-
-PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#7f7f7f", "#332288", "#999933", "#882255")
-"""Colours that colour-blind readers can tell apart (Okabe & Ito, Tol), in the order of the solvers of the run."""
 
 DASHES = ([1, 0], [6, 3], [2, 2], [8, 3, 2, 3])
 SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")

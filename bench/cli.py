@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | generate | list``.
+"""The command line: ``proxbench run | report | record | generate | simulate | list | check``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -12,6 +12,9 @@ from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
+
+from .plugin_option import PluginFiles
+from .simulations.command import simulate
 
 app = typer.Typer(
     name="proxbench",
@@ -50,9 +53,9 @@ def run_command(arguments: list[str]) -> int:
 def _exit_code(error: Exception) -> int:
     """Return the exit code of an error that has a sentence for users; raise any other one again."""
     from ..problems.errors import ProxbenchError
-    from .errors import InterruptedRunError
+    from .errors import InterruptedWorkError
 
-    if isinstance(error, InterruptedRunError):
+    if isinstance(error, InterruptedWorkError):
         return 130
     if isinstance(error, ProxbenchError):
         return 2
@@ -98,10 +101,11 @@ def _root(
 
 @app.command("list")
 def list_names(
-    what: Annotated[str, typer.Argument(help="problems, solvers or suites; all three if left out.")] = "",
+    what: Annotated[str, typer.Argument(help="problems, solvers, suites or scenes; all if left out.")] = "",
+    plugin: PluginFiles = None,
     as_json: Json = False,
 ) -> None:
-    """List what there is: solvers and their options, suites, problems."""
+    """List what there is: solvers and scenes with their options, suites, problems."""
     from .listing import listed, print_listing
 
     names = listed(what)
@@ -116,6 +120,7 @@ def generate(
     names: Annotated[list[str] | None, typer.Argument(help="Problems to remake from their scenes.")] = None,
     suite: Annotated[str, typer.Option(help="Remake all members of a suite that come from scenes.")] = "",
     output: Annotated[Path | None, typer.Option(help="Folder to write to; the cache folder if left out.")] = None,
+    plugin: PluginFiles = None,
     as_json: Json = False,
 ) -> None:
     """Remake problems from their scenes; prints each file with the digest of its numbers."""
@@ -156,6 +161,10 @@ def run(
     solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 0.5,
     case_seconds: Annotated[float, typer.Option(help="Time limit of one case [s].")] = 60.0,
     memory: Annotated[int, typer.Option(help="Memory limit of one case [MB].")] = 2048,
+    record: Annotated[
+        bool, typer.Option("--record", help="Record how the iterations behave, one file a problem.")
+    ] = False,
+    plugin: PluginFiles = None,
     as_json: Json = False,
     progress: Annotated[bool, typer.Option(help="Show a progress bar.")] = True,
 ) -> int:
@@ -173,7 +182,42 @@ def run(
         else:
             limits = Limits(solve_seconds, case_seconds, memory * 2**20)
             folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
+    if record:
+        from .recordings.runs import record_run
+
+        record_run(folder)
     return _report(folder, as_json)
+
+
+@app.command()
+def record(
+    problem: Annotated[str, typer.Argument(help="Problem to solve.")],
+    solver: Annotated[
+        list[str], typer.Option(help="Solver with options, SORprox(relaxation=1.5); repeat it to compare.")
+    ],
+    output: Annotated[Path, typer.Option(help="Recording to write, ending in .rrd.")],
+    plugin: PluginFiles = None,
+    tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
+    max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of each solver.")] = 1000,
+    max_seconds: Annotated[float, typer.Option(help="Largest time of each solver [s].")] = 60.0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing recording.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Record what solvers do in each iteration, side by side, to watch it with: rerun FILE."""
+    from ..solvers.interface import Stop
+    from .plan import make_plan, resolved
+    from .recordings.solves import record_solves
+
+    plan = make_plan([problem], solver, tolerances=[tolerance])
+    stop = Stop(tolerance, max_iterations, max_seconds)
+    made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, output, force)
+    if as_json:
+        print(json.dumps({"file": str(made.file), "solves": made.summary()}, indent=1, ensure_ascii=False))
+    else:
+        for trace in made.traces:
+            print(f"{trace.solver}: {trace.sentence}")
+        print(f"watch it with: rerun {made.file}")
+    return int(any(trace.failed for trace in made.traces))
 
 
 _STORED_WITH_THE_RUN = (
@@ -186,6 +230,7 @@ _STORED_WITH_THE_RUN = (
     "solve_seconds",
     "case_seconds",
     "memory",
+    "plugin",
 )
 """Options that --resume takes from the stored run."""
 
@@ -206,6 +251,29 @@ def _refuse_contradictions(context: typer.Context) -> None:
         raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
     if {"suite", "problem"} <= given:
         raise BenchError("--suite and --problem exclude each other; give one of them.")
+
+
+app.command()(simulate)
+
+
+@app.command()
+def check(
+    target: Annotated[
+        str, typer.Argument(help="Solver (with options) or problem, or a plugin file.", metavar="NAME|FILE")
+    ],
+    seconds: Annotated[float, typer.Option(help="Time limit of one check [s].")] = 60.0,
+    plugin: PluginFiles = None,
+    as_json: Json = False,
+) -> int:
+    """Hold a solver or problem to what it owes its users; exit code 1 if a check fails."""
+    from .check import checked, print_checks
+
+    subjects = checked(target, seconds)
+    if as_json:
+        print(json.dumps(subjects, indent=1, ensure_ascii=False))
+    else:
+        print_checks(subjects)
+    return int(not all(subject["passed"] for subject in subjects))
 
 
 @app.command()
@@ -244,8 +312,9 @@ def _report(run_dir: Path, as_json: bool) -> int:
     else:
         console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
         print_tables(frames, console)
-        console.print(
-            f"\nresults  {run_dir}\ntables   {run_dir / 'tables'}\ncharts   {run_dir / 'charts'}", soft_wrap=True
-        )
+        places = [f"\nresults  {run_dir}", f"tables   {run_dir / 'tables'}", f"charts   {run_dir / 'charts'}"]
+        if (run_dir / "recordings").is_dir():
+            places.append(f"watch    rerun {run_dir / 'recordings'}/NAME.rrd")
+        console.print("\n".join(places), soft_wrap=True)
     failed = frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any()
     return int(failed)

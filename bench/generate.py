@@ -6,10 +6,11 @@ generating twice gives equal digests; between machines rounding differs, which i
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..problems.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, problem_names
+from ..problems.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, load, plugin_problems, problem_names
 from ..problems.contact import ContactProblem
 from ..problems.errors import ProblemError, suggestion
 from ..problems.hard import HARD_CASES
@@ -92,7 +93,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
     """Remake problems from their scenes and write them.
 
     Args:
-        names: standard problems that come from scenes.
+        names: standard problems that come from scenes, and problems of plugins.
         folder: where to write; the user's cache folder if None.
 
     Returns:
@@ -100,16 +101,19 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
     Raises:
         ProblemError: for a name without a recipe, or a folder that cannot be written.
+        PluginError: if a plugin does not make the problem it offers.
     """
+    of_plugins = {offer.name for offer in plugin_problems()}.difference(RECIPES, HARD_CASES)
     for name in names:
         if name in HARD_CASES:
             raise ProblemError(
                 f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
             )
-        if name not in RECIPES:
+        if name not in RECIPES and name not in of_plugins:
             raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names())}")
     target = folder if folder is not None else cache_folder()
-    for problem in remade(names):
+    made = (load(name) for name in names if name in of_plugins)
+    for problem in chain(made, remade(name for name in names if name not in of_plugins)):
         save_problem(problem, target / f"{problem.name}{SUFFIX}")
     return [target / f"{name}{SUFFIX}" for name in names]
 

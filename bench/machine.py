@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 from threadpoolctl import threadpool_info
 
-PACKAGES = ("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "pandas")
+PACKAGES = ("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas")
 
 
 def describe_machine() -> dict[str, Any]:

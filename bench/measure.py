@@ -5,8 +5,10 @@ that everything a solver assembles is on its clock, and garbage collection stays
 """
 
 import gc
+import io
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,9 @@ import numpy as np
 from ..problems.contact import ContactProblem
 from ..problems.judge import Residual
 from ..problems.laws import FloatArray
-from ..solvers.interface import Solution, Solver, Status, Stop
+from ..problems.storage import read_problem
+from ..solvers.contract import prepared_fault
+from ..solvers.interface import Solution, Solver, Status, Stop, shows_iterates
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -40,7 +44,11 @@ class Measurement:
 
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first touches are off the clock."""
-        self._solve(self.problem.fresh(), stop)
+        prepared = self.solver.prepare(self.problem.fresh())
+        fault = prepared_fault(prepared)
+        if fault:
+            raise MisbehaviourError(fault)
+        _checked_type(prepared.solve(stop))
 
     def observe(self, stop: Stop) -> dict[str, list[float]]:
         """Return the convergence curve of one observed solve: iterations, and the judge's residual at each."""
@@ -57,7 +65,7 @@ class Measurement:
             curve["residual"].append(residual(impulses, problem.relative_velocity(impulses)))
             mark = iteration + 1.0 if iteration < FIRST_MARKS else iteration * MARK_RATIO
 
-        if self.solver.has_iterates:
+        if shows_iterates(self.solver):
             self.solver.prepare(problem).solve(stop, observe=note)
         return curve
 
@@ -93,20 +101,72 @@ class Measurement:
 
     def _check(self, problem: ContactProblem, solution: Solution) -> None:
         """Raise ``MisbehaviourError`` if the solution cannot be one, or the solver wrote to its inputs."""
-        impulses = np.asarray(solution.impulses)
-        if impulses.shape != (problem.n_rows,):
-            raise MisbehaviourError(f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)")
-        if impulses.dtype.kind != "f":
-            raise MisbehaviourError(f"it returned impulses of type {impulses.dtype}, not float")
-        if solution.status is Status.SOLVED and not np.isfinite(impulses).all():
-            raise MisbehaviourError("it claims to have solved with impulses that are not finite")
+        fault = solution_fault(problem, solution)
+        if fault:
+            raise MisbehaviourError(fault)
         if problem.fresh().digest != self._digest:
             raise MisbehaviourError("it changed the numbers of the problem")
 
 
-def _checked_type(solution: Any) -> Solution:
+@dataclass
+class MeasuringTask:
+    """A case as it travels to its process, where it becomes a ``Measurement``."""
+
+    problem_data: bytes
+    solver: Solver
+
+    @cached_property
+    def _measurement(self) -> Measurement:
+        return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.solver)
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        """Do what is asked for: "warm_up", "observe" or "round"."""
+        if request == "warm_up":
+            self._measurement.warm_up(*arguments)
+            return {}, b""
+        if request == "observe":
+            return self._measurement.observe(*arguments), b""
+        solution, times = self._measurement.round(*arguments)
+        answer = {
+            "status": solution.status.value,
+            "iterations": int(solution.iterations),
+            "message": str(solution.message),
+            "times": times,
+        }
+        return answer, np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
+
+
+def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
+    """Say why ``solution`` cannot be one of ``problem``, whatever its numbers, or None."""
+    fault = type_fault(solution)
+    if fault:
+        return fault
+    impulses = np.asarray(solution.impulses)
+    if impulses.shape != (problem.n_rows,):
+        return f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)"
+    if impulses.dtype.kind != "f":
+        return f"it returned impulses of type {impulses.dtype}, not float"
+    if solution.status is Status.SOLVED and not np.isfinite(impulses).all():
+        return "it claims to have solved with impulses that are not finite"
+    return None
+
+
+def type_fault(solution: Any) -> str | None:
+    """Say why ``solution`` is not a ``Solution`` with a status and a count of iterations, or None."""
     if not isinstance(solution, Solution):
-        raise MisbehaviourError(f"its solve returned {type(solution).__name__}, not a Solution")
-    if not isinstance(solution.status, Status):
-        raise MisbehaviourError(f"it returned the status {solution.status!r}, which is none")
-    return solution
+        return f"its solve returned {type(solution).__name__}, not a Solution"
+    status: Any = solution.status
+    count: Any = solution.iterations
+    if not isinstance(status, Status):
+        return f"it returned the status {status!r}, which is none"
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        return f"it returned {str(count)[:60]} as its number of iterations, which is no whole number"
+    return None
+
+
+def _checked_type(solution: Any) -> Solution:
+    fault = type_fault(solution)
+    if fault:
+        raise MisbehaviourError(fault)
+    checked: Solution = solution
+    return checked

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..problems.catalog import is_available, load, problem_names, suite_members
+from ..problems.catalog import is_available, load, plugin_problems, problem_names, suite_members
 from ..problems.contact import ContactProblem
 from ..problems.errors import ProblemError, suggestion
+from ..solvers.contract import form_fault
 from ..solvers.interface import Solver
 from ..solvers.registry import create
 from .errors import BenchError
@@ -16,12 +17,16 @@ LADDER = tuple(10.0**-k for k in range(1, 11))
 DEFAULT_SOLVERS = (
     "Jprox",
     "JORprox(relaxation=0.5)",
-    "JORprox(step_size='row_sum')",
     "SORprox",
     "SORprox(relaxation=1.5)",
     "SORprox(step_size='row_sum')",
     "SORprox(relaxation=1.5, form='factors')",
     "ClarabelSOCP",
+    "ClarabelCoulomb",
+    "Lemke",
+    "PyramidPGS(sides=4)",
+    "PyramidPGS(sides=8)",
+    "PyramidPGS(sides=16)",
 )
 """Solver variants of a run that names none."""
 
@@ -87,16 +92,23 @@ def make_plan(
 ) -> Plan:
     """Return the plan for the given problems (or a suite) and solvers (or the default variants).
 
+    Problems of plugins are built here; the others are loaded when their turn comes.
+
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name.
         SolverError: for an unknown solver or option, with the nearest name.
-        BenchError: for an empty plan, a name given twice, or a tolerance that is not between 0 and 1.
+        PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
+        BenchError: for a name given twice, a solver object that breaks the contract, or a tolerance that is not between
+            0 and 1.
     """
     chosen = tuple(problems) if problems else tuple(suite_members(suite))
+    known = problem_names()
     for problem in chosen:
-        if isinstance(problem, str) and problem not in (known := problem_names()):
+        if isinstance(problem, str) and problem not in known:
             raise ProblemError(f"there is no problem {problem!r}{suggestion(problem, known)}")
-    methods = tuple(create(s) if isinstance(s, str) else s for s in (solvers or DEFAULT_SOLVERS))
+    from_plugins = {offer.name for offer in plugin_problems()}
+    chosen = tuple(load(p) if isinstance(p, str) and p in from_plugins else p for p in chosen)
+    methods = tuple(create(s) if isinstance(s, str) else _well_formed(s) for s in (solvers or DEFAULT_SOLVERS))
     for kind, names in (("problem", [name_of(p) for p in chosen]), ("solver", [s.name for s in methods])):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -106,6 +118,13 @@ def make_plan(
         if not 0.0 < tolerance < 1.0:
             raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
     return Plan(chosen, methods, ladder, limits or Limits())
+
+
+def _well_formed(solver: Solver) -> Solver:
+    fault = form_fault(solver)
+    if fault:
+        raise BenchError(f"the solver {solver!r:.60} breaks the contract: {fault}.")
+    return solver
 
 
 def name_of(problem: str | ContactProblem) -> str:

@@ -19,6 +19,7 @@ from .generate import generate
 from .machine import calibration_seconds, describe_machine
 from .outcome import FAULTS
 from .plan import Limits, Plan, make_plan, name_of, resolved
+from .plugins import sources, use_again, use_plugin_files
 from .store import Store, plain_name
 from .worker import working_folder
 
@@ -68,6 +69,7 @@ def run(
     tolerances: Sequence[float] | None = None,
     limits: Limits | None = None,
     on_event: Callable[[Event], None] = lambda event: None,
+    plugins: Sequence[Path | str] = (),
 ) -> Path:
     """Measure solvers on problems and store the results; return the folder of the run.
 
@@ -80,18 +82,22 @@ def run(
         tolerances: the ladder; 1e-1 … 1e-10 if None.
         limits: of each case.
         on_event: called as the run goes on.
+        plugins: plugin files whose solvers and problems can be named.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
         InterruptedRunError: on Ctrl-C; finished cases are kept.
     """
+    use_plugin_files(plugins)
     plan = make_plan(problems, solvers, suite, tolerances, limits)
     identity = run_id or datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     if identity != plain_name(identity):
         raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
     store = Store.create(Path(results) / identity)
-    info = {"run_id": identity, "plan": _planned(plan), "machine": describe_machine(), "calibration_seconds": []}
-    store.write_info({**info, "started": _now(), "finished": ""})
+    planned = _planned(plan)
+    info = {"run_id": identity, "plan": planned, "machine": describe_machine(), "calibration_seconds": []}
+    used = sources(planned["solvers"], planned["problems"])
+    store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
     return _carry_out(plan, store, finished={}, on_event=on_event)
 
 
@@ -106,11 +112,14 @@ def resume(
         on_event: called as the run goes on.
 
     Raises:
-        BenchError: if the folder is no run, or its run.json is damaged.
+        BenchError: if the folder is no run, its run.json is damaged, or a plugin file it was begun with is gone or has
+            changed.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(Path(run_dir))
-    planned = store.read_info()["plan"]
+    info = store.read_info()
+    use_again(info.get("plugins", []))
+    planned = info["plan"]
     plan = make_plan(
         planned["problems"], planned["solvers"], tolerances=planned["tolerances"], limits=Limits(**planned["limits"])
     )

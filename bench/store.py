@@ -7,13 +7,12 @@ RUN/cases/*.json        one finished case each, with a checksum of its content
 import hashlib
 import json
 import math
-import os
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..problems.files import replacing
 from .errors import BenchError
 
 FORMAT = 1
@@ -99,16 +98,8 @@ def _write(path: Path, content: dict[str, Any]) -> None:
     body = {"format": FORMAT, **content}
     text = json.dumps({**_plain(body), "checksum": _checksum(_plain(body))}, indent=1, ensure_ascii=False)
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        with replacing(path) as file:
+            file.write(text.encode())
     except OSError as error:
         raise BenchError(
             f"cannot write {path}: {error.strerror}; make room or choose another --results folder."

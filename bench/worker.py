@@ -6,9 +6,9 @@ back is JSON and raw numbers, never objects that could run code here.
 """
 
 import contextlib
-import io
 import json
 import os
+import pickle
 import resource
 import signal
 import sys
@@ -20,15 +20,15 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import psutil
 
 from ..problems.laws import FloatArray
-from ..problems.storage import read_problem
-from ..solvers.interface import Solver
-from .measure import Measurement, MisbehaviourError
+from ..problems.plugin_files import PluginFile
+from ..problems.plugins import register, registered
+from .measure import MisbehaviourError
 from .outcome import Outcome
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
@@ -50,16 +50,41 @@ class Fault(Exception):  # noqa: N818 - the case is at fault, this is how that i
     traceback: str = ""
 
 
+class Task(Protocol):
+    """What a process does: answer requests. It is pickled on its way there, and plugin files are known to it."""
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        """Return a JSON object, and the bytes of an array of float64, which may be empty."""
+        ...
+
+
 class Worker:
     """One case's process, seen from outside.
 
     Attributes:
         busy_seconds: wall time that the case has used so far [s].
+
+    Raises:
+        Fault: if the task cannot be pickled.
     """
 
     def __init__(
-        self, problem_data: bytes, solver: Solver, case_seconds: float, memory_bytes: int, folder: Path
+        self, task: Task, case_seconds: float, memory_bytes: int, folder: Path, with_main: bool = False
     ) -> None:
+        """Start the process.
+
+        Args:
+            task: what it does.
+            case_seconds: limit of the wall time of all requests together [s].
+            memory_bytes: memory it may take beyond what the framework itself needs.
+            folder: where its output is captured.
+            with_main: whether the task needs the caller's main script, which is then run again in the process.
+        """
+        try:
+            pickled = pickle.dumps(task)
+        except Exception as error:
+            reason = f"it cannot be sent to the process of its case: {error}"
+            raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
         self.busy_seconds = 0.0
         self._case_seconds = case_seconds
         self._output = folder / f"output-{os.getpid()}-{id(self)}"
@@ -67,9 +92,9 @@ class Worker:
         context.set_forkserver_preload([f"{__package__}.preload"])
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
-            target=_serve, args=(theirs, problem_data, solver, memory_bytes, str(self._output)), daemon=True
+            target=_serve, args=(theirs, pickled, registered(), memory_bytes, str(self._output)), daemon=True
         )
-        with _environment(ONE_THREAD), _main_left_alone(solver):
+        with _environment(ONE_THREAD), contextlib.nullcontext() if with_main else _main_left_alone():
             self._process.start()
         theirs.close()
         self.peak_memory_bytes = 0
@@ -141,16 +166,13 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _main_left_alone(solver: Solver) -> Iterator[None]:
-    """Keep a starting process from running the caller's script again, unless the solver's class is defined in it.
+def _main_left_alone() -> Iterator[None]:
+    """Keep a starting process from running the caller's script again.
 
     multiprocessing imports the main module in every child, which would measure again in a script that calls ``run``
     without asking for ``__name__ == "__main__"``.
     """
     main = sys.modules["__main__"]
-    if type(solver).__module__ == "__main__":
-        yield
-        return
     kept: dict[str, Any] = {name: main.__dict__[name] for name in ("__file__", "__spec__") if name in main.__dict__}
     main.__dict__.pop("__file__", None)
     main.__spec__ = None
@@ -160,13 +182,13 @@ def _main_left_alone(solver: Solver) -> Iterator[None]:
         main.__dict__.update(kept)
 
 
-def _serve(pipe: Connection, problem_data: bytes, solver: Solver, memory_bytes: int, output: str) -> None:
+def _serve(pipe: Connection, pickled: bytes, plugin_files: list[PluginFile], memory_bytes: int, output: str) -> None:
     """Answer requests until the other end of the pipe closes."""
     os.setsid()
     _die_with_parent()
     _capture_output(output)
     _limit_memory(memory_bytes)
-    measurement: Measurement | None = None
+    task: Task | None = None
     while True:
         try:
             request, arguments = pipe.recv()
@@ -174,9 +196,11 @@ def _serve(pipe: Connection, problem_data: bytes, solver: Solver, memory_bytes: 
             return
         numbers = b""
         try:
-            if measurement is None:
-                measurement = Measurement(read_problem(io.BytesIO(problem_data), "problem"), solver)
-            answer, numbers = _answered(measurement, request, arguments)
+            if task is None:
+                for file in plugin_files:
+                    register(file)
+                task = pickle.loads(pickled)
+            answer, numbers = task.answer(request, arguments)
         except MisbehaviourError as error:
             answer = _fault(Outcome.MISBEHAVED, str(error))
         except MemoryError:
@@ -190,22 +214,6 @@ def _serve(pipe: Connection, problem_data: bytes, solver: Solver, memory_bytes: 
         usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
         pipe.send_bytes(json.dumps({**answer, "peak_memory_bytes": usage}).encode())
         pipe.send_bytes(numbers)
-
-
-def _answered(measurement: Measurement, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-    if request == "warm_up":
-        measurement.warm_up(*arguments)
-        return {}, b""
-    if request == "observe":
-        return measurement.observe(*arguments), b""
-    solution, times = measurement.round(*arguments)
-    answer = {
-        "status": solution.status.value,
-        "iterations": int(solution.iterations),
-        "message": str(solution.message),
-        "times": times,
-    }
-    return answer, np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
 
 
 def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:

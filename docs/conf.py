@@ -9,7 +9,15 @@ sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 project = "Proxbench"
 author = "The Proxbench developers"
 release = metadata.version("proxbench")
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "command_help", "short_types"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "command_help",
+    "mathml",
+    "plain_docstrings",
+    "short_types",
+]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
 html_theme = "furo"

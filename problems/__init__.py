@@ -3,10 +3,11 @@
 from .answer import Answer
 from .catalog import load, suite
 from .contact import ContactProblem
-from .errors import ProblemError, ProxbenchError
+from .errors import PluginError, ProblemError, ProxbenchError
 from .judge import Verdict, judge
 from .laws import LawKind, Laws
 from .model import Model
+from .projections import project
 
 __all__ = [
     "Answer",
@@ -14,10 +15,12 @@ __all__ = [
     "LawKind",
     "Laws",
     "Model",
+    "PluginError",
     "ProblemError",
     "ProxbenchError",
     "Verdict",
     "judge",
     "load",
+    "project",
     "suite",
 ]

@@ -1,18 +1,23 @@
 """Problems and suites by name.
 
 A name is looked up among the hard cases, which are built when asked for, then in the frozen library that is shipped
-with the package, then in the user's cache folder, where ``proxbench generate`` puts problems.
+with the package, then among those of plugins, then in the user's cache folder, where ``proxbench generate`` puts
+problems.
 """
 
 import os
 import re
+import sys
+from contextlib import redirect_stdout
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from .contact import ContactProblem
-from .errors import ProblemError, suggestion
+from .errors import PluginError, ProblemError, suggestion
 from .hard import HARD_CASES, hard_case
+from .plugin_files import told
+from .plugins import Offer, offers
 from .storage import SUFFIX, read_problem
 
 FUNNEL_SIZES = (30, 100, 300, 1000)
@@ -83,15 +88,21 @@ def suite_members(name: str) -> list[str]:
 
 
 def problem_names() -> list[str]:
-    """Return the names of all standard problems, and of those in the cache folder."""
+    """Return the names of all standard problems, of those of plugins, and of those in the cache folder."""
     cached = {path.name.removesuffix(SUFFIX) for path in cache_folder().glob(f"*{SUFFIX}")}
-    standard = SUITES["all"]
-    return [*standard, *sorted(cached.difference(standard))]
+    known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.refusal)]
+    return [*known, *sorted(cached.difference(known))]
+
+
+def plugin_problems() -> list[Offer]:
+    """Return what plugins offer as problems, the refused ones with their reason."""
+    return offers("problem", SUITES["all"])
 
 
 def is_available(name: str) -> bool:
     """Whether ``load`` finds the problem without generating it."""
-    return name in HARD_CASES or _frozen(name) is not None or _cached(name).is_file()
+    at_hand = name in HARD_CASES or _frozen(name) is not None or _cached(name).is_file()
+    return at_hand or (name not in SUITES["all"] and _offer(name) is not None)
 
 
 def load(name: str) -> ContactProblem:
@@ -100,6 +111,7 @@ def load(name: str) -> ContactProblem:
     Raises:
         ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a damaged
             file.
+        PluginError: if a plugin offers the name but does not make a problem.
     """
     if name in HARD_CASES:
         return hard_case(name)
@@ -107,6 +119,9 @@ def load(name: str) -> ContactProblem:
     if frozen is not None:
         with frozen.open("rb") as file:
             return read_problem(file, label=f"frozen problem {name!r}")
+    offer = None if name in SUITES["all"] else _offer(name)
+    if offer is not None:
+        return _built(offer)
     if _cached(name).is_file():
         return read_problem(_cached(name))
     if name in SUITES["all"]:
@@ -121,6 +136,26 @@ def suite(name: str) -> list[ContactProblem]:
         ProblemError: for an unknown suite, or a member that is not generated yet.
     """
     return [load(member) for member in suite_members(name)]
+
+
+def _offer(name: str) -> Offer | None:
+    return next((offer for offer in plugin_problems() if offer.name == name), None)
+
+
+def _built(offer: Offer) -> ContactProblem:
+    """Return the problem of a plugin, under the name it is offered by."""
+    head = f"problem {offer.name!r} of {offer.source}"
+    make = offer.load()
+    if not callable(make):
+        raise PluginError(f"{head} is of type {type(make).__name__}; offer a function that returns a ContactProblem.")
+    try:
+        with redirect_stdout(sys.stderr):
+            problem = make()
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{head} cannot be built: {told(error)}.") from None
+    if not isinstance(problem, ContactProblem):
+        raise PluginError(f"{head} makes a value of type {type(problem).__name__}; return a ContactProblem.")
+    return problem.renamed(offer.name, plugin=offer.source)
 
 
 def _is_plain(name: str) -> bool:

@@ -12,6 +12,10 @@ class ProblemError(ProxbenchError, ValueError):
     """A contact problem, or its name, does not hold together."""
 
 
+class PluginError(ProxbenchError, ValueError):
+    """A plugin cannot be found, does not import, takes a name that is not free, or breaks its contract."""
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or the list of known names."""
     names = sorted(known)

@@ -171,6 +171,8 @@ class Factors:
 
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
+        if isinstance(self.directions, Pieces):
+            return self.directions.transposed_times(self.inverse_mass.times(self.directions.times(impulses)))
         product: FloatArray = self.force_directions.T @ self.inverse_mass.times(self.force_directions @ impulses)
         return product
 

@@ -2,7 +2,34 @@
 
 import numpy as np
 
-from .laws import FloatArray
+from .laws import FloatArray, LawKind, Laws
+
+
+def project(laws: Laws, impulses: FloatArray) -> FloatArray:
+    """Return prox_C(Λ) of every law, a fresh array: the step that makes impulses admissible.
+
+    Normal impulses are cut at zero; friction impulses are shortened to their bound a + μ Λ_N, with Λ_N already cut.
+
+    Args:
+        laws: the force laws.
+        impulses: Λ [N s], shape (n_rows,).
+    """
+    projected = np.array(impulses, dtype=np.float64)
+    normal_rows = laws.first_row[~laws.is_friction]
+    projected[normal_rows] = np.maximum(projected[normal_rows], 0.0)
+    friction = np.flatnonzero(laws.is_friction)
+    first = laws.first_row[friction]
+    bound = laws.fixed_bound[friction].copy()
+    bounded = laws.partner[friction] >= 0
+    partner_row = laws.first_row[laws.partner[friction][bounded]]
+    bound[bounded] += laws.friction_coefficient[friction][bounded] * projected[partner_row]
+    spatial = laws.kind[friction] == LawKind.SPATIAL_FRICTION
+    length = np.abs(projected[first])
+    length[spatial] = np.hypot(length[spatial], projected[first[spatial] + 1])
+    scale = bound / np.maximum(length, np.maximum(bound, np.finfo(np.float64).tiny))
+    projected[first] *= scale
+    projected[first[spatial] + 1] *= scale[spatial]
+    return projected
 
 
 def onto_friction_cone(

@@ -2,8 +2,6 @@
 
 import io
 import json
-import os
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import IO, Any
@@ -15,6 +13,7 @@ from .answer import Answer
 from .contact import ContactProblem
 from .errors import ProblemError
 from .factors import Factors, InverseMass
+from .files import replacing
 from .laws import Laws
 
 FORMAT = 1
@@ -32,14 +31,8 @@ def save_problem(problem: ContactProblem, path: Path) -> None:
     arrays = _arrays(problem)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez_compressed(file, **arrays)
-            os.replace(temporary, path)
-        except BaseException:
-            os.unlink(temporary)
-            raise
+        with replacing(path) as file:
+            np.savez_compressed(file, **arrays)
     except OSError as error:
         raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
 

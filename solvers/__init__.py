@@ -1,7 +1,8 @@
 """How problems are solved: one interface, and one file for each method."""
 
 from ..problems.model import Model
-from .interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop
+from .interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, described, shows_iterates
+from .prox.iteration import iterate
 from .registry import available, create, solve
 
 __all__ = [
@@ -15,5 +16,8 @@ __all__ = [
     "Stop",
     "available",
     "create",
+    "described",
+    "iterate",
+    "shows_iterates",
     "solve",
 ]

@@ -108,14 +108,15 @@ class Solver(Protocol):
     """A method with its options.
 
     Attributes:
-        has_iterates: whether ``observe`` is called; False for a solver without meaningful inner iterates.
+        has_iterates: whether ``observe`` is called; False for a solver without meaningful inner iterates. A plugin may
+            leave it out, which means True; ask ``shows_iterates``.
     """
 
     has_iterates: ClassVar[bool]
 
     @property
     def name(self) -> str:
-        """Unique name, with the options that differ from the defaults, such as ``"SORprox(relaxation=1.5)"``."""
+        """Unique name, with the options that differ from the defaults: ``"SORprox(relaxation=1.5)"``."""
         ...
 
     @property
@@ -130,6 +131,11 @@ class Solver(Protocol):
     def prepare(self, problem: ContactProblem) -> Prepared:
         """Do what depends on the problem alone."""
         ...
+
+
+def shows_iterates(solver: Solver) -> bool:
+    """Whether ``solver`` calls its observer once per iteration."""
+    return bool(getattr(solver, "has_iterates", True))
 
 
 def described(solver: Any) -> str:

@@ -1,4 +1,4 @@
-"""The list of solvers, and how a name with options becomes one."""
+"""The list of solvers, those of plugins included, and how a name with options becomes one."""
 
 import ast
 import inspect
@@ -7,6 +7,8 @@ from typing import Any
 
 from ..problems.contact import ContactProblem
 from ..problems.errors import suggestion
+from ..problems.plugins import Offer, offers
+from . import contract
 from .interface import Solution, Solver, SolverError, Status, Stop
 
 _BUILT_IN = {
@@ -26,8 +28,13 @@ _BUILT_IN = {
 
 
 def available() -> list[str]:
-    """Return the names that ``create`` accepts."""
-    return list(_BUILT_IN)
+    """Return the names that ``create`` knows: built-in solvers, then those of plugins, which are not imported yet."""
+    return [*_BUILT_IN, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
+
+
+def plugin_solvers() -> list[Offer]:
+    """Return what plugins offer as solvers, the refused ones with their reason."""
+    return offers("solver", _BUILT_IN)
 
 
 def create(name: str, **options: Any) -> Solver:
@@ -35,15 +42,17 @@ def create(name: str, **options: Any) -> Solver:
 
     Raises:
         SolverError: for an unknown name or option (with the nearest known one), or an option out of range.
+        PluginError: if a plugin offers the name but does not import, or its solver breaks the contract.
     """
     plain, written = parse(name)
     options = {**written, **options}
-    make = factory(plain)
+    offer = None if plain in _BUILT_IN else _offer(plain)
+    make = _built_in(plain) if offer is None else _plugin_factory(offer)
     known = list(inspect.signature(make).parameters)
     for option in options:
         if option not in known:
             raise SolverError(f"{plain} has no option {option!r}{suggestion(option, known)}")
-    solver: Solver = make(**options)
+    solver: Solver = make(**options) if offer is None else contract.made(plain, offer.source, make, options)
     return solver
 
 
@@ -52,10 +61,28 @@ def factory(name: str) -> Any:
 
     Raises:
         SolverError: for an unknown name, with the nearest one.
+        PluginError: if a plugin offers the name but does not import.
     """
-    if name not in _BUILT_IN:
-        raise SolverError(f"there is no solver {name!r}{suggestion(name, _BUILT_IN)}")
+    return _built_in(name) if name in _BUILT_IN else _plugin_factory(_offer(name))
+
+
+def _built_in(name: str) -> Any:
     return getattr(import_module(f".{_BUILT_IN[name]}", __package__), name)
+
+
+def _offer(name: str) -> Offer:
+    found = plugin_solvers()
+    for offer in found:
+        if offer.name == name:
+            return offer
+    usable = [offer.name for offer in found if not offer.refusal]
+    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_BUILT_IN, *usable])}")
+
+
+def _plugin_factory(offer: Offer) -> Any:
+    make = offer.load()
+    contract.check_factory(offer.name, offer.source, make)
+    return make
 
 
 def parse(text: str) -> tuple[str, dict[str, Any]]:

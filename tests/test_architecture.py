@@ -9,12 +9,14 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((ROOT / top).rglob("*.py"))]
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
+RECORDED_WITH_RERUN = ("annotations", "balls", "file", "layouts", "solves", "steps", "woodpecker")
 AT_HOME = {
     "altair": {"bench/charts.py"},
     "vl_convert": {"bench/charts.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {"bench/frames.py", "bench/tables.py", "bench/charts.py"},
-    "typer": {"bench/cli.py"},
+    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/simulations/command.py"},
+    "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/machine.py", "bench/worker.py"},
 }
 

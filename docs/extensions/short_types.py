@@ -17,6 +17,7 @@ _NAMES = {
     NDArray[np.int32]: "int array",
     NDArray[np.int8]: "int array",
     NDArray[np.bool_]: "bool array",
+    NDArray[np.void]: "structured array",
 }
 _LONG = {stringify_annotation(kind, "smart"): name for kind, name in _NAMES.items()}
 _LONG |= {stringify_annotation(kind, "fully-qualified-except-typing"): name for kind, name in _NAMES.items()}

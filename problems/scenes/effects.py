@@ -5,7 +5,7 @@ Each effect is a small class that adds itself to a ``BallSystem``; none of them 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +20,15 @@ class Effect(Protocol):
 
     def added_to(self, system: BallSystem) -> BallSystem:
         """Return the system with this effect."""
+        ...
+
+
+@runtime_checkable
+class Conservative(Protocol):
+    """An effect whose forces have a potential."""
+
+    def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
+        """Return V [J] of balls with masses [kg], shape (n,), at ``centres`` [m], shape (n, d)."""
         ...
 
 
@@ -42,6 +51,10 @@ class Gravity:
             return down
 
         return _with_acceleration(system, fall)
+
+    def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
+        """Return V = Σ m g z [J]."""
+        return self.acceleration * float(masses @ centres[:, -1])
 
 
 @dataclass(frozen=True)
@@ -83,6 +96,10 @@ class Spring:
             return force / masses[:, None]
 
         return _with_acceleration(system, pull)
+
+    def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
+        """Return V = Σ k |x − x_0|²/2 [J]."""
+        return 0.5 * self.stiffness * float(((centres - np.array(self.anchor)) ** 2).sum())
 
 
 @dataclass(frozen=True)
@@ -148,6 +165,11 @@ def ball_system(
     for effect in effects:
         system = effect.added_to(system)
     return system
+
+
+def conservative(effects: Sequence[Effect]) -> tuple[Conservative, ...]:
+    """Return those of ``effects`` that have a potential."""
+    return tuple(effect for effect in effects if isinstance(effect, Conservative))
 
 
 def _with_acceleration(system: BallSystem, acceleration: Acceleration) -> BallSystem:

@@ -7,6 +7,7 @@ jittered lattice of pitch 2.3 radii and drop at 1 m/s.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,10 +16,11 @@ from ..errors import ProblemError
 from ..laws import FloatArray
 from ..moreau import State
 from ..surfaces import Plane, Rim, Segment, Surface
-from .effects import Effect, Friction, Gravity, Planar, Restitution, ball_system
+from .effects import Conservative, Effect, Friction, Gravity, Planar, Restitution, ball_system, conservative
 
 RADIUS = 0.01
 DENSITY = 2500.0
+MASS = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
 CONE_HEIGHT = 0.145
 PITCH = 2.3
 JITTER = 0.05
@@ -67,9 +69,7 @@ class Funnel:
 
     def system(self) -> BallSystem:
         """Return balls and walls with the effects."""
-        mass = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
-        radii, masses = np.full(self.n_balls, RADIUS), np.full(self.n_balls, mass)
-        return ball_system(radii, masses, self._surfaces(), self.effects)
+        return ball_system(np.full(self.n_balls, RADIUS), self._masses, self._surfaces(), self.effects)
 
     def start(self) -> State:
         """Return the balls on their lattice above the cone, dropping."""
@@ -77,6 +77,27 @@ class Funnel:
         velocities = np.zeros((self.n_balls, system.dimension))
         velocities[:, -1] = -DROP_SPEED
         return State(0.0, self._lattice(system.dimension).ravel(), system.at_rest(velocities))
+
+    def balls_through(self, position: FloatArray) -> int:
+        """Return how many balls of q, shape (n_balls · d,), have their centre below the outlet."""
+        return int(np.count_nonzero(position[self._dimension - 1 :: self._dimension] < 0.0))
+
+    def potential_energy(self, position: FloatArray) -> float:
+        """Return V [J] of the effects at q, shape (n_balls · d,); weight counts from the outlet."""
+        centres = position.reshape(self.n_balls, self._dimension)
+        return sum(effect.potential_energy(centres, self._masses) for effect in self._conservative)
+
+    @cached_property
+    def _conservative(self) -> tuple[Conservative, ...]:
+        return conservative(self.effects)
+
+    @cached_property
+    def _masses(self) -> FloatArray:
+        return np.full(self.n_balls, MASS)
+
+    @cached_property
+    def _dimension(self) -> int:
+        return 2 if self.is_planar else 3
 
     def _surfaces(self) -> list[Surface]:
         outlet = self.outlet_radius * RADIUS if self.outlet_radius else 4.5 * RADIUS
@@ -87,9 +108,8 @@ class Funnel:
             surfaces.append(Segment((top, CONE_HEIGHT), (top, WALL_TOP), side))
             surfaces.append(Rim((outlet, 0.0), along, side))
         if self.outlet_radius == 0.0:
-            dimension = 2 if self.is_planar else 3
-            up = (*[0.0] * (dimension - 1), 1.0)
-            surfaces.append(Plane((0.0,) * dimension, up))
+            up = (*[0.0] * (self._dimension - 1), 1.0)
+            surfaces.append(Plane((0.0,) * self._dimension, up))
         return surfaces
 
     def _lattice(self, dimension: int) -> FloatArray:

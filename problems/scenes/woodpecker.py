@@ -43,30 +43,55 @@ _DIRECTIONS = np.array(
 """W, columns N1, T1, N2, T2, N3, T3."""
 
 
-def _force(position: FloatArray, velocity: FloatArray) -> FloatArray:
-    spring = SPRING_STIFFNESS * (position[1] - position[2])
-    weight = BIRD_MASS * GRAVITY
-    return np.array([-(BIRD_MASS + SLEEVE_MASS) * GRAVITY, -spring - weight * SPRING_ARM, spring - weight * BIRD_ARM])
-
-
 def _gap(position: FloatArray) -> FloatArray:
     play, tilt = SLEEVE_RADIUS - POLE_RADIUS, SLEEVE_HALF_HEIGHT * position[1]
     beak = SPRING_ARM + BIRD_ARM - BEAK_ARM - POLE_RADIUS - BEAK_HEIGHT * position[2]
     return np.array([beak, play + tilt, play - tilt])
 
 
-def woodpecker() -> MechanicalSystem:
-    """Return the woodpecker's equations of motion."""
+def woodpecker(
+    friction: float | None = FRICTION, beak_restitution: float = RESTITUTION[0], gravity: float = GRAVITY
+) -> MechanicalSystem:
+    """Return the woodpecker's equations of motion.
+
+    Args:
+        friction: μ of all contacts, or None for contacts of one row, without friction.
+        beak_restitution: ε_N of the beak; the sleeve's is 0.
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: for a coefficient out of range.
+    """
+
+    def force(position: FloatArray, velocity: FloatArray) -> FloatArray:
+        spring = SPRING_STIFFNESS * (position[1] - position[2])
+        weight = BIRD_MASS * gravity
+        fall = -(BIRD_MASS + SLEEVE_MASS) * gravity
+        return np.array([fall, -spring - weight * SPRING_ARM, spring - weight * BIRD_ARM])
+
+    directions = _DIRECTIONS if friction is not None else _DIRECTIONS[:, ::2]
     return MechanicalSystem(
         mass=lambda position: _MASS,
-        force=_force,
+        force=force,
         gap=_gap,
-        directions=lambda position: _DIRECTIONS,
-        friction=np.full(3, FRICTION),
-        restitution_normal=RESTITUTION,
+        directions=lambda position: directions,
+        friction=np.full(3, friction or 0.0),
+        restitution_normal=(beak_restitution, *RESTITUTION[1:]),
         restitution_tangential=np.zeros(3),
-        rows_per_contact=2,
+        rows_per_contact=1 if friction is None else 2,
     )
+
+
+def kinetic_energy(velocity: FloatArray) -> float:
+    """Return ½ uᵀ M u [J] of u, shape (3,)."""
+    return 0.5 * float(velocity @ _MASS @ velocity)
+
+
+def potential_energy(position: FloatArray, gravity: float = GRAVITY) -> float:
+    """Return V [J] of weight and spring at q, shape (3,)."""
+    height, sleeve, bird = position
+    weight = (BIRD_MASS + SLEEVE_MASS) * height + BIRD_MASS * (SPRING_ARM * sleeve + BIRD_ARM * bird)
+    return float(gravity * weight + 0.5 * SPRING_STIFFNESS * (sleeve - bird) ** 2)
 
 
 def published_start() -> State:

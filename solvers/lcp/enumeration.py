@@ -66,7 +66,10 @@ class PreparedEnumeration:
     residual: Residual
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Return the first solution; INFEASIBLE if all combinations are regular and none solves the problem."""
+        """Return the first solution; INFEASIBLE if all combinations are regular and none solves the problem.
+
+        ``iterations`` counts combinations.
+        """
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
             return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
@@ -75,6 +78,9 @@ class PreparedEnumeration:
         best, best_residual, tried, singular = np.zeros(n_rows), np.inf, 0, 0
         deadline = time.perf_counter() + stop.max_seconds
         for impulses, regular in self._candidates():
+            if tried >= stop.max_iterations:
+                reason = f"residual {best_residual:.1e} after {tried} states"
+                return Solution(best, Status.ITERATION_LIMIT, tried, reason)
             tried += 1
             singular += not regular
             residual = self.residual(impulses, self.problem.relative_velocity(impulses))

@@ -1,7 +1,7 @@
 """The loop that all projected iterations share: sweep, look at the judge's residual, stop or go on."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,7 +11,7 @@ from ...problems.contact import ContactProblem
 from ...problems.errors import ProblemError
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray
-from ..interface import Observer, Solution, Status, Stop
+from ..interface import Observer, Solution, SolverError, Status, Stop
 from .monitor import Monitor, sweeps_to_next_look
 
 
@@ -52,6 +52,8 @@ class PreparedIteration:
             raise ProblemError(f"start must have shape ({n_rows},), one entry a row; got {first.shape}.")
         if self.residual.infeasible:
             return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+        if self.residual.scale == 0.0:
+            first = np.zeros(n_rows)  # c = 0 has the answer Λ = 0, against which any other start is infinitely wrong
         monitor = Monitor(stop)
         iterates = self.begin(first)
         advance = _Advance(iterates, monitor, observe)
@@ -69,6 +71,52 @@ class PreparedIteration:
                 return monitor.solution(ended, advance.iteration, n_rows)
             left = stop.max_iterations - advance.iteration
             advance.by(min(left, sweeps_to_next_look(advance.iteration)))
+
+
+def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]]) -> PreparedIteration:
+    """Return an iteration made ready for ``problem`` from a generator: all that a simple method has to say.
+
+    Tolerance, limits, stalls, cycles, divergence, infeasible problems and observers are seen to.
+
+    Args:
+        problem: the contact problem.
+        sweeps: ``sweeps(start)`` yields Λ [N s], shape (n_rows,), after each sweep, without end. It must not write to
+            ``start``, and may use one array for all it yields.
+
+    Raises:
+        SolverError: from ``solve``, if the generator ends or yields an array of another shape.
+    """
+
+    def begin(start: FloatArray) -> _GeneratedIterates:
+        return _GeneratedIterates(problem, sweeps(start), start)
+
+    return PreparedIteration(problem, Residual(problem), begin)
+
+
+@dataclass
+class _GeneratedIterates:
+    """The iterates of a generator."""
+
+    problem: ContactProblem
+    generator: Iterator[FloatArray]
+    latest: FloatArray
+
+    def sweep(self, count: int) -> None:
+        shape = (self.problem.n_rows,)
+        for _ in range(count):
+            latest = next(self.generator, None)
+            if latest is None or np.shape(latest) != shape:
+                said = "ended" if latest is None else f"yielded an array of shape {np.shape(latest)}"
+                raise SolverError(
+                    f"the generator of an iteration {said}; let it yield arrays of shape {shape} for ever."
+                )
+            self.latest = latest
+
+    def impulses(self) -> FloatArray:
+        return np.array(self.latest, dtype=np.float64)
+
+    def relative_velocity(self) -> FloatArray:
+        return self.problem.relative_velocity(self.latest)
 
 
 @dataclass

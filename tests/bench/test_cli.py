@@ -74,11 +74,12 @@ def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytes
     assert document["damaged"] == []
 
 
-def test_list_names_solvers_suites_and_problems(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert {"SORprox", "Jprox", "JORprox", "ClarabelSOCP"} <= {row["name"] for row in listed["solvers"]}
     assert {"quick", "funnel", "woodpecker", "hard", "all"} == {row["name"] for row in listed["suites"]}
+    assert {"funnel", "pile", "woodpecker"} == {row["name"] for row in listed["scenes"]}
     slider = next(row for row in listed["problems"] if row["name"] == "hard-duplicated-slider")
     assert (slider["contacts"], slider["rows"]) == (10, 30)
     assert slider["laws"] == ["unilateral", "spatial friction"]

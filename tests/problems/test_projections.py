@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from proxbench.problems import judge, load, project
 from proxbench.problems.projections import onto_friction_cone, onto_polygon
 
 numbers = st.floats(-5.0, 5.0)
@@ -59,3 +60,25 @@ def test_the_polygon_projection_satisfies_the_variational_inequality_at_the_corn
 def test_points_inside_stay(sides: int) -> None:
     points = np.random.default_rng(0).uniform(-0.3, 0.3, (50, 2))
     assert onto_polygon(points, np.ones(50), sides) == pytest.approx(points, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["hard-mixed-laws", "hard-tresca-joint", "hard-sliding-block", "hard-sticking-box"])
+def test_projected_impulses_are_admissible_stay_when_projected_again_and_leave_the_given_ones(name: str) -> None:
+    problem = load(name)
+    given_impulses = np.random.default_rng(3).normal(size=problem.n_rows)
+    kept = given_impulses.copy()
+    projected = project(problem.laws, given_impulses)
+    assert np.array_equal(given_impulses, kept)
+    assert judge(problem, given_impulses).cone_violation > 0.1
+    assert judge(problem, projected).cone_violation <= 1e-15
+    assert np.allclose(project(problem.laws, projected), projected, rtol=1e-15, atol=0.0)
+
+
+@pytest.mark.parametrize("name", ["hard-mixed-laws", "hard-tresca-joint"])
+def test_a_solution_is_a_fixed_point_of_the_projected_gradient_step(name: str) -> None:
+    problem = load(name)
+    assert problem.answer is not None
+    (solution,) = problem.answer.impulses
+    for step in (0.1, 1.0):
+        moved = project(problem.laws, solution - step * problem.relative_velocity(solution))
+        assert np.abs(moved - solution).max() <= 1e-12

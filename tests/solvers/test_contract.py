@@ -135,6 +135,16 @@ def test_zero_free_velocity_needs_no_impulse(name: str, dim: int) -> None:
     assert np.array_equal(solution.impulses, np.zeros(3))
 
 
+@pytest.mark.parametrize("name", VARIANTS)
+def test_zero_free_velocity_needs_no_impulse_wherever_the_solve_starts(name: str) -> None:
+    """A step without forces after an impact is warm-started from the impulses of the impact."""
+    row_of_three = np.array([[-1.0, 0.0], [1.0, -1.0], [0.0, 1.0]])
+    still = ContactProblem.from_factors(row_of_three, np.ones(3), np.zeros(2), dim=1)
+    solution = create(name).prepare(still).solve(Stop(1e-10, 1000), np.array([1.3, 0.6]))
+    assert solution.status is Status.SOLVED
+    assert not solution.impulses.any()
+
+
 @pytest.mark.parametrize("dim", [1, 3])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_a_problem_without_contacts_is_solved(name: str, dim: int) -> None:

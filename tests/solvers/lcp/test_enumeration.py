@@ -66,3 +66,11 @@ def test_the_rod_with_three_solutions_shows_all_of_them() -> None:
     assert len(found) == len(problem.answer.impulses) == 3
     for known in problem.answer.impulses:
         assert min(np.abs(known - impulses).max() for impulses in found) <= 1e-12
+
+
+def test_no_more_combinations_are_tried_than_iterations_allowed() -> None:
+    prepared = create("Enumeration").prepare(load("hard-sliding-block"))
+    whole = prepared.solve(Stop(1e-9))
+    assert whole.status is Status.SOLVED
+    cut = prepared.solve(Stop(1e-9, max_iterations=whole.iterations - 1))
+    assert (cut.status, cut.iterations) == (Status.ITERATION_LIMIT, whole.iterations - 1)

@@ -1,0 +1,145 @@
+"""``proxbench check``: conformance tests of a plugin, in a process that it may crash or hang without harm."""
+
+import shutil
+import textwrap
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..problems.plugin_files import PluginFile
+from ..problems.plugins import forget, register, registered
+from .conformance import PROBLEM_CHECKS, SOLVER_CHECKS
+from .conformance.task import CheckingTask
+from .errors import BenchError
+from .outcome import Outcome
+from .worker import Fault, Worker, working_folder
+
+CHECK_SECONDS = 60.0
+"""Time limit of one check [s]."""
+
+MEMORY_BYTES = 2**31
+"""Memory that checks may take beyond what the framework itself needs."""
+
+
+@dataclass
+class _Process:
+    """A process that runs checks, replaced by a fresh one when it has been crashed or kept too long."""
+
+    folder: Path
+    seconds: float
+    _worker: Worker | None = None
+
+    def ask(self, request: str, *arguments: Any) -> dict[str, Any]:
+        """Return the answer to one request, which has the whole time limit to itself."""
+        if self._worker is None:
+            self._worker = Worker(CheckingTask(), self.seconds, MEMORY_BYTES, self.folder)
+        self._worker.busy_seconds = 0.0
+        try:
+            return self._worker.ask(request, *arguments)[0]
+        except Fault:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        if self._worker is not None:
+            self._worker.close()
+            self._worker = None
+
+
+def checked(target: str, seconds: float = CHECK_SECONDS) -> list[dict[str, Any]]:
+    """Run all conformance tests on a solver or problem, or on all that a plugin file offers.
+
+    Args:
+        target: a name, with options where it has some, or the path of a plugin file.
+        seconds: time limit of one test.
+
+    Returns:
+        For each solver or problem: kind, name, source, passed, and checks, each with check, promise, result ("passed",
+        "failed", "not applicable"), sentence and seconds.
+
+    Raises:
+        ProxbenchError: for an unknown name, or a plugin with nothing in it that could be checked.
+    """
+    if not seconds > 0:
+        raise BenchError(f"the time limit of a check must be positive, got {seconds:g} s.")
+    file = PluginFile.read(target) if _is_path(target) else None
+    known = registered()
+    if file is not None:
+        register(file)
+    try:
+        with working_folder() as folder:
+            process = _Process(Path(folder), seconds)
+            try:
+                return [_checked(process, subject) for subject in _subjects(process, target, file)]
+            finally:
+                process.close()
+    finally:
+        if file is not None and file not in known:
+            forget(file)
+
+
+def print_checks(subjects: list[dict[str, Any]]) -> None:
+    """Print a table of the checks of each subject, with a sentence to each failure, and a line that sums up."""
+    columns = shutil.get_terminal_size((100, 24)).columns
+    for subject in subjects:
+        origin = f" from {subject['source']}" if subject["source"] else ""
+        print(f"{subject['kind']} {subject['name']}{origin}")
+        width = max(len(row["check"]) for row in subject["checks"])
+        for row in subject["checks"]:
+            start = f"  {row['check']:<{width}}  {row['result']:<14}  "
+            text = textwrap.fill(
+                row["sentence"] or "-",
+                columns,
+                initial_indent=start,
+                subsequent_indent=" " * len(start),
+                break_on_hyphens=False,
+                break_long_words=False,
+            )
+            print(text if row["sentence"] else start.rstrip())
+        counts = {result: _count(subject, result) for result in ("passed", "failed", "not applicable")}
+        print("  " + ", ".join(f"{count} {result}" for result, count in counts.items() if count) + "\n")
+
+
+def _is_path(target: str) -> bool:
+    return target.endswith(".py") or "/" in target.partition("(")[0]
+
+
+def _subjects(process: _Process, target: str, file: PluginFile | None) -> list[dict[str, str]]:
+    try:
+        answer = process.ask("subjects", file if file is not None else target)
+    except Fault as fault:
+        said = _sentence(fault, process.seconds)
+        raise BenchError(f"nothing of {target} can be checked, for when it is imported, {said}") from None
+    if "refused" in answer:
+        raise BenchError(answer["refused"])
+    found: list[dict[str, str]] = answer["subjects"]
+    return found
+
+
+def _checked(process: _Process, subject: dict[str, str]) -> dict[str, Any]:
+    rows = []
+    for check in SOLVER_CHECKS if subject["kind"] == "solver" else PROBLEM_CHECKS:
+        began = time.perf_counter()
+        try:
+            answer = process.ask("check", subject["kind"], subject["name"], check.name)
+        except Fault as fault:
+            answer = {"result": "failed", "sentence": _sentence(fault, process.seconds)}
+        rows.append(
+            {
+                "check": check.name,
+                "promise": check.promise,
+                "result": answer["result"],
+                "sentence": answer["sentence"],
+                "seconds": round(time.perf_counter() - began, 3),
+            }
+        )
+    return {**subject, "passed": all(row["result"] != "failed" for row in rows), "checks": rows}
+
+
+def _sentence(fault: Fault, seconds: float) -> str:
+    return f"it did not end within {seconds:g} s." if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
+
+
+def _count(subject: dict[str, Any], result: str) -> int:
+    return sum(row["result"] == result for row in subject["checks"])

@@ -1,0 +1,14 @@
+"""Conformance: what every solver owes its users whatever its method, and every problem, as tests that anybody can run.
+
+``proxbench check`` runs them on any plugin, each in a process that may crash or hang; a test suite runs them directly::
+
+    @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
+    def test_my_solver_conforms(check):
+        check.run(MySolver())
+"""
+
+from .checks import Check, NotApplicable, Violation
+from .problem_checks import PROBLEM_CHECKS
+from .solver_checks import SOLVER_CHECKS
+
+__all__ = ["PROBLEM_CHECKS", "SOLVER_CHECKS", "Check", "NotApplicable", "Violation"]

@@ -1,0 +1,60 @@
+"""The promises of a problem that a plugin offers, each as a test of the function that makes it."""
+
+import io
+from collections.abc import Callable
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import judge
+from ...problems.storage import problem_bytes, read_problem
+from .checks import Check, NotApplicable, Violation
+
+ANSWER_ACCURACY = 1e-6
+"""The judged residual that impulses given as the answer must have."""
+
+MakeProblem = Callable[[], ContactProblem]
+
+
+def is_made(make: MakeProblem) -> None:
+    """It can be made, and has contacts."""
+    if make().n_rows == 0:
+        raise Violation("it has no contacts, so every solver is done at once.")
+
+
+def is_made_alike(make: MakeProblem) -> None:
+    """Made twice it has the same numbers, so that runs compare like with like."""
+    if make().digest != make().digest:
+        raise Violation("made twice it has different numbers; draw chance from a fixed seed.")
+
+
+def survives_a_file(make: MakeProblem) -> None:
+    """Written and read again it has the same numbers: so it travels to the processes that solve it."""
+    problem = make()
+    if read_problem(io.BytesIO(problem_bytes(problem)), "the written problem").digest != problem.digest:
+        raise Violation("written and read again it has different numbers.")
+
+
+def answer_is_right(make: MakeProblem) -> None:
+    """What it says about its solution, the judge confirms."""
+    problem = make()
+    if problem.answer is None or (problem.answer.solvable and not problem.answer.impulses):
+        raise NotApplicable("it gives no impulses as its answer")
+    if not problem.answer.solvable:
+        if any(judge(problem, impulses).residual <= ANSWER_ACCURACY for impulses in problem.answer.impulses):
+            raise Violation("it is said to have no solution, and gives one.")
+        return
+    for index, impulses in enumerate(problem.answer.impulses):
+        residual = judge(problem, impulses).residual
+        if not residual <= ANSWER_ACCURACY:
+            raise Violation(f"answer.impulses[{index}] is no solution: the judge reads {residual:.1e}.")
+
+
+PROBLEM_CHECKS: tuple[Check[MakeProblem], ...] = tuple(
+    Check(name, (test.__doc__ or "").strip(), test)
+    for name, test in (
+        ("made", is_made),
+        ("deterministic", is_made_alike),
+        ("file", survives_a_file),
+        ("answer", answer_is_right),
+    )
+)
+"""All tests of a problem."""

@@ -1,0 +1,77 @@
+"""One recording file: refused before any work, streamed beside its final name, and moved there when it is whole."""
+
+import os
+import uuid
+from pathlib import Path
+from types import TracebackType
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from ..errors import BenchError
+
+SUFFIX = ".rrd"
+
+
+class RecordingFile:
+    """A recording under way; leaving its ``with`` block with an error, or without ``begin``, leaves nothing behind.
+
+    Args:
+        path: where the recording shall be; its folder is made if there is none.
+        force: replace a file of that name.
+
+    Raises:
+        BenchError: if the path exists (without ``force``), does not end in ``.rrd``, or cannot be written.
+    """
+
+    def __init__(self, path: Path, force: bool = False) -> None:
+        self.path = path
+        self._force = force
+        self._stream: rr.RecordingStream | None = None
+        refuse_bad_path(path, force)
+        self._temporary = path.parent / f".{path.stem}-{uuid.uuid4().hex[:8]}.part"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._temporary.touch(exist_ok=False)
+        except OSError as error:
+            raise BenchError(f"cannot write {path}: {error.strerror}; choose another place.") from None
+
+    def begin(self, kind: str, title: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """Return the stream to log to.
+
+        Args:
+            kind: what is recorded ("solve", "simulation"); the viewer keeps a person's own layout for each kind.
+            title: what the viewer calls the recording.
+            blueprint: how the file opens.
+        """
+        stream = rr.RecordingStream(f"proxbench {kind}")
+        stream.save(self._temporary, default_blueprint=blueprint)
+        stream.set_log_tick_enabled(False)
+        stream.set_log_time_enabled(False)
+        stream.send_recording_name(title)
+        self._stream = stream
+        return stream
+
+    def __enter__(self) -> "RecordingFile":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        try:
+            if self._stream is not None:
+                self._stream.flush()
+                self._stream.disconnect()
+            if kind is None and self._stream is not None:
+                refuse_bad_path(self.path, self._force)
+                os.replace(self._temporary, self.path)
+        finally:
+            self._temporary.unlink(missing_ok=True)
+
+
+def refuse_bad_path(path: Path, force: bool) -> None:
+    """Raise ``BenchError`` if a recording cannot go there: another ending, a folder, or a file and no ``force``."""
+    if path.suffix != SUFFIX:
+        raise BenchError(f"cannot record into {path}: the name of a recording must end in {SUFFIX}.")
+    if path.is_dir():
+        raise BenchError(f"cannot record into {path}: it is a folder; name a file.")
+    if path.exists() and not force:
+        raise BenchError(f"{path} exists; choose another name, or replace it with --force.")

@@ -1,0 +1,114 @@
+"""Blueprints: how a recording looks when it is opened."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import rerun.blueprint as rrb
+
+BACKGROUND = (22, 25, 31)
+"""Of views in space, to go with the viewer's dark plots."""
+
+ITERATION, STEP, TIME = "iteration", "step", "time"
+"""Timelines."""
+
+SOLVERS_IN_A_ROW = 4
+SECONDS_TO_PLAY = 12.0
+SLOWEST, FASTEST = 4.0, 120.0
+"""Iterations a second between which a recording of solves is played."""
+
+DRAWN_PER_SECOND = 60.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a view is seen from.
+
+    Attributes:
+        position: of the eye [m].
+        target: what it looks at [m].
+    """
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+
+
+def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str | None = None) -> rrb.Spatial3DView:
+    """Return a view in space, seen from ``camera``, of what stands under ``contents``."""
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=list(contents),
+        name=name,
+        background=rrb.Background(color=BACKGROUND),
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            position=camera.position, look_target=camera.target, eye_up=(0.0, 0.0, 1.0), tracking_entity=tracking
+        ),
+    )
+
+
+def plot(name: str, origin: str, legend: bool = True, heights: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+    """Return a plot of the curves under ``origin``, with or without a legend, which hangs at the top on the right.
+
+    ``heights`` are the least and the largest value shown; what the curves need if None.
+    """
+    axis = None if heights is None else rrb.ScalarAxis(range=heights)
+    shown = rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend)
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=shown, axis_y=axis)
+
+
+def solves_blueprint(
+    solvers: Sequence[str], n_iterations: int, camera: Camera, heights: tuple[float, float] | None
+) -> rrb.Blueprint:
+    """Return solvers side by side, each with the states of its contacts, over the curves of all.
+
+    Args:
+        solvers: their names; the entities of solver k stand under ``/solvers/k`` and ``/states/k``.
+        n_iterations: largest iteration, for the speed of playing.
+        camera: of all views in space.
+        heights: between which log₁₀ residuals are shown, None for what they need.
+    """
+    columns = [
+        rrb.Vertical(
+            space_view(name, camera, [f"/solvers/{index}/**"]),
+            plot("contact states", f"/states/{index}"),
+            row_shares=[3, 1.3],
+            name=name,
+        )
+        for index, name in enumerate(solvers)
+    ]
+    side_by_side: rrb.Container = rrb.Grid(*columns, grid_columns=min(len(columns), SOLVERS_IN_A_ROW))
+    if len(columns) <= SOLVERS_IN_A_ROW:
+        side_by_side = rrb.Horizontal(*columns)
+    curves = rrb.Horizontal(
+        plot("log₁₀ residual (judge)", "/curves/residual", heights=heights),
+        plot("log₁₀ complementarity [J]", "/curves/complementarity", legend=False),
+        plot("log₁₀ step change [N s]", "/curves/step_change", legend=False),
+        rrb.TextDocumentView(origin="/about", name="what this shows"),
+        column_shares=[1, 1, 1, 1.2],
+    )
+    frames = min(max(n_iterations / SECONDS_TO_PLAY, SLOWEST), FASTEST)
+    return _blueprint(rrb.Vertical(side_by_side, curves, row_shares=[2, 1]), ITERATION, frames)
+
+
+def simulation_blueprint(
+    views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int
+) -> rrb.Blueprint:
+    """Return views in space side by side, with curves and an explanation to their right.
+
+    ``every`` such step is drawn; sixty drawn steps are played in a second.
+    """
+    about = rrb.TextDocumentView(origin="/about", name="what this shows")
+    column = rrb.Vertical(*plots, about, row_shares=[1.0] * len(plots) + [1.3])
+    whole = rrb.Horizontal(*views, column, column_shares=[1.0] * len(views) + [1.0])
+    return _blueprint(whole, STEP, DRAWN_PER_SECOND * every)
+
+
+def _blueprint(content: rrb.Container, timeline: str, frames: float) -> rrb.Blueprint:
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(state="collapsed", timeline=timeline, fps=frames, play_state="playing", loop_mode="off"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_layout=False,
+        auto_views=False,
+    )

@@ -1,0 +1,234 @@
+"""Recordings of solves: several solvers side by side on one problem, over the timeline ``iteration``."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from ...problems.contact import ContactProblem
+from ...problems.laws import FloatArray
+from ...solvers.interface import Solver, Stop
+from ..errors import BenchError
+from ..palette import PALETTE, rgb
+from .annotations import write_state_colours
+from .file import RecordingFile
+from .layouts import ITERATION, Camera, solves_blueprint
+from .places import Places, find_places
+from .states import STATE_COLOURS, ContactState, contact_states
+from .traces import Trace, trace_solve
+
+SMALLEST = 1e-16
+"""Curves are logarithms; what is below this is drawn here."""
+
+LARGEST_GROWTH = 1e2
+"""Curves of a solver that diverges stay at this multiple of the largest value that any solver begins with."""
+
+CURVES = ("residual", "complementarity", "step_change")
+
+ARROW_SIZES = 3.0
+"""Length of a large arrow in body sizes; it stands for the impulse that one closed contact in ten exceeds."""
+
+LONGEST_ARROW = 3.0
+"""Arrows are cut at this multiple of it, so that a solver that diverges does not hide the others."""
+
+
+@dataclass(frozen=True)
+class RecordedSolves:
+    """A finished recording of solves.
+
+    Attributes:
+        file: where it is.
+        traces: what was seen of each solver, in the order given.
+        places: where the contacts were drawn.
+    """
+
+    file: Path
+    traces: tuple[Trace, ...]
+    places: Places
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Return solver, iterations, residual and end of each solve; None for what there is not, or is not finite."""
+        return [
+            {
+                "solver": trace.solver,
+                "iterations": trace.iterations[-1] if trace.iterations else None,
+                "residual": trace.residual[-1] if np.isfinite(trace.residual[-1:]).any() else None,
+                "ended": trace.ended,
+            }
+            for trace in self.traces
+        ]
+
+
+def record_solves(
+    problem: ContactProblem,
+    solvers: Sequence[Solver],
+    stop: Stop,
+    file: Path,
+    force: bool = False,
+    places: Places | None = None,
+) -> RecordedSolves:
+    """Solve ``problem`` with each solver from zeros, and write what happens in each iteration as a recording.
+
+    Curves hold all iterations up to the thousandth and a geometric sequence after it, arrows all up to the twentieth
+    and a geometric sequence after it; the last iterate is always there. A solver that raises, or that does not support
+    the problem, is told in the recording and in its trace; the others are recorded all the same.
+
+    Args:
+        problem: the contact problem.
+        solvers: at least one.
+        stop: when each ends; its seconds do not count the time that watching takes.
+        file: the recording, ending in ``.rrd``.
+        force: replace an existing file.
+        places: where the contacts are; found by ``find_places`` if None.
+
+    Raises:
+        BenchError: without solvers or contacts, for places of other contacts, or if the file exists, is no ``.rrd``, or
+            cannot be written; before any solving.
+    """
+    if not solvers:
+        raise BenchError("name at least one solver to record.")
+    if not problem.n_contacts:
+        raise BenchError(f"the problem {problem.name!r} has no contacts, so there is nothing to record.")
+    where = places if places is not None else find_places(problem)
+    if len(where.positions) != problem.n_contacts:
+        raise BenchError(
+            f"places hold {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
+        )
+    with RecordingFile(file, force) as recording:
+        traces = tuple(trace_solve(problem, solver, stop) for solver in solvers)
+        longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
+        ceilings = _ceilings(traces)
+        names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
+        blueprint = solves_blueprint(names, longest, _camera(where), heights)
+        stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
+        reference = _reference_impulse(traces)
+        scale = ARROW_SIZES * where.size / reference if reference else 0.0
+        for index, trace in enumerate(traces):
+            _write_curves(stream, trace, index, ceilings)
+            _write_contacts(stream, problem, where, trace, index, scale)
+        stream.log(
+            "about", rr.TextDocument(_about(problem, where, traces, reference), media_type="text/markdown"), static=True
+        )
+    return RecordedSolves(file, traces, where)
+
+
+def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings: dict[str, float]) -> None:
+    """Write residual, complementarity and step change of one solver, and the states of its contacts."""
+    if not trace.iterations:
+        return
+    colour = rgb(PALETTE[index % len(PALETTE)])
+    for name in CURVES:
+        first = _first_point(name)
+        path = f"curves/{name}/{index}"
+        stream.log(path, rr.SeriesLines(colors=[colour], names=[trace.solver], widths=[2.0]), static=True)
+        at = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
+        values = np.asarray(getattr(trace, name)[first:])
+        known = np.clip(np.where(np.isnan(values), np.inf, values), SMALLEST, ceilings[name])
+        stream.send_columns(path, at, rr.Scalars.columns(scalars=np.log10(known)))
+    at = [rr.TimeColumn(ITERATION, sequence=trace.iterations)]
+    counts = np.asarray(trace.state_counts, dtype=np.float64)
+    for state in ContactState:
+        path = f"states/{index}/{state.name.lower()}"
+        line = rr.SeriesLines(colors=[rgb(STATE_COLOURS[state])], names=[state.name.lower()], widths=[2.0])
+        stream.log(path, line, static=True)
+        stream.send_columns(path, at, rr.Scalars.columns(scalars=counts[:, state]))
+
+
+def _first_point(curve: str) -> int:
+    """Return where a curve begins: zeros have a residual, but nothing to multiply or to change from."""
+    return 0 if curve == "residual" else 1
+
+
+def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:
+    """Return where each curve is cut off."""
+    ceilings = {}
+    for name in CURVES:
+        heads = [value for trace in traces for value in getattr(trace, name)[_first_point(name) :][:2]]
+        largest = max((value for value in heads if np.isfinite(value)), default=1.0)
+        ceilings[name] = max(LARGEST_GROWTH * largest, SMALLEST)
+    return ceilings
+
+
+def _residual_heights(traces: Sequence[Trace], ceiling: float) -> tuple[float, float] | None:
+    """Return the log₁₀ residuals between which to plot, with room above for a legend."""
+    seen = [value for trace in traces for value in trace.residual if np.isfinite(value)]
+    if not seen:
+        return None
+    low, high = np.log10(np.clip([min(seen), max(seen)], SMALLEST, ceiling))
+    span = max(float(high - low), 1.0)
+    return float(low) - 0.05 * span, float(high) + (0.15 + 0.12 * len(traces)) * span
+
+
+def _write_contacts(
+    stream: rr.RecordingStream, problem: ContactProblem, places: Places, trace: Trace, index: int, scale: float
+) -> None:
+    """Write one solver's contacts as dots and impulses as arrows, coloured by state."""
+    root = f"solvers/{index}"
+    write_state_colours(stream, root)
+    if not trace.shown:
+        return
+    origins = places.positions.astype(np.float32)
+    dot, shaft = 0.14 * places.size, 0.09 * places.size
+    stream.log(
+        f"{root}/contacts", rr.Points3D.from_fields(positions=origins, radii=[dot], show_labels=False), static=True
+    )
+    stream.log(
+        f"{root}/impulses", rr.Arrows3D.from_fields(origins=origins, radii=[shaft], show_labels=False), static=True
+    )
+    states = np.stack([contact_states(problem.layout, lanes) for lanes in trace.impulses])
+    arrows = np.stack([_arrows(places, lanes, scale) for lanes in trace.impulses])
+    at = [rr.TimeColumn(ITERATION, sequence=trace.shown)]
+    lengths = [problem.n_contacts] * len(trace.shown)
+    stream.send_columns(f"{root}/contacts", at, rr.Points3D.columns(class_ids=states.ravel()).partition(lengths))
+    stream.send_columns(
+        f"{root}/impulses",
+        at,
+        rr.Arrows3D.columns(vectors=arrows.reshape(-1, 3), class_ids=states.ravel()).partition(lengths),
+    )
+
+
+def _arrows(places: Places, lanes: FloatArray, scale: float) -> NDArray[np.float32]:
+    """Return arrows in space, shape (n_contacts, 3), cut at ``LONGEST_ARROW``; nothing for what is not finite."""
+    vectors = scale * places.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
+    lengths = np.linalg.norm(vectors, axis=1)
+    longest = LONGEST_ARROW * ARROW_SIZES * places.size
+    vectors *= np.minimum(1.0, longest / np.maximum(lengths, longest))[:, None]
+    return vectors.astype(np.float32)
+
+
+def _reference_impulse(traces: Sequence[Trace]) -> float:
+    """Return a large impulse [N s] of the most accurate last iterate, 0 if there is none."""
+    seen = [trace for trace in traces if trace.impulses and np.isfinite(trace.impulses[-1]).all()]
+    if not seen:
+        return 0.0
+    best = min(seen, key=lambda trace: trace.residual[-1])
+    lengths = np.linalg.norm(best.impulses[-1], axis=1)
+    return float(np.quantile(lengths[lengths > 0], 0.9)) if lengths.any() else 0.0
+
+
+def _camera(places: Places) -> Camera:
+    """Return a view of most contacts, with room for arrows; the few that stand apart do not push the eye away."""
+    low, high = np.quantile(places.positions, (0.03, 0.97), axis=0)
+    middle = (low + high) / 2.0
+    distance = 0.85 * float(np.linalg.norm(high - low)) + 8.0 * places.size
+    eye = middle + distance * np.array([0.0, -0.93, 0.37])
+    return Camera((float(eye[0]), float(eye[1]), float(eye[2])), (float(middle[0]), float(middle[1]), float(middle[2])))
+
+
+def _about(problem: ContactProblem, places: Places, traces: Sequence[Trace], reference: float) -> str:
+    """Return the explanation beside the curves, in Markdown."""
+    lines = [
+        f"**{problem.name}**: {problem.n_contacts} contacts, {problem.n_rows} rows.",
+        "",
+        "Arrows are the impulses of the iterate; **teal** contacts stick, **orange** ones slip, **grey** ones are open."
+        f" An arrow as long as {ARROW_SIZES:g} bodies is {reference:.2g} N s.",
+        "",
+    ]
+    for trace in traces:
+        relaxed = "" if trace.model == "coulomb" else f" ({trace.model} model)"
+        lines.append(f"* **{trace.solver}**{relaxed}: {trace.sentence}")
+    return "\n".join([*lines, "", places.origin, ""])

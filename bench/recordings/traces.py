@@ -1,0 +1,140 @@
+"""A solve as it is watched: curves over all iterations, and the iterates of some."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray
+from ...solvers.interface import Solver, Status, Stop, shows_iterates
+from .states import contact_states, count_states
+
+
+@dataclass
+class Thinning:
+    """Chooses iterations: all of the first ones, then a geometric sequence, so that any number of them stays small.
+
+    Attributes:
+        first: so many iterations are all chosen.
+        ratio: of successive chosen iterations after them.
+    """
+
+    first: int
+    ratio: float
+    _next: float = 0.0
+
+    def takes(self, iteration: int) -> bool:
+        """Whether to keep this iteration; to be asked in ascending order."""
+        if iteration < self._next:
+            return False
+        self._next = iteration + 1.0 if iteration < self.first else iteration * self.ratio
+        return True
+
+
+@dataclass
+class Trace:
+    """What was seen of one solve.
+
+    Attributes:
+        solver: its name.
+        model: what it solves, in words.
+        ended: how it ended, as a sentence.
+        failed: whether it raised an error.
+        iterations: iterations of the curves, ascending from 0 (the start).
+        residual: the judge's residual, one for each.
+        complementarity: largest |Λ_N ξ_N| [J].
+        step_change: ‖Λ − Λ of the iteration before‖ [N s], 0 at the start.
+        state_counts: how many contacts are open, stick and slip.
+        shown: iterations whose impulses are kept.
+        impulses: those Λ [N s] padded to (n_contacts, width), one for each.
+    """
+
+    solver: str
+    model: str
+    ended: str = ""
+    failed: bool = False
+    iterations: list[int] = field(default_factory=list)
+    residual: list[float] = field(default_factory=list)
+    complementarity: list[float] = field(default_factory=list)
+    step_change: list[float] = field(default_factory=list)
+    state_counts: list[NDArray[np.int64]] = field(default_factory=list)
+    shown: list[int] = field(default_factory=list)
+    impulses: list[FloatArray] = field(default_factory=list)
+
+    @property
+    def sentence(self) -> str:
+        """How far the solve came and how it ended."""
+        if not self.iterations:
+            return self.ended
+        return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ended}"
+
+
+class _Watcher:
+    """The observer of one solve."""
+
+    def __init__(self, problem: ContactProblem, trace: Trace) -> None:
+        self._problem, self._trace = problem, trace
+        self._residual = Residual(problem)
+        self._normal_rows = problem.laws.first_row[~problem.laws.is_friction]
+        self._curves, self._frames = Thinning(1000, 1.003), Thinning(20, 1.08)
+        self._before = self._last = np.zeros(problem.n_rows)
+        self._iteration = 0
+
+    def __call__(self, iteration: int, impulses: FloatArray) -> None:
+        self._before, self._last, self._iteration = self._last, impulses.copy(), iteration
+        if self._curves.takes(iteration):
+            self._add_point()
+        if self._frames.takes(iteration):
+            self._add_frame()
+
+    def finish(self) -> None:
+        """Keep the last iterate, whatever the thinning says."""
+        if self._trace.iterations[-1] != self._iteration:
+            self._add_point()
+        if self._trace.shown[-1] != self._iteration:
+            self._add_frame()
+
+    def _add_point(self) -> None:
+        trace, problem, impulses = self._trace, self._problem, self._last
+        with np.errstate(all="ignore"):  # diverging solvers overflow
+            velocity = problem.relative_velocity(impulses)
+            pairs = np.abs(impulses[self._normal_rows] * velocity[self._normal_rows])
+            change = float(np.linalg.norm(impulses - self._before))
+            residual = self._residual(impulses, velocity) if np.isfinite(impulses).all() else np.inf
+        trace.iterations.append(self._iteration)
+        trace.residual.append(residual)
+        trace.complementarity.append(float(pairs.max(initial=0.0)))
+        trace.step_change.append(change)
+        trace.state_counts.append(count_states(contact_states(problem.layout, problem.layout.pad(impulses))))
+
+    def _add_frame(self) -> None:
+        self._trace.shown.append(self._iteration)
+        self._trace.impulses.append(self._problem.layout.pad(self._last))
+
+
+def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
+    """Solve once from zeros and return what was seen; an error of the solver ends its trace, not the recording.
+
+    A solver without meaningful iterates is seen at its start and at its end.
+    """
+    trace = Trace(solver.name, str(solver.model))
+    try:
+        reason = solver.supports(problem)
+        if reason:
+            trace.ended = f"{Status.UNSUPPORTED.sentence.rstrip('.')}: {reason}."
+            return trace
+        watcher = _Watcher(problem, trace)
+        watcher(0, np.zeros(problem.n_rows))
+        try:
+            prepared = solver.prepare(problem)
+            solution = prepared.solve(stop, observe=watcher if shows_iterates(solver) else None)
+            if not shows_iterates(solver):
+                watcher(max(solution.iterations, 1), np.asarray(solution.impulses, dtype=np.float64))
+        finally:
+            watcher.finish()
+        trace.ended = solution.status.sentence
+    except Exception as error:  # any error of a plugin is its own
+        trace.ended, trace.failed = f"It raised {type(error).__name__}: {error}", True
+    return trace

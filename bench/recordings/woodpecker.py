@@ -1,0 +1,176 @@
+"""Recordings of the woodpecker: pole, sleeve and bird as simple shapes, in the plane (x, z) of its motion."""
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from ...problems.laws import FloatArray
+from ...problems.moreau import State, Step
+from ...problems.scenes import woodpecker as toy
+from ..palette import rgb
+from .layouts import Camera, plot, simulation_blueprint, space_view
+from .rotation import about_depth
+from .states import States
+from .steps import BODIES, IMPULSES, StepRecorder
+
+WOOD, BRASS, FEATHERS, CREST, BEAK, BELLY = (
+    rgb("#b08a5b"),
+    rgb("#d9b45b"),
+    rgb("#2f6f8f"),
+    rgb("#d94f3d"),
+    rgb("#f0c75e"),
+    rgb("#e9e2d0"),
+)
+POLE_BEYOND = 0.06
+"""Length of the pole above and below what the bird passes [m]."""
+
+ARROW_LENGTH = 0.012
+"""Length of an arrow [m] that stands for the toy's weight over ``REFERENCE_SECONDS``; others grow by their root."""
+
+REFERENCE_SECONDS = 0.001
+
+
+class WoodpeckerRecorder(StepRecorder):
+    """Records the woodpecker; see ``StepRecorder``.
+
+    Args:
+        file: the recording.
+        force: replace an existing file.
+        every: draw the bird at each such step; five thousand steps a period are more than an eye can use.
+    """
+
+    def __init__(self, file: Path, force: bool = False, every: int = 1) -> None:
+        about = (
+            "**woodpecker**\n\nA bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are "
+            "the impulses of beak and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows "
+            "with the root of its impulse."
+        )
+        super().__init__(file, "woodpecker", about, force, every)
+        self._lowest = self._highest = 0.0
+        self._mass = toy.woodpecker().mass(np.zeros(3))
+
+    def _blueprint(self, state: State) -> rrb.Blueprint:
+        height = float(state.position[0])
+        camera = Camera((0.012, -0.12, height + 0.012), (0.012, 0.0, height - 0.004))
+        views = [space_view("woodpecker", camera, ["/scene/**"], tracking=f"/{BODIES}/sleeve")]
+        return simulation_blueprint(views, [plot("angles [rad]", "/curves/angles"), *self._plots()], self._every)
+
+    def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
+        self._lowest = self._highest = float(state.position[0])
+        _draw_sleeve(stream)
+        _draw_bird(stream)
+        stream.log(IMPULSES, rr.Arrows3D.from_fields(radii=[3e-4], show_labels=False), static=True)
+        spring = rr.LineStrips3D.from_fields(colors=[BRASS], radii=[2.5e-4])
+        stream.log(f"{BODIES}/spring", spring, static=True)
+
+    def _follow(self, step: Step) -> None:
+        height = float(step.state.position[0])
+        self._lowest, self._highest = min(self._lowest, height), max(self._highest, height)
+
+    def _draw(self, stream: rr.RecordingStream, state: State) -> None:
+        height, sleeve, bird = (float(value) for value in state.position)
+        centre = _bird_centre(state.position)
+        turned_sleeve, turned_bird = rr.Quaternion(xyzw=about_depth(sleeve)), rr.Quaternion(xyzw=about_depth(bird))
+        stream.log(f"{BODIES}/sleeve", rr.Transform3D(translation=[0.0, 0.0, height], quaternion=turned_sleeve))
+        stream.log(f"{BODIES}/bird", rr.Transform3D(translation=centre, quaternion=turned_bird))
+        foot = np.array([toy.SLEEVE_RADIUS, 0.0, height + sleeve * toy.SLEEVE_RADIUS])
+        stream.log(f"{BODIES}/spring", rr.LineStrips3D([_coil(foot, centre)]))
+
+    def _draw_impulses(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
+        if step.contacts is None or states is None:
+            stream.log(IMPULSES, rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3))))
+            return
+        lanes = step.impulses.reshape(-1, 2)
+        size = np.linalg.norm(lanes, axis=1)
+        weight = (toy.BIRD_MASS + toy.SLEEVE_MASS) * toy.GRAVITY * REFERENCE_SECONDS
+        stretch = ARROW_LENGTH * np.sqrt(size / weight) / np.maximum(size, 1e-300)
+        vectors = np.column_stack([lanes[:, 0], np.zeros(len(lanes)), lanes[:, 1]]) * stretch[:, None]
+        points = _contact_points(step.state.position)[step.contacts.keys]
+        stream.log(IMPULSES, rr.Arrows3D(vectors=vectors, origins=points, class_ids=states))
+
+    def _energies(self, state: State) -> tuple[float, float]:
+        """Return kinetic and potential energy, zero for the relaxed toy at height 0."""
+        height, sleeve, bird = (float(value) for value in state.position)
+        lifted = toy.BIRD_MASS * (height + toy.SPRING_ARM * sleeve + toy.BIRD_ARM * bird) + toy.SLEEVE_MASS * height
+        potential = toy.GRAVITY * lifted + 0.5 * toy.SPRING_STIFFNESS * (sleeve - bird) ** 2
+        return 0.5 * float(state.velocity @ self._mass @ state.velocity), potential
+
+    def _own_curves(self, state: State) -> dict[str, float]:
+        return {"angles/sleeve": float(state.position[1]), "angles/bird": float(state.position[2])}
+
+    def _finish(self, stream: rr.RecordingStream) -> None:
+        low, high = self._lowest - POLE_BEYOND, self._highest + POLE_BEYOND
+        pole = rr.Cylinders3D(
+            lengths=[high - low],
+            radii=[toy.POLE_RADIUS],
+            centers=[[0.0, 0.0, (low + high) / 2.0]],
+            colors=[WOOD],
+            fill_mode="solid",
+        )
+        stream.log("scene/pole", pole, static=True)
+
+
+def _bird_centre(position: FloatArray) -> FloatArray:
+    """Return the bird's centre of mass [m]; its height is linear in the angles, as in the equations of motion."""
+    height = position[0] + toy.SPRING_ARM * position[1] + toy.BIRD_ARM * position[2]
+    return np.array([toy.SPRING_ARM + toy.BIRD_ARM, 0.0, height])
+
+
+def _contact_points(position: FloatArray) -> FloatArray:
+    """Return where beak, lower and upper edge of the sleeve meet the pole [m], shape (3, 3)."""
+    height, sleeve, bird = position
+    beak = height + toy.SPRING_ARM * sleeve + (toy.BIRD_ARM - toy.BEAK_ARM) * bird + toy.BEAK_HEIGHT
+    middle, edge = height + toy.SLEEVE_RADIUS * sleeve, toy.SLEEVE_HALF_HEIGHT
+    return np.array([[toy.POLE_RADIUS, 0.0, z] for z in (beak, middle - edge, middle + edge)])
+
+
+def _coil(start: FloatArray, end: FloatArray, turns: int = 5, radius: float = 1.4e-3) -> FloatArray:
+    """Return a spring between two points as a line, shape (n, 3)."""
+    along = np.linspace(0.0, 1.0, 16 * turns + 1)
+    angle = 2.0 * np.pi * turns * along
+    swing = radius * np.minimum(1.0, 6.0 * np.minimum(along, 1.0 - along))
+    coil: FloatArray = start + along[:, None] * (end - start)
+    coil[:, 1] += swing * np.cos(angle)
+    coil[:, 2] += swing * np.sin(angle)
+    return coil
+
+
+def _draw_sleeve(stream: rr.RecordingStream) -> None:
+    """Log the sleeve about its own centre: rings on the pole."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 33)
+    ring = toy.SLEEVE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    heights = np.linspace(-toy.SLEEVE_HALF_HEIGHT, toy.SLEEVE_HALF_HEIGHT, 9)
+    strips = [ring + np.array([0.0, 0.0, z]) for z in heights]
+    shape = rr.LineStrips3D(strips, colors=[BRASS], radii=[5e-4])
+    stream.log(f"{BODIES}/sleeve/rings", shape, static=True)
+
+
+def _draw_bird(stream: rr.RecordingStream) -> None:
+    """Log the bird about its centre of mass, its beak at (−l_S, h_S)."""
+    beak = np.array([-toy.BEAK_ARM, 0.0, toy.BEAK_HEIGHT])
+    head = np.array([-0.0085, 0.0, 0.0165])
+    shapes = rr.Ellipsoids3D(
+        centers=[
+            [0.0, 0.0, 0.0],
+            [-0.0028, 0.0, -0.001],
+            head,
+            head + np.array([0.0012, 0.0, 0.0046]),
+            head + np.array([-0.0032, -0.0043, 0.0012]),
+        ],
+        half_sizes=[
+            [0.0062, 0.006, 0.0135],
+            [0.0048, 0.0052, 0.0105],
+            [0.0058, 0.0055, 0.0055],
+            [0.0048, 0.0016, 0.0026],
+            [0.0009] * 3,
+        ],
+        quaternions=[about_depth(0.35), about_depth(0.35), about_depth(0.0), about_depth(-0.3), about_depth(0.0)],
+        colors=[FEATHERS, BELLY, FEATHERS, CREST, (20, 20, 24)],
+        fill_mode="solid",
+    )
+    stream.log(f"{BODIES}/bird/body", shapes, static=True)
+    lines = [[head + np.array([-0.004, 0.0, 0.0]), beak], [[0.003, 0.0, -0.011], [0.0085, 0.0, -0.024]]]
+    details = rr.LineStrips3D(lines, colors=[BEAK, FEATHERS], radii=[7e-4, 1.5e-3])
+    stream.log(f"{BODIES}/bird/details", details, static=True)

@@ -1,0 +1,137 @@
+"""The command ``proxbench simulate``."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..plugin_option import PluginFiles
+
+FILE_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
+
+_NUMBER = "[default: of the scene]"
+
+_EFFECTS = ("gravity", "friction", "restitution")
+"""Effects that are on by default, each with a --no-… beside it."""
+
+_OPTIONS = (
+    "balls",
+    "outlet",
+    "seed",
+    "gravity",
+    "friction",
+    "restitution",
+    "tangential_restitution",
+    "drag",
+    "spring",
+    "start",
+)
+"""Options of scenes that the command line passes on under their own name."""
+
+_NUMBERS = ("step_size", "solver", "tolerance", "max_iterations")
+
+
+def simulate(
+    context: typer.Context,
+    scene: Annotated[str, typer.Argument(help="funnel, pile or woodpecker; with --resume it may be left out.")] = "",
+    step_size: Annotated[float | None, typer.Option(help=f"Time step [s]. {_NUMBER}")] = None,
+    duration: Annotated[float | None, typer.Option(help="Simulated time [s]; with --resume, a longer one.")] = None,
+    solver: Annotated[str | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5).")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Judged residual that each step shall reach.")] = None,
+    max_iterations: Annotated[int | None, typer.Option(help="Iterations of the solver in one step.")] = None,
+    balls: Annotated[int | None, typer.Option(help="Number of balls.")] = None,
+    outlet: Annotated[float | None, typer.Option(help="Radius of the outlet in ball radii; 0 closes it.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the jitter of the start.")] = None,
+    gravity: Annotated[float | None, typer.Option(help="Acceleration of weight [m/s²].")] = None,
+    no_gravity: Annotated[bool, typer.Option("--no-gravity", help="Leave weight out.")] = False,
+    friction: Annotated[float | None, typer.Option(help="Friction coefficient.")] = None,
+    no_friction: Annotated[bool, typer.Option("--no-friction", help="Leave friction and rotation out.")] = False,
+    restitution: Annotated[float | None, typer.Option(help="Normal restitution, 0 to 1.")] = None,
+    no_restitution: Annotated[bool, typer.Option("--no-restitution", help="Leave normal restitution out.")] = False,
+    tangential_restitution: Annotated[float | None, typer.Option(help="Tangential restitution, 0 to 1.")] = None,
+    drag: Annotated[float | None, typer.Option(help="Add linear drag on each centre [kg/s].")] = None,
+    spring: Annotated[float | None, typer.Option(help="Add springs to the middle of the cone's top [N/m].")] = None,
+    planar: Annotated[bool, typer.Option("--planar", help="Discs in a vertical plane instead of balls.")] = False,
+    start: Annotated[str | None, typer.Option(help="Start of the woodpecker: published or cycle.")] = None,
+    output: Annotated[Path, typer.Option(help="Result file (.npz), or the folder for it.")] = Path("results"),
+    force: Annotated[bool, typer.Option("--force", help="Replace a result file or a recording that exists.")] = False,
+    resume: Annotated[Path | None, typer.Option(help="Result file to go on with.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
+    ] = None,
+    plugin: PluginFiles = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
+    progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
+) -> int:
+    """Simulate a scene step by step; print a table per 0.1 s, and store every step in a file that can be resumed."""
+    from rich.console import Console
+
+    from .interrupts import deferred_interrupts
+    from .live import LiveSummary
+    from .plan import make_simulation_plan
+    from .recording import recorded
+    from .running import advance, begun_simulation, new_simulation
+
+    options, numbers = _chosen(context.params)
+    _refuse_contradictions(context)
+    on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
+    if resume is not None:
+        given = {**({"scene": scene} if scene else {}), **numbers, **options}
+        begun = begun_simulation(resume, given, duration)
+    else:
+        plan = make_simulation_plan(scene, options, duration=duration, **numbers)
+        begun = new_simulation(plan, output, force)
+    with recorded(begun, record, force) as on_step, deferred_interrupts() as stop_asked, on_progress:
+        advance(begun, on_step, on_progress, stop_asked)
+    return _report(begun, as_json, record)
+
+
+def _chosen(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the options of the scene and the numbers of the plan that were asked for; None switches off."""
+    from ..errors import BenchError
+
+    options = {name: given[name] for name in _OPTIONS if given[name] is not None}
+    for name in _EFFECTS:
+        if given[f"no_{name}"]:
+            if name in options:
+                raise BenchError(f"--{name} and --no-{name} exclude each other; give one of them.")
+            options[name] = None
+    if given["planar"]:
+        options["planar"] = True
+    return options, {name: given[name] for name in _NUMBERS if given[name] is not None}
+
+
+def _refuse_contradictions(context: typer.Context) -> None:
+    from ...problems.scenes.registry import SCENES
+    from ..errors import BenchError
+
+    given = context.params
+    if given["resume"] is None:
+        if not given["scene"]:
+            raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result file to go on with: --resume FILE.")
+        return
+    for name in ("output", "force") if given["record"] is None else ("output",):
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE":
+            raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own file; leave it out.")
+
+
+def _report(simulation: Any, as_json: bool, record: Path | None) -> int:
+    """Print what the simulation came to; return 1 if the judge found a step unsolved."""
+    from rich.console import Console
+
+    from ..errors import InterruptedSimulationError
+    from .table import document, print_simulation
+
+    if as_json:
+        print(json.dumps(document(simulation), indent=1, ensure_ascii=False))
+    else:
+        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        print_simulation(simulation, console)
+        watch = "" if record is None else f"\nwatch   rerun {record}"
+        console.print(f"\nresult  {simulation.file}{watch}", soft_wrap=True, highlight=False)
+    if not simulation.is_finished:
+        raise InterruptedSimulationError(simulation.file)
+    return int(simulation.unsolved.any())

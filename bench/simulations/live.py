@@ -1,0 +1,72 @@
+"""The live summary of a simulation, on standard error; plain lines now and then where that is no terminal."""
+
+import time
+from types import TracebackType
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.text import Text
+
+from .simulation import Simulation
+
+REDRAW_SECONDS = 0.2
+"""Wall time between two drawings; one takes about a millisecond."""
+
+LINE_SECONDS = 10.0
+"""Wall time between two plain lines."""
+
+
+class LiveSummary:
+    """Shows how far a simulation is; use it as a context manager and hand it over as ``on_progress``."""
+
+    def __init__(self, console: Console, hidden: bool = False) -> None:
+        self._console = console
+        self._hidden = hidden
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._interval = REDRAW_SECONDS if console.is_terminal else LINE_SECONDS
+        self._next = time.perf_counter()
+        self._shown: tuple[float, int] | None = None
+        self._unsolved = 0
+        self._counted = 0
+
+    def __enter__(self) -> "LiveSummary":
+        if self._console.is_terminal and not self._hidden:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.stop()
+
+    def __call__(self, simulation: Simulation) -> None:
+        """Show the simulation, if the last time is long enough ago."""
+        now = time.perf_counter()
+        if self._hidden or now < self._next:
+            return
+        self._next = now + self._interval
+        first, second = self._lines(simulation, now)
+        if not self._console.is_terminal:
+            self._console.print(f"{first}  {second}", soft_wrap=True, highlight=False)
+            return
+        done = min(simulation.n_steps / simulation.plan.n_steps, 1.0)
+        bar = ProgressBar(total=1.0, completed=done, width=min(self._console.width - 1, 78))
+        style = "red" if self._unsolved else "dim"
+        self._live.update(Group(Text(first, no_wrap=True), Text(second, style=style, no_wrap=True), bar), refresh=True)
+
+    def _lines(self, simulation: Simulation, now: float) -> tuple[str, str]:
+        """Return how far and how fast it is, and what the last step looked like, each within 80 columns."""
+        plan, last = simulation.plan, simulation.steps[-1]
+        # only steps not counted yet are looked at: counting all would cost more from redraw to redraw
+        self._unsolved += int(simulation.unsolved_from(self._counted).sum())
+        self._counted = simulation.n_steps
+        before, self._shown = self._shown, (now, simulation.n_steps)
+        speed = "" if before is None else f"  {(simulation.n_steps - before[1]) / (now - before[0]):.0f} steps/s"
+        first = f"{plan.scene.name}  {last['time']:.4f} of {plan.duration:g} s  step {simulation.n_steps}{speed}"
+        missed = f"  unsolved {self._unsolved}" if self._unsolved else ""
+        energy = last["kinetic_energy"] + last["potential_energy"]
+        return first, (
+            f"contacts {last['contacts']}  iterations {last['iterations']}  residual {last['residual']:.0e}  "
+            f"energy {energy:.4g} J{missed}"
+        )

@@ -1,0 +1,153 @@
+"""What a simulation is: scene, step size, duration and solver, all checked before anything starts."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from ...problems.scenes.registry import SCENES, Scene, make_scene
+from ...solvers.interface import Solver, Stop
+from ...solvers.registry import create
+from ..errors import BenchError
+
+
+class _Default(NamedTuple):
+    solver: str
+    tolerance: float
+    max_iterations: int
+
+
+_MANY_CONTACTS = _Default("SORprox(relaxation=1.5, form='factors')", 1e-4, 2000)
+"""The fastest way to the usual accuracy on hundreds of contacts and more."""
+
+_DEFAULTS = {"woodpecker": _Default("SORprox", 1e-10, 5000)}
+"""Scenes with few contacts afford more accuracy, and need no relaxation above 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationPlan:
+    """A simulation as it will be carried out.
+
+    Attributes:
+        scene: the scene with its options.
+        step_size: Δt [s].
+        duration: simulated time [s].
+        solver: solves the contact problem of each step.
+        tolerance: judged residual that every step shall reach.
+        max_iterations: of the solver, in one step.
+    """
+
+    scene: Scene
+    step_size: float
+    duration: float
+    solver: Solver
+    tolerance: float
+    max_iterations: int
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps, the last of which reaches or passes the end of the duration."""
+        return math.ceil(self.duration / self.step_size * (1.0 - 1e-12))
+
+    @property
+    def stop(self) -> Stop:
+        """The stop criterion of each step; a limit of time would make the motion depend on how busy the machine is."""
+        return Stop(self.tolerance, self.max_iterations, math.inf)
+
+    def document(self) -> dict[str, Any]:
+        """Return the plan as plain values, from which ``plan_from`` makes it again."""
+        return {
+            "scene": self.scene.name,
+            "options": dict(self.scene.options),
+            "step_size": self.step_size,
+            "duration": self.duration,
+            "solver": self.solver.name,
+            "tolerance": self.tolerance,
+            "max_iterations": self.max_iterations,
+        }
+
+
+def make_simulation_plan(
+    scene: str,
+    options: Mapping[str, object] | None = None,
+    *,
+    step_size: float | None = None,
+    duration: float | None = None,
+    solver: str | Solver | None = None,
+    tolerance: float | None = None,
+    max_iterations: int | None = None,
+) -> SimulationPlan:
+    """Return the plan of one simulation; what is None is taken from the scene.
+
+    Raises:
+        ProblemError: for an unknown scene or option, with the nearest name, or an option out of range.
+        SolverError: for an unknown solver or option of it, with the nearest name.
+        BenchError: for a step size, duration, tolerance or number of iterations out of range.
+    """
+    made = make_scene(scene, options)
+    default = _DEFAULTS.get(scene, _MANY_CONTACTS)
+    chosen = default.solver if solver is None else solver
+    plan = SimulationPlan(
+        made,
+        made.step_size if step_size is None else step_size,
+        made.duration if duration is None else duration,
+        create(chosen) if isinstance(chosen, str) else chosen,
+        default.tolerance if tolerance is None else tolerance,
+        default.max_iterations if max_iterations is None else max_iterations,
+    )
+    _check_numbers(plan)
+    return plan
+
+
+def prolonged(plan: SimulationPlan, duration: float) -> SimulationPlan:
+    """Return ``plan`` with another duration [s].
+
+    Raises:
+        BenchError: if it is out of range.
+    """
+    longer = replace(plan, duration=duration)
+    _check_numbers(longer)
+    return longer
+
+
+def check_agreement(plan: SimulationPlan, given: Mapping[str, object], source: str) -> None:
+    """Compare what is asked for with the plan of a simulation that is resumed.
+
+    Args:
+        plan: the plan as it was stored.
+        given: names as in ``SimulationPlan.document`` and names of options, with the values asked for.
+        source: what messages call the stored simulation.
+
+    Raises:
+        BenchError: for the first value that contradicts the plan.
+        ProxbenchError: for an unknown option, or a value out of range.
+    """
+    stored = {**plan.document(), **plan.scene.options}
+    for name, value in given.items():
+        asked = value
+        if name == "solver":
+            asked = create(value).name if isinstance(value, str) else getattr(value, "name", value)
+        elif name not in plan.document():
+            options = SCENES[plan.scene.name].options
+            if name in options:
+                asked = options[name].checked(name, value)
+        if name not in stored or asked != stored[name]:
+            holds = f"{name} {_word(stored[name])}" if name in stored else f"no {name}"
+            raise BenchError(f"{name} {_word(asked)} contradicts {source}, which has {holds}; leave it out to resume.")
+
+
+def _word(value: object) -> str:
+    return "off" if value is None else str(value)
+
+
+def _check_numbers(plan: SimulationPlan) -> None:
+    for name in ("step_size", "duration"):
+        value = getattr(plan, name)
+        if not 0.0 < value < math.inf:
+            raise BenchError(f"{name} must be positive, got {value} s.")
+    if plan.step_size > plan.duration:
+        raise BenchError(f"step_size {plan.step_size} s must not be longer than the duration, {plan.duration} s.")
+    if not 0.0 < plan.tolerance < 1.0:
+        raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
+    if not plan.max_iterations >= 1:
+        raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")

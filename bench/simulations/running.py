@@ -1,0 +1,229 @@
+"""Running a simulation: step, judge, note, store now and then, until the end or until somebody asks to stop."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ...problems.contact import ContactProblem
+from ...problems.errors import ProxbenchError
+from ...problems.judge import Residual
+from ...problems.moreau import Moreau, Step
+from ...solvers.interface import Prepared, Solver
+from ..errors import BenchError
+from .file import SUFFIX, read_simulation, write_simulation
+from .plan import SimulationPlan, check_agreement, prolonged
+from .simulation import NO_CONTACT, Simulation
+
+OnStep = Callable[[int, Step], None]
+"""``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
+
+OnProgress = Callable[[Simulation], None]
+"""Called after every step with the simulation as far as it has come."""
+
+CHECKPOINT_SECONDS = 10.0
+"""Wall time between two writes of the result file."""
+
+
+def simulate(
+    plan: SimulationPlan,
+    output: Path | None = None,
+    *,
+    force: bool = False,
+    on_step: Sequence[OnStep] = (),
+    on_progress: OnProgress = lambda simulation: None,
+    stop_asked: Callable[[], bool] = lambda: False,
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+) -> Simulation:
+    """Simulate from the start.
+
+    Args:
+        plan: what to simulate; ``make_simulation_plan`` makes it.
+        output: the result file if it ends in .npz, else the folder for it; nothing is stored if None.
+        force: replace a result file that exists.
+        on_step: called after every step, outside the time charged to it.
+        on_progress: called after every step, to show how far it is.
+        stop_asked: asked after every step whether to end before the duration is over.
+        checkpoint_seconds: wall time between two writes of the result file [s].
+
+    Returns:
+        The simulation; ``is_finished`` says whether it was stopped before its end.
+
+    Raises:
+        BenchError: if the output exists or cannot be written, or a step fails; the steps before it are stored.
+    """
+    simulation = new_simulation(plan, output, force)
+    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    return simulation
+
+
+def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
+    """Return a simulation without any step; arguments and errors as in ``simulate``."""
+    return Simulation(plan, file=None if output is None else result_file(output, plan, force))
+
+
+def resume_simulation(
+    file: Path,
+    given: Mapping[str, object] | None = None,
+    *,
+    duration: float | None = None,
+    solver: Solver | None = None,
+    on_step: Sequence[OnStep] = (),
+    on_progress: OnProgress = lambda simulation: None,
+    stop_asked: Callable[[], bool] = lambda: False,
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+) -> Simulation:
+    """Go on with a stored simulation, in the same bits as if it had never been interrupted.
+
+    Args:
+        file: its result file, which is written on.
+        given: what the caller believes of the simulation, see ``plan.check_agreement``.
+        duration: simulated time from the start [s], if it shall be another one than planned.
+        solver: the solver, if ``create`` does not know it by its name.
+        on_step: as in ``simulate``.
+        on_progress: as in ``simulate``.
+        stop_asked: as in ``simulate``.
+        checkpoint_seconds: as in ``simulate``.
+
+    Raises:
+        BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has passed ``duration``
+            already; and as in ``simulate``.
+    """
+    simulation = begun_simulation(file, given, duration, solver)
+    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    return simulation
+
+
+def begun_simulation(
+    file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
+) -> Simulation:
+    """Return a stored simulation as far as it has come; arguments and errors as in ``resume_simulation``."""
+    simulation = read_simulation(file, solver)
+    check_agreement(simulation.plan, given or {}, str(file))
+    if duration is not None:
+        simulation.plan = prolonged(simulation.plan, duration)
+        if simulation.n_steps > simulation.plan.n_steps:
+            raise BenchError(
+                f"{file} has come to {simulation.state.time:g} s already, past the duration of {duration:g} s; "
+                "ask for a longer one, or leave it out."
+            )
+    return simulation
+
+
+def result_file(output: Path, plan: SimulationPlan, force: bool) -> Path:
+    """Return the result file that ``output`` names, its folder made: the file itself, or one named after the scene.
+
+    Raises:
+        BenchError: if it exists and ``force`` is not given, or its folder cannot be made.
+    """
+    is_file = output.suffix == SUFFIX and not output.is_dir()
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    file = output if is_file else output / f"{plan.scene.name}-{stamp}{SUFFIX}"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        exists = file.exists()
+    except OSError as error:
+        raise BenchError(f"cannot write {file}: {error.strerror}; choose another --output.") from None
+    if exists and not force:
+        raise BenchError(f"{file} exists already; go on with --resume {file}, or replace it with --force.")
+    return file
+
+
+def advance(
+    simulation: Simulation,
+    on_step: Sequence[OnStep],
+    on_progress: OnProgress,
+    stop_asked: Callable[[], bool],
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+) -> None:
+    """Take the steps that are left; whatever ends them, the result file holds all that were completed."""
+    if simulation.is_finished:
+        return
+    plan = simulation.plan
+    stepper = Moreau(plan.scene.system, _Asked(plan.solver), plan.stop, plan.step_size)
+    clock = time.perf_counter
+    began = clock() - simulation.wall_seconds
+    _store(simulation)  # finds out now, not after the first hour, that nothing can be written
+    written = clock()
+    try:
+        while not simulation.is_finished and not stop_asked():
+            _take_step(simulation, stepper, on_step)
+            now = clock()
+            simulation.wall_seconds = now - began
+            if now - written >= checkpoint_seconds:
+                _store(simulation)
+                written = clock()
+            on_progress(simulation)
+    finally:
+        _store(simulation)
+
+
+def _store(simulation: Simulation) -> None:
+    if simulation.file is not None:
+        write_simulation(simulation, simulation.file)
+
+
+def _take_step(simulation: Simulation, stepper: Moreau, on_step: Sequence[OnStep]) -> None:
+    number = simulation.n_steps + 1
+    began = time.perf_counter()
+    try:
+        step = stepper.step(simulation.state)
+    except ProxbenchError as error:
+        raise _failure(simulation, str(error)) from error
+    except Exception as error:
+        raise _failure(simulation, f"{type(error).__name__}: {error}") from error
+    seconds = time.perf_counter() - began
+    row = _row(simulation, step, seconds)
+    if not (math.isfinite(row[5]) and math.isfinite(row[6])):
+        raise _failure(simulation, "the motion is no longer finite")
+    simulation.append(row, step.state)
+    for call in on_step:
+        call(number, step)
+
+
+def _failure(simulation: Simulation, what: str) -> BenchError:
+    kept = "" if simulation.file is None else f"; the steps before it are kept in {simulation.file}"
+    return BenchError(
+        f"step {simulation.n_steps + 1} of the {simulation.plan.scene.name}, from t = {simulation.state.time:.6g} s, "
+        f"failed with {simulation.plan.solver.name}: {what.rstrip('.')}{kept}."
+    )
+
+
+def _row(simulation: Simulation, step: Step, seconds: float) -> tuple[float, ...]:
+    """Return the values of one step in the order of ``STEP``."""
+    scene, state = simulation.plan.scene, step.state
+    contacts = step.contacts
+    return (
+        state.time,
+        0 if contacts is None else len(contacts.keys),
+        step.iterations,
+        judged_residual(step),
+        simulation.statuses.index(NO_CONTACT if step.status is None else step.status),
+        scene.kinetic_energy(state.velocity),
+        scene.potential_energy(state.position),
+        0.0 if contacts is None else -float(contacts.gap.min()) / scene.length,
+        -1 if scene.balls_through is None else scene.balls_through(state.position),
+        seconds,
+    )
+
+
+def judged_residual(step: Step) -> float:
+    """Return the judge's residual of a step, 0 without contacts."""
+    problem = step.problem
+    if problem is None:
+        return 0.0
+    return Residual(problem)(step.impulses, problem.relative_velocity(step.impulses))
+
+
+class _Asked:
+    """A solver that is asked, step by step, whether it can treat the problem."""
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        reason = self._solver.supports(problem)
+        if reason:
+            raise BenchError(f"it cannot treat this step: {reason}")
+        return self._solver.prepare(problem)

@@ -1,0 +1,110 @@
+"""A simulation as far as it has come: one row of numbers for each step, and the last state."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.moreau import State
+from ...solvers.interface import Status
+from ..outcome import ROUNDING
+from .plan import SimulationPlan
+
+STEP = np.dtype(
+    [
+        ("time", "<f8"),
+        ("contacts", "<i4"),
+        ("iterations", "<i4"),
+        ("residual", "<f8"),
+        ("status", "u1"),
+        ("kinetic_energy", "<f8"),
+        ("potential_energy", "<f8"),
+        ("penetration", "<f8"),
+        ("balls_through", "<i4"),
+        ("seconds", "<f8"),
+    ]
+)
+"""One step: its end [s]; active contacts; iterations of the solver; the judge's residual; an index into the statuses;
+energies [J] at its end; deepest penetration over the length of the scene, at its midpoint; balls that have left through
+the outlet, −1 where there is none; wall time of the step [s]."""
+
+NO_CONTACT = "no contact"
+"""Status of a step in which no solver was asked."""
+
+STATUSES = (NO_CONTACT, *(status.value for status in Status))
+"""What the status of a step is an index into."""
+
+SLACK = 1.001
+"""A step counts as solved up to this many tolerances: solver and judge sum relative velocities in different orders."""
+
+
+@dataclass(eq=False)
+class Simulation:
+    """A simulation as far as it has come.
+
+    Attributes:
+        plan: what is simulated, and how.
+        statuses: what ``steps["status"]`` is an index into.
+        wall_seconds: wall time of everything: steps, judging, storing, showing.
+        file: the result file, None if nothing is stored.
+    """
+
+    plan: SimulationPlan
+    statuses: tuple[str, ...] = STATUSES
+    wall_seconds: float = 0.0
+    file: Path | None = None
+    _rows: NDArray[np.void] = field(default_factory=lambda: np.zeros(1024, dtype=STEP), repr=False)
+    _reached: tuple[int, State] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._reached = (0, self.plan.scene.start)
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps taken."""
+        return self._reached[0]
+
+    @property
+    def state(self) -> State:
+        """The last state."""
+        return self._reached[1]
+
+    @property
+    def steps(self) -> NDArray[np.void]:
+        """The steps taken, a structured array of dtype ``STEP``, shape (n_steps,)."""
+        return self._rows[: self._reached[0]]
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the duration of the plan is reached."""
+        return self.n_steps >= self.plan.n_steps
+
+    @property
+    def unsolved(self) -> NDArray[np.bool_]:
+        """Which steps the judge does not find solved to the tolerance, shape (n_steps,)."""
+        return self.unsolved_from(0)
+
+    def unsolved_from(self, first: int) -> NDArray[np.bool_]:
+        """Return the same of the steps from index ``first`` on."""
+        missed: NDArray[np.bool_] = ~(self.steps["residual"][first:] <= SLACK * self.plan.tolerance + ROUNDING)
+        return missed
+
+    @property
+    def refuted(self) -> NDArray[np.bool_]:
+        """Which unsolved steps the solver itself calls solved, shape (n_steps,)."""
+        claimed: NDArray[np.bool_] = self.steps["status"] == self.statuses.index(Status.SOLVED.value)
+        return self.unsolved & claimed
+
+    def append(self, row: tuple[float, ...], state: State) -> None:
+        """Add one step with its values in the order of ``STEP``; an interruption in between leaves the step out."""
+        count = self.n_steps
+        if count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        self._rows[count] = row
+        self._reached = (count + 1, state)
+
+    def restore(self, steps: NDArray[np.void], state: State) -> None:
+        """Put stored steps and the state they led to in place of everything."""
+        self._rows = np.concatenate([steps, np.zeros(1024, dtype=STEP)])
+        self._reached = (len(steps), state)

@@ -1,0 +1,162 @@
+"""A sphere and a block on an incline, which roll, slide, stop or stay as Coulomb friction decides."""
+
+from dataclasses import dataclass
+from math import cos, inf, sin, tan
+
+import numpy as np
+
+from ..balls import SPHERE_INERTIA, BallSystem
+from ..errors import ProblemError
+from ..laws import FloatArray
+from ..moreau import State
+from ..surfaces import Plane
+from ..system import MechanicalSystem
+from .closed_form import OVERLAP
+from .effects import Friction, Gravity, ball_system
+
+
+@dataclass(frozen=True)
+class SphereOnIncline:
+    """A homogeneous sphere released from rest on an incline that descends along x.
+
+    Attributes:
+        slope: θ [rad].
+        friction: μ.
+        radius: r [m].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if θ is outside (0, π/2).
+    """
+
+    slope: float = 0.3
+    friction: float = 0.5
+    radius: float = 0.1
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.slope < 0.5 * np.pi:
+            raise ProblemError(f"slope of an incline must be between 0 and π/2, got {self.slope}.")
+
+    @property
+    def normal(self) -> FloatArray:
+        """Unit normal of the incline, shape (3,)."""
+        return np.array([sin(self.slope), 0.0, cos(self.slope)])
+
+    @property
+    def downhill(self) -> FloatArray:
+        """Unit direction of descent, shape (3,)."""
+        return np.array([cos(self.slope), 0.0, -sin(self.slope)])
+
+    def system(self) -> BallSystem:
+        """Return the sphere on the incline."""
+        plane = Plane((0.0, 0.0, 0.0), (sin(self.slope), 0.0, cos(self.slope)))
+        effects = (Gravity(self.gravity), Friction(self.friction))
+        return ball_system(np.array([self.radius]), np.array([self.mass]), [plane], effects)
+
+    def start(self) -> State:
+        """Return the sphere at rest, touching the incline at the origin."""
+        return self.exact(0.0)
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it rolls without slip: tan θ ≤ 7μ/2.
+
+        Rolling takes the friction force 2/7 m g sin θ, of which μ m g cos θ is available.
+        """
+        return tan(self.slope) <= 3.5 * self.friction
+
+    @property
+    def acceleration(self) -> float:
+        """Acceleration of the centre [m/s²], 5/7 g sin θ rolling, g (sin θ − μ cos θ) sliding."""
+        if self.rolls:
+            return self.gravity * sin(self.slope) / (1.0 + SPHERE_INERTIA)
+        return self.gravity * (sin(self.slope) - self.friction * cos(self.slope))
+
+    @property
+    def spin_acceleration(self) -> float:
+        """Angular acceleration [rad/s²], a/r rolling, 5/2 μ g cos θ / r sliding."""
+        if self.rolls:
+            return self.acceleration / self.radius
+        return self.friction * self.gravity * cos(self.slope) / (SPHERE_INERTIA * self.radius)
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: both accelerations are constant."""
+        centre = (self.radius - OVERLAP) * self.normal + 0.5 * self.acceleration * time**2 * self.downhill
+        axis = np.cross(self.normal, self.downhill)
+        velocity = time * np.concatenate([self.acceleration * self.downhill, self.spin_acceleration * axis])
+        return State(time, centre, velocity)
+
+
+@dataclass(frozen=True)
+class BlockOnIncline:
+    """A block, q = (x, z) along and normal to an incline that descends along x; it cannot tip.
+
+    Attributes:
+        slope: θ [rad].
+        friction: μ.
+        speed: initial velocity downhill [m/s]; negative for a block that is pushed up.
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if θ is outside [0, π/2).
+    """
+
+    slope: float = 0.3
+    friction: float = 0.5
+    speed: float = 0.0
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.slope < 0.5 * np.pi:
+            raise ProblemError(f"slope of an incline must be from 0 to below π/2, got {self.slope}.")
+
+    def system(self) -> MechanicalSystem:
+        """Return the block with one planar contact, the gap z."""
+        mass = self.mass * np.eye(2)
+        weight = self.mass * self.gravity * np.array([sin(self.slope), -cos(self.slope)])
+        directions = np.array([[0.0, 1.0], [1.0, 0.0]])
+        return MechanicalSystem(
+            mass=lambda position: mass,
+            force=lambda position, velocity: weight,
+            gap=lambda position: position[1:],
+            directions=lambda position: directions,
+            friction=[self.friction],
+            restitution_normal=[0.0],
+            restitution_tangential=[0.0],
+        )
+
+    def start(self) -> State:
+        """Return the block on the incline with its initial speed."""
+        return self.exact(0.0)
+
+    @property
+    def holds(self) -> bool:
+        """Whether a block at rest stays: tan θ ≤ μ."""
+        return tan(self.slope) <= self.friction
+
+    def acceleration(self, direction: float) -> float:
+        """Return the acceleration of sliding downhill (+1) or uphill (−1) [m/s²], g (sin θ ∓ μ cos θ)."""
+        return self.gravity * (sin(self.slope) - direction * self.friction * cos(self.slope))
+
+    @property
+    def stop_time(self) -> float:
+        """When the initial motion has come to a stop [s], |v_0| / g (μ cos θ ± sin θ); inf if it never does."""
+        if self.speed == 0.0:
+            return 0.0
+        deceleration = -np.sign(self.speed) * self.acceleration(float(np.sign(self.speed)))
+        return abs(self.speed) / deceleration if deceleration > 0.0 else inf
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
+        first = min(time, self.stop_time)
+        rate = self.acceleration(float(np.sign(self.speed)))
+        x, velocity = self.speed * first + 0.5 * rate * first**2, self.speed + rate * first
+        if time >= self.stop_time:
+            second, rate = time - first, 0.0 if self.holds else self.acceleration(1.0)
+            x, velocity = x + 0.5 * rate * second**2, rate * second
+        return State(time, np.array([x, -OVERLAP]), np.array([velocity, 0.0]))

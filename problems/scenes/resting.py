@@ -1,0 +1,169 @@
+"""Balls held by several contacts: a stack on the ground, and a ball in a V-groove, level or inclined."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin, tan
+
+import numpy as np
+
+from ..balls import SPHERE_INERTIA, BallSystem
+from ..errors import ProblemError
+from ..laws import FloatArray
+from ..moreau import State
+from ..surfaces import Plane
+from .closed_form import OVERLAP
+from .effects import Effect, Friction, Gravity, ball_system
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Balls of equal radius one upon the other, at rest on level ground.
+
+    Attributes:
+        masses: m_j from below [kg].
+        friction: μ, or None for balls without rotation.
+        overlap: depth of every contact at the start [m]; 0 lets the balls fall into contact in the first step.
+        radius: r [m].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if there is no ball, or the overlap is negative.
+    """
+
+    masses: Sequence[float] = (1.0, 1.0, 1.0, 1.0, 1.0)
+    friction: float | None = None
+    overlap: float = OVERLAP
+    radius: float = 0.1
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not len(self.masses):
+            raise ProblemError("a stack needs at least one ball.")
+        if not 0.0 <= self.overlap < self.radius:
+            raise ProblemError(f"overlap of a stack must be from 0 to below the radius, got {self.overlap}.")
+
+    def system(self) -> BallSystem:
+        """Return the balls on the ground z = 0."""
+        ground = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+        effects: list[Effect] = [Gravity(self.gravity)]
+        if self.friction is not None:
+            effects.append(Friction(self.friction))
+        masses = np.array(self.masses, dtype=np.float64)
+        return ball_system(np.full(len(masses), self.radius), masses, [ground], effects)
+
+    def start(self) -> State:
+        """Return the stack at rest."""
+        return self.exact(0.0)
+
+    def supports(self) -> FloatArray:
+        """Return the force of each contact from below [N], shape (n,): the weight above it, g Σ_{j≥k} m_j."""
+        weight: FloatArray = self.gravity * np.cumsum(np.array(self.masses, dtype=np.float64)[::-1])[::-1]
+        return weight
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: it stays as it is."""
+        system = self.system()
+        centres = np.zeros((system.n_balls, 3))
+        centres[:, 2] = self.radius - self.overlap + np.arange(system.n_balls) * (2.0 * self.radius - self.overlap)
+        return State(time, centres.ravel(), system.at_rest(np.zeros((system.n_balls, 3))))
+
+
+@dataclass(frozen=True)
+class VGroove:
+    """A homogeneous sphere released from rest in a straight groove of two walls, which may descend along x.
+
+    Attributes:
+        half_angle: α between each wall and the plane of symmetry [rad].
+        friction: μ, or None for a ball without rotation.
+        slope: θ of the groove [rad].
+        radius: r [m].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if α is outside (0, π/2), or θ outside [0, π/2).
+    """
+
+    half_angle: float = 0.6
+    friction: float | None = 0.3
+    slope: float = 0.0
+    radius: float = 0.1
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.half_angle < 0.5 * np.pi:
+            raise ProblemError(f"half_angle of a groove must be between 0 and π/2, got {self.half_angle}.")
+        if not 0.0 <= self.slope < 0.5 * np.pi:
+            raise ProblemError(f"slope of a groove must be from 0 to below π/2, got {self.slope}.")
+
+    @property
+    def downhill(self) -> FloatArray:
+        """Unit direction of the groove, shape (3,)."""
+        return np.array([cos(self.slope), 0.0, -sin(self.slope)])
+
+    def system(self) -> BallSystem:
+        """Return the sphere between the walls, which meet in a line through the origin."""
+        walls = []
+        for side in (-1.0, 1.0):
+            up = sin(self.half_angle)
+            normal = (up * sin(self.slope), side * cos(self.half_angle), up * cos(self.slope))
+            walls.append(Plane((0.0, 0.0, 0.0), normal))
+        effects: list[Effect] = [Gravity(self.gravity)]
+        if self.friction is not None:
+            effects.append(Friction(self.friction))
+        return ball_system(np.array([self.radius]), np.array([self.mass]), walls, effects)
+
+    def start(self) -> State:
+        """Return the sphere at rest, touching both walls."""
+        return self.exact(0.0)
+
+    @property
+    def wall_force(self) -> float:
+        """Normal force of each wall [N], m g cos θ / (2 sin α).
+
+        With friction that sticks the walls may carry weight across the groove as well, and it is not unique.
+        """
+        return self.mass * self.gravity * cos(self.slope) / (2.0 * sin(self.half_angle))
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α).
+
+        The points of contact are at the distance r sin α from the axis of rotation, so that rolling takes the force
+        m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), of which 2 μ times the wall force is available. A flat groove, α = π/2,
+        is the incline, tan θ ≤ 7μ/2. For tan θ above the bound, up to sin α/√(sin²α − μ² cos²α) times it, a ball
+        wedged by friction across the groove rolls as well: there the motion from rest is not unique.
+        """
+        if self.friction is None:
+            return False
+        lever = sin(self.half_angle)
+        return tan(self.slope) <= self.friction * (5.0 * lever**2 + 2.0) / (2.0 * lever)
+
+    @property
+    def acceleration(self) -> float:
+        """Acceleration along the groove [m/s²]: g sin θ/(1 + κ) rolling, g (sin θ − μ cos θ/sin α) sliding."""
+        if self.rolls:
+            return self.gravity * sin(self.slope) / (1.0 + SPHERE_INERTIA / sin(self.half_angle) ** 2)
+        resisting = (self.friction or 0.0) * cos(self.slope) / sin(self.half_angle)
+        return self.gravity * (sin(self.slope) - resisting)
+
+    @property
+    def spin_acceleration(self) -> float:
+        """Angular acceleration about the horizontal axis across the groove [rad/s²].
+
+        a/(r sin α) rolling, 5/2 μ g cos θ / r sliding, where both friction forces act at the lever r sin α.
+        """
+        if self.rolls:
+            return self.acceleration / (self.radius * sin(self.half_angle))
+        return (self.friction or 0.0) * self.gravity * cos(self.slope) / (SPHERE_INERTIA * self.radius)
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: both accelerations are constant."""
+        height = (self.radius - OVERLAP) / sin(self.half_angle)
+        upward = np.array([sin(self.slope), 0.0, cos(self.slope)])
+        centre = height * upward + 0.5 * self.acceleration * time**2 * self.downhill
+        velocity = time * self.acceleration * self.downhill
+        if self.friction is not None:
+            velocity = np.concatenate([velocity, [0.0, time * self.spin_acceleration, 0.0]])
+        return State(time, centre, velocity)

@@ -1,0 +1,59 @@
+"""``proxbench record``: a recording, or one sentence."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli import run_command
+
+
+def test_solvers_are_recorded_and_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "a.rrd"
+    line = f"record hard-sticking-box --solver SORprox --solver ClarabelCoulomb --tolerance 1e-4 --output {file}"
+    assert run_command(line.split()) == 0
+    printed = capsys.readouterr().out
+    assert "SORprox: " in printed
+    assert "ClarabelCoulomb: " in printed
+    assert f"rerun {file}" in printed
+    assert file.is_file()
+    assert run_command([*line.split(), "--force", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["file"] == str(file)
+    assert [row["solver"] for row in document["solves"]] == ["SORprox", "ClarabelCoulomb"]
+    assert document["solves"][0]["residual"] < 1e-4
+
+
+def test_json_holds_even_where_nothing_is_finite(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    line = f"record hard-immovable --solver SORprox --output {tmp_path}/a.rrd --json"
+    assert run_command(line.split()) == 0
+    document = json.loads(capsys.readouterr().out, parse_constant=lambda word: pytest.fail(word))
+    assert document["solves"][0]["residual"] is None
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("record funel-30 --solver SORprox --output new.rrd", "'funnel-30'"),
+        ("record funnel-30 --solver SORprx --output new.rrd", "'SORprox'"),
+        ("record funnel-30 --output new.rrd", "--solver"),
+        ("record funnel-30 --solver SORprox", "--output"),
+        ("record funnel-30 --solver SORprox --output old.rrd", "--force"),
+        ("record funnel-30 --solver SORprox --output new.mp4", ".rrd"),
+        ("record funnel-30 --solver SORprox --output old.rrd/new.rrd", "cannot write"),
+        ("record funnel-30 --solver SORprox --output new.rrd --tolerance 0", "between 0 and 1"),
+        ("record funnel-30 --solver SORprox --output new.rrd --max-iterations -1", "max_iterations"),
+        ("record funnel-30 --solver SORprox --solver SORprox --output new.rrd", "more than once"),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_leaves_files_alone(
+    line: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("old.rrd").write_text("precious")
+    assert run_command(line.split()) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("proxbench: ")
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert [(path.name, path.read_text()) for path in Path().iterdir()] == [("old.rrd", "precious")]

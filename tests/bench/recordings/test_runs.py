@@ -1,0 +1,35 @@
+"""``proxbench run --record``: what came through is recorded, one file a problem, in the folder of the run."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from misbehaving_solvers import Misbehaving
+from proxbench.bench import run
+from proxbench.bench.cli import run_command
+from proxbench.bench.recordings.runs import record_run
+from proxbench.solvers import create
+
+
+def test_every_problem_of_the_run_gets_a_recording(
+    tmp_path: Path, read_back: Callable[[Path], Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = "run --problem hard-groove --problem hard-sticking-box --solver SORprox --solver Lemke --tolerance 1e-4"
+    assert run_command([*line.split(), "--record", "--results", str(tmp_path), "--run-id", "a", "--no-progress"]) == 0
+    assert "rerun" in capsys.readouterr().out
+    for name in ("hard-groove", "hard-sticking-box"):
+        recording = read_back(tmp_path / "a" / "recordings" / f"{name}.rrd")
+        for solver in (0, 1):
+            assert min(recording.curve(f"/curves/residual/{solver}").values()) <= -8.0
+
+
+def test_a_solver_that_crashes_is_left_out_and_takes_nothing_with_it(
+    tmp_path: Path, read_back: Callable[[Path], Any]
+) -> None:
+    folder = run(
+        ["hard-groove"], [Misbehaving("segfault"), create("SORprox")], results=tmp_path, run_id="a", tolerances=[1e-2]
+    )
+    [made] = record_run(folder)
+    assert [trace.solver for trace in made.traces] == ["SORprox"]
+    assert ("/curves/residual/1", "Scalars:scalars") not in read_back(made.file).logged

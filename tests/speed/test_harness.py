@@ -1,0 +1,117 @@
+"""What measuring itself costs: time charged to a solver that does nothing, and to one whose time is known.
+
+The charged time is read from what the harness reports, through a case's own process as in a run, and stands in
+``extra_info``; it should be below 20 µs for nothing, and within 2 % of the known time for something.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import pytest
+from contestants import funnel_step
+from known_solvers import Known
+from numba import njit
+from proxbench.bench.measure import Measurement, MeasuringTask
+from proxbench.bench.plan import Limits
+from proxbench.bench.worker import Worker
+from proxbench.problems.storage import problem_bytes
+from proxbench.solvers import Solution, Solver, Status, Stop
+
+STOP = Stop(1e-4)
+LIMITS = Limits()
+Start = Callable[[Solver], Worker]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start a case's process; it is ended after the test."""
+    data, workers = problem_bytes(funnel_step("funnel-1000")), []
+
+    def started(solver: Solver) -> Worker:
+        workers.append(Worker(MeasuringTask(data, solver), LIMITS.case_seconds, LIMITS.memory_bytes, tmp_path))
+        workers[-1].ask("warm_up", STOP)
+        return workers[-1]
+
+    yield started
+    for worker in workers:
+        worker.close()
+
+
+def test_charging_nothing(benchmark: Any, start: Start) -> None:
+    """One round of one solve that does nothing: a fresh problem, the solve, the check, and the way there and back."""
+    worker = start(Known())
+    charged: list[list[float]] = []
+
+    def ask() -> None:
+        charged.extend(worker.ask("round", STOP, 0.0)[0]["times"])
+
+    benchmark.pedantic(ask, rounds=200, warmup_rounds=5)
+    benchmark.extra_info["charged_microseconds"] = 1e6 * median(map(sum, charged))
+
+
+@pytest.mark.parametrize("part", ["prepare", "solve"])
+def test_charging_a_known_time(benchmark: Any, start: Start, part: str) -> None:
+    worker, column = start(Known(**{f"{part}_seconds": 5e-3})), ("prepare", "solve").index(part)
+    ratios: list[float] = []
+
+    def ask() -> None:
+        answer = worker.ask("round", STOP, 0.0)[0]
+        ratios.append(answer["times"][0][column] / float(answer["message"].split()[column]))
+
+    benchmark.pedantic(ask, rounds=100, warmup_rounds=3)
+    benchmark.extra_info["charged_over_known"] = median(ratios)
+
+
+@njit(cache=True)
+def _count(steps):  # type: ignore[no-untyped-def]
+    """Marsaglia's xorshift, each step waiting for the one before: as many processor cycles whenever it runs."""
+    value = np.uint64(88172645463325252)
+    for _ in range(steps):
+        value ^= value << np.uint64(13)
+        value ^= value >> np.uint64(7)
+        value ^= value << np.uint64(17)
+    return value
+
+
+class Counting(Known):
+    """Counts a fixed number of steps in place of watching a clock."""
+
+    steps = 1_000_000
+
+    def prepare(self, problem: Any) -> Any:
+        return self
+
+    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
+        _count(self.steps)
+        return Solution(np.zeros(funnel_step("funnel-1000").n_rows), Status.SOLVED, 1)
+
+
+def test_charging_a_calibrated_loop(benchmark: Any) -> None:
+    """The same loop timed by itself, as a solver, and by itself again, so that drift of the machine cancels."""
+    solver = Counting()
+    measurement = Measurement(funnel_step("funnel-1000").fresh(), solver)
+    measurement.warm_up(STOP)
+    ratios: list[float] = []
+
+    def alone() -> float:
+        began = time.perf_counter()
+        _count(solver.steps)
+        return time.perf_counter() - began
+
+    def in_turn() -> None:
+        before = alone()
+        charged = sum(measurement.round(STOP, 0.0)[1][0])
+        ratios.append(charged / (0.5 * (before + alone())))
+
+    benchmark.pedantic(in_turn, rounds=150, warmup_rounds=3)
+    benchmark.extra_info["charged_over_known"] = median(ratios)
+
+
+def test_starting_a_case(benchmark: Any, start: Start) -> None:
+    """Forking a case's process, sending it the problem, and its warm-up; on nobody's clock."""
+    start(Known())  # the first one starts the server, which loads everything
+    benchmark.pedantic(start, args=(Known(),), rounds=15)
