@@ -24,6 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli import main; main()")
 LONGEST_COMMAND = 120.0
+WIDEST_LINE = 96
+"""Characters of code that fit on a page without scrolling."""
 
 
 def run_console(example: Example) -> None:
@@ -99,6 +101,14 @@ def test_examples_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path / "cache"))
     run_page(ROOT / page)
+
+
+@pytest.mark.parametrize("page", [page for page in pages_with_examples() if page.startswith("docs/")])
+def test_examples_fit_on_the_page(page: str) -> None:
+    blocks = re.findall(
+        r"^```(?:python|console|toml)\n(.*?)^```$", (ROOT / page).read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    assert [line for block in blocks for line in block.splitlines() if len(line) > WIDEST_LINE] == []
 
 
 @pytest.mark.parametrize(
