@@ -127,7 +127,8 @@ class BatchIterates(FactorIterates):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         arrays = (self._held, self._scaled, self._change, self._before)
-        self._present = sweep_batches(count, *self._sweep.kernel_arguments, *arrays, self._momentum, self._present)
+        own = self._sweep
+        self._present = own.kernel(count, *own.kernel_arguments, *arrays, self._momentum, self._present)
 
     def calm(self) -> bool:
         """Lower β; return False if there is none."""
