@@ -144,7 +144,7 @@ def advance(
     if simulation.is_finished:
         return
     plan = simulation.plan
-    stepper = plan.stepper(Asked(plan.solver))
+    stepper = plan.stepper(Asked(plan.solver, plan.others))
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
