@@ -1,5 +1,6 @@
 """Simulations with variable steps: what is noted, stored, resumed, and what happens when a step fails."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,10 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.variable.file import is_variable, read_variable
 from proxbench.bench.variable.plan import VariablePlan, make_variable_plan
 from proxbench.bench.variable.running import advance_variable, begun_variable, one_steps, simulate_variable
+from proxbench.problems import ContactProblem, Model
 from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
+from proxbench.solvers import create
+from proxbench.solvers.interface import Prepared
 
 QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
 
@@ -62,12 +66,30 @@ def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_p
     assert [tuple(row)[2:] for row in again.switches] == [tuple(row)[2:] for row in whole.switches]
 
 
+class Tiring:
+    """SORprox that gives up after a hundred steps."""
+
+    name, model, has_iterates = "SORprox", Model.COULOMB, False
+
+    def __init__(self) -> None:
+        self._solver, self._left = create("SORprox"), 100
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return self._solver.supports(problem)
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        self._left -= 1
+        if self._left < 0:
+            raise RuntimeError("no more")
+        return self._solver.prepare(problem)
+
+
 def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_another(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     with pytest.raises(
         BenchError, match=r"step \d+ of the woodpecker with SORprox: .* from t = .* --resume .*toy\.npz"
     ):
-        simulate_variable(make_variable_plan("woodpecker", duration=0.1, stepper=QUICK, max_iterations=8), file)
+        simulate_variable(replace(plan(), solver=Tiring()), file)
     kept = read_variable(file)
     assert kept.n_steps > 0
     again = begun_variable(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
