@@ -15,6 +15,7 @@ _BUILT_IN = {
     "Jprox": "prox.jacobi",
     "JORprox": "prox.jacobi",
     "SORprox": "prox.gauss_seidel",
+    "SafeguardedSORprox": "prox.safeguarded",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",
     "CvxpySOCP": "conic.cvxpy_solvers",

@@ -51,7 +51,11 @@ class DelassusSweep:
 
     def begin(self, start: FloatArray) -> "DelassusIterates":
         """Return the iterates that begin at ``start``, shape (n_rows,)."""
-        return DelassusIterates(self, self.layout.pad(start).reshape(-1))
+        return self.over_padded(self.layout.pad(start).reshape(-1))
+
+    def over_padded(self, padded: FloatArray) -> "DelassusIterates":
+        """Return the iterates that live in ``padded``, Λ padded and flat."""
+        return DelassusIterates(self, padded)
 
 
 class DelassusIterates:

@@ -10,6 +10,7 @@ VARIANTS = [
     "JORprox(step_size='row_sum')",
     "SORprox",
     "SORprox(relaxation=1.5, form='factors')",
+    "SafeguardedSORprox",
     "ClarabelSOCP",
     "ClarabelSOCP(form='factors')",
     "ClarabelCoulomb",
