@@ -16,6 +16,7 @@ _BUILT_IN = {
     "JORprox": "prox.jacobi",
     "SORprox": "prox.gauss_seidel",
     "SafeguardedSORprox": "prox.safeguarded",
+    "NSGS": "prox.block_gauss_seidel",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",
     "CvxpySOCP": "conic.cvxpy_solvers",

@@ -11,6 +11,7 @@ VARIANTS = [
     "SORprox",
     "SORprox(relaxation=1.5, form='factors')",
     "SafeguardedSORprox",
+    "NSGS",
     "ClarabelSOCP",
     "ClarabelSOCP(form='factors')",
     "ClarabelCoulomb",
