@@ -17,6 +17,7 @@ _BUILT_IN = {
     "SORprox": "prox.gauss_seidel",
     "SafeguardedSORprox": "prox.safeguarded",
     "NSGS": "prox.block_gauss_seidel",
+    "SemismoothNewton": "newton.semismooth_newton",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",
     "CvxpySOCP": "conic.cvxpy_solvers",

@@ -16,13 +16,14 @@ from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from ...problems.model import Model
-from ..interface import described
+from ..interface import SolverError, described
 from .delassus_sweep import block_product
 from .iteration import PreparedIteration
 from .one_contact import solve_frictionless, solve_planar, solve_spatial
+from .oscillation import OscillationGuard
 from .projection import disc_scale
 from .slip_angle import WORKSPACE
-from .step_size import check_relaxation
+from .step_size import check_relaxation, diagonal_step_sizes
 
 
 @dataclass(frozen=True)
@@ -31,18 +32,22 @@ class NSGS:
 
     Attributes:
         relaxation: ω; a contact moves to Λ + ω(Λ* − Λ), drawn back into its cone, where Λ* solves it.
+        safeguard: whether ω is cut at contacts that oscillate, as contacts of high friction do among each other.
 
     Raises:
         SolverError: for an option out of range.
     """
 
     relaxation: float = 1.0
+    safeguard: bool = True
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_relaxation(self.relaxation)
+        if not isinstance(self.safeguard, bool):
+            raise SolverError(f"safeguard must be True or False, got {self.safeguard!r}.")
 
     @property
     def name(self) -> str:
@@ -55,7 +60,7 @@ class NSGS:
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G."""
-        sweep = BlockSweep.over(problem, self.relaxation)
+        sweep = BlockSweep.over(problem, self.relaxation, self.safeguard)
         return PreparedIteration(problem, Residual(problem), lambda start: BlockIterates(sweep, start))
 
 
@@ -68,17 +73,21 @@ class BlockSweep:
         matrix: first stored block of each row, first lane of each stored block's column, and the values of G, flat.
         free: c, padded and flat.
         laws: μ of the contact's own normal impulse, μ of another's, a, and the N lane of each block's partner.
+        step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
         relaxation: ω.
+        safeguard: whether it is cut where contacts oscillate.
     """
 
     layout: BlockLayout
     matrix: tuple[Any, Any, FloatArray]
     free: FloatArray
     laws: tuple[FloatArray, FloatArray, FloatArray, Any]
+    step_sizes: FloatArray
     relaxation: float
+    safeguard: bool
 
     @staticmethod
-    def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
+    def over(problem: ContactProblem, relaxation: float, safeguard: bool) -> "BlockSweep":
         """Return the sweep of ``problem``."""
         layout, blocks = problem.layout, problem.delassus_blocks()
         lanes = (layout.width * blocks.columns).astype(np.uint32)
@@ -88,7 +97,8 @@ class BlockSweep:
         remote_friction = layout.friction_coefficient - own_friction
         partner = (layout.width * layout.partner).astype(np.uint64)
         laws = (own_friction, remote_friction, layout.fixed_bound, partner)
-        return BlockSweep(layout, matrix, layout.pad(problem.free_velocity).reshape(-1), laws, relaxation)
+        free, sizes = layout.pad(problem.free_velocity).reshape(-1), diagonal_step_sizes(problem, 1.0)
+        return BlockSweep(layout, matrix, free, laws, sizes, relaxation, safeguard)
 
 
 class BlockIterates:
@@ -100,11 +110,22 @@ class BlockIterates:
         self._velocity = np.empty_like(self._impulses)
         kernel = {1: _sweep_frictionless, 2: _sweep_planar, 3: _sweep_spatial}[sweep.layout.width]
         self._kernel, self._work = kernel, np.empty(WORKSPACE)
+        self._relaxation = np.full(sweep.layout.n_blocks, float(sweep.relaxation))
+        self._guard = OscillationGuard(sweep.step_sizes, self._impulses)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
+        if self._sweep.safeguard:
+            self._guard.sweep(count, self._plain, self._take_smaller_steps)
+        else:
+            self._plain(count)
+
+    def _take_smaller_steps(self) -> None:
+        self._relaxation[:] = self._sweep.relaxation * self._guard.fraction
+
+    def _plain(self, count: int) -> None:
         own = self._sweep
-        self._kernel(count, own.relaxation, *own.matrix, own.free, *own.laws, self._impulses, self._work)
+        self._kernel(count, self._relaxation, *own.matrix, own.free, *own.laws, self._impulses, self._work)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -128,7 +149,7 @@ def _sweep_frictionless(  # type: ignore[no-untyped-def]
             normal = free[i] - own * old
             for p in range(starts[i], starts[i + one]):
                 normal += values[p] * impulses[uint64(lanes[p])]
-            impulses[i] = max(old + relaxation * (solve_frictionless(own, normal) - old), 0.0)
+            impulses[i] = max(old + relaxation[i] * (solve_frictionless(own, normal) - old), 0.0)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -151,10 +172,10 @@ def _sweep_planar(  # type: ignore[no-untyped-def]
             if remote[i] > 0.0:
                 bound += remote[i] * impulses[partner[i]]
             n, t = solve_planar(nn, nt, tn, tt, normal, tangent, friction[i], bound, old_n, old_t)
-            if relaxation != 1.0:
-                n = max(old_n + relaxation * (n - old_n), 0.0)
+            if relaxation[i] != 1.0:
+                n = max(old_n + relaxation[i] * (n - old_n), 0.0)
                 bound += friction[i] * n
-                t = min(max(old_t + relaxation * (t - old_t), -bound), bound)
+                t = min(max(old_t + relaxation[i] * (t - old_t), -bound), bound)
             impulses[k], impulses[k + one] = n, t
 
 
@@ -179,10 +200,10 @@ def _sweep_spatial(  # type: ignore[no-untyped-def]
                 bound += remote[i] * impulses[partner[i]]
             block = values[own : own + nine]
             n, t, s = solve_spatial(block, normal, first, second, friction[i], bound, old_n, old_t, old_s, work)
-            if relaxation != 1.0:
-                n = max(old_n + relaxation * (n - old_n), 0.0)
+            if relaxation[i] != 1.0:
+                n = max(old_n + relaxation[i] * (n - old_n), 0.0)
                 bound += friction[i] * n
-                t, s = old_t + relaxation * (t - old_t), old_s + relaxation * (s - old_s)
+                t, s = old_t + relaxation[i] * (t - old_t), old_s + relaxation[i] * (s - old_s)
                 scale = disc_scale(t, s, bound)
                 t *= scale
                 s *= scale

@@ -4,13 +4,13 @@ A contact of block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and free velocity q, the 
 
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,      −ξ_T ∈ N_D(Λ_T),  D = {‖x‖ ≤ a + μΛ_N},      ξ = GΛ + q.
 
-Its states are tried one after the other: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
-Λ_T against ξ_T). A contact that bore an impulse prefers to go on: stick, slip, open; one that bore none stays open if it
-can. So where several solutions exist (Painlevé) the answer depends on the past, and nowhere else. A block without rank
-leaves part of Λ_T free; that part stays as it was, or moves as little as the cone asks for.
+Its states are tried in turn: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
+Λ_T against ξ_T). A contact that bore an impulse prefers to go on: stick, slip, open; one that bore none stays open if
+it can. So where several solutions exist (Painlevé) the answer depends on the past, and nowhere else. A block without
+rank leaves part of Λ_T free; that part stays as it was, or moves as little as the cone asks for.
 
-Where no state fits (a singular block may have no solution, and rounding may shut out two neighbouring states) the answer
-is the candidate that violates the laws least, by the judge's measure.
+Where no state fits (a singular block may have no solution, and rounding may shut out two neighbouring states) the
+answer is the candidate that violates the laws least, by the judge's measure.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from numba import njit
 from .slip_angle import refined_angle, slip_angles, slip_polynomial
 
 SINGULAR = 1e-12
-"""A curvature below this fraction of the largest in its block is taken for zero: it is the rounding of its own terms."""
+"""A curvature below this fraction of the largest in its block is taken for zero: it is rounding."""
 
 STRAY = 1e-13
 """Relative velocity along the wrong side of a bound, and excess over a bound, that passes as rounding."""
@@ -120,12 +120,9 @@ def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyp
 def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ignore[no-untyped-def]
     """Return (Λ_N, Λ_T1, Λ_T2) of a spatial contact, or of a lone spatial friction law (first row and column zero).
 
-    Args:
-        g: the block, flat, nine numbers.
-        qn, q1, q2: velocity without the contact's own impulse.
-        mu, a: the friction bound is a + μΛ_N.
-        old_n, old_1, old_2: the present impulse.
-        work: room for ``slip_angle.WORKSPACE`` numbers.
+    ``g`` is the block, flat; ``qn``, ``q1``, ``q2`` the velocity without the contact's own impulse, ``old_n``,
+    ``old_1``, ``old_2`` the present impulse; the friction bound is a + μΛ_N; ``work`` has room for
+    ``slip_angle.WORKSPACE`` numbers.
     """
     nn, scale = g[0], max(g[4], g[8])
     if nn <= 0.0:
@@ -203,7 +200,7 @@ def _on_disc(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v):  # type: ignore[no-untyped-def]
-    """Return Λ of slip with Λ_T along (u, v), and how wrong it is: the velocity along the impulse [m/s], inf if Λ_N < 0."""
+    """Return Λ of slip with Λ_T along (u, v), and its velocity along or across the impulse [m/s], inf if Λ_N < 0."""
     denominator = 1.0 + mu * (h1 * u + h2 * v)
     if denominator == 0.0:
         return -1.0, 0.0, 0.0, np.inf

@@ -1,21 +1,9 @@
-"""SafeguardedSORprox: SORprox whose contacts give up over-relaxation one by one where they oscillate.
-
-One slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1, and no one can tell beforehand which
-contacts of a problem will slip. So all begin with the ω asked for. Every few sweeps the last two increments of each
-contact, d = Λ^ν − Λ^(ν−1), are compared: where they point against each other without shrinking, in the norm of
-√α Λ (the contact's own scale of energy),
-
-    dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > SHRINKS ‖d'‖,
-
-its step size r is cut for good. Contacts that converge keep their step, and a problem without oscillation is swept as
-by SORprox, but for the comparison.
-"""
+"""SafeguardedSORprox: SORprox whose contacts give up over-relaxation one by one where they oscillate."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numba import njit, uint64
 
 from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
@@ -24,25 +12,8 @@ from ...problems.model import Model
 from ..interface import described
 from .delassus_sweep import DelassusSweep
 from .iteration import PreparedIteration
+from .oscillation import OscillationGuard
 from .step_size import check_relaxation, diagonal_step_sizes
-
-SWEEPS_BETWEEN_LOOKS = 20
-"""Sweeps from one comparison to the next: long enough for a cut to show its effect."""
-
-OPPOSED = 0.5
-"""Increments are opposed when the cosine between them is below minus this."""
-
-SHRINKS = 0.9
-"""Increments that shrink faster than this a sweep are left alone."""
-
-CUT = 0.6
-"""What remains of a step size that is cut."""
-
-SMALLEST = 1e-3
-"""No step size falls below this fraction of the one it began with."""
-
-ROUNDING = 1e-14
-"""Increments below this fraction of the impulse are rounding, whatever their direction."""
 
 
 @dataclass(frozen=True)
@@ -86,28 +57,22 @@ class SafeguardedIterates:
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         first, *others = sweep.laws
         self._first, self._sizes = first, first.copy()
-        self._width = sweep.layout.width
-        sweep = replace(sweep, laws=(self._sizes, *others))
+        self._layout = sweep.layout
         self._padded = sweep.layout.pad(start).reshape(-1)
-        self._iterates = sweep.over_padded(self._padded)
-        self._before, self._previous = np.empty_like(self._padded), np.empty_like(self._padded)
-        self._since_look = 0
+        self._guard = OscillationGuard(first.reshape(-1, 2), self._padded)
+        self._iterates = replace(sweep, laws=(self._sizes, *others)).over_padded(self._padded)
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps, and compare increments after every ``SWEEPS_BETWEEN_LOOKS``."""
-        while count > 0:
-            left = SWEEPS_BETWEEN_LOOKS - self._since_look
-            if left == 2:
-                self._before[:] = self._padded
-            elif left == 1:
-                self._previous[:] = self._padded
-            step = min(count, left - 2 if left > 2 else 1)
-            self._iterates.sweep(step)
-            self._since_look += step
-            count -= step
-            if self._since_look == SWEEPS_BETWEEN_LOOKS:
-                self._since_look = 0
-                _cut_where_opposed(self._width, self._before, self._previous, self._padded, self._first, self._sizes)
+        """Do ``count`` sweeps, with smaller steps where contacts oscillate."""
+        self._guard.sweep(count, self._iterates.sweep, self._take_smaller_steps)
+
+    def _take_smaller_steps(self) -> None:
+        np.multiply(self._first, np.repeat(self._guard.fraction, 2), out=self._sizes)
+
+    def move_to(self, impulses: FloatArray) -> None:
+        """Go on from ``impulses``, shape (n_rows,), with the step sizes as they have become."""
+        self._padded[:] = self._layout.pad(impulses).reshape(-1)
+        self._guard.restart()
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -116,26 +81,3 @@ class SafeguardedIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         return self._iterates.relative_velocity()
-
-
-@njit(cache=True)
-def _cut_where_opposed(width, before, previous, newest, first, sizes):  # type: ignore[no-untyped-def]
-    """Cut the step sizes of every contact whose last two increments are opposed and do not shrink."""
-    one, two, lanes = uint64(1), uint64(2), uint64(width)
-    for i in range(uint64(len(sizes)) // two):
-        k = lanes * i
-        product, older, newer, impulse = 0.0, 0.0, 0.0, 0.0
-        for lane in range(lanes):
-            r = first[two * i + min(lane, one)]
-            weight = 1.0 / r if r > 0.0 else 0.0
-            a = previous[k + lane] - before[k + lane]
-            b = newest[k + lane] - previous[k + lane]
-            product += weight * a * b
-            older += weight * a * a
-            newer += weight * b * b
-            impulse += weight * newest[k + lane] ** 2
-        opposed = product < -OPPOSED * np.sqrt(older * newer)
-        if opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
-            for which in range(two):
-                at = two * i + which
-                sizes[at] = max(CUT * sizes[at], SMALLEST * first[at])

@@ -18,7 +18,7 @@ NEWTON_STEPS = 12
 """Steps from the present direction; it takes three or four near a solution."""
 
 POLES = 8
-"""Directions tried for the pole of tan(θ/2), the best being where |f| is largest: the leading coefficient is f there."""
+"""Directions tried for the pole of tan(θ/2); |f| is the leading coefficient there, so the largest is best."""
 
 BRACKET_STEPS = 120
 """Most steps of one bracketed search; bisection alone needs fewer to reach rounding."""

@@ -12,6 +12,7 @@ VARIANTS = [
     "SORprox(relaxation=1.5, form='factors')",
     "SafeguardedSORprox",
     "NSGS",
+    "SemismoothNewton",
     "ClarabelSOCP",
     "ClarabelSOCP(form='factors')",
     "ClarabelCoulomb",

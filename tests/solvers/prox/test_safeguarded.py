@@ -65,16 +65,17 @@ def test_it_takes_no_more_sweeps_than_plain_ones_where_these_do_well(name: str) 
     assert safeguarded.iterations <= 1.1 * plain.iterations
 
 
-def test_an_observer_changes_nothing() -> None:
-    problem, seen = high_friction(2, 3), []
-    alone = create("SafeguardedSORprox").prepare(problem).solve(Stop(1e-10, 500))
-    watched = (
-        create("SafeguardedSORprox")
-        .prepare(problem)
-        .solve(Stop(1e-10, 500), observe=lambda iteration, _: seen.append(iteration))
-    )
-    assert seen == list(range(1, watched.iterations + 1))
-    assert np.array_equal(alone.impulses, watched.impulses)
+@pytest.mark.parametrize("name", ["SafeguardedSORprox", "SafeguardedSORprox(relaxation=1.0)", "NSGS(relaxation=1.5)"])
+def test_an_observer_changes_nothing_though_steps_are_cut(name: str) -> None:
+    """Observed, sweeps are done one by one; a cut has to act at the same sweep in either case."""
+    for problem in [counterexample(10.0), *(high_friction(2, seed) for seed in range(5))]:
+        seen: list[int] = []
+        prepared = create(name).prepare(problem)
+        alone = prepared.solve(Stop(1e-10, 500))
+        watched = prepared.solve(Stop(1e-10, 500), observe=lambda iteration, _, seen=seen: seen.append(iteration))
+        assert seen == list(range(1, watched.iterations + 1))
+        assert alone.iterations == watched.iterations
+        assert np.array_equal(alone.impulses, watched.impulses)
 
 
 def test_two_solves_of_one_preparation_are_the_same() -> None:
