@@ -16,7 +16,7 @@ from ...problems.laws import FloatArray
 from ...problems.model import Model
 from ..interface import Observer, Solution, Status, Stop, described
 from ..prox.delassus_sweep import DelassusSweep
-from ..prox.iteration import Advance, first_impulses
+from ..prox.iteration import Advance, confirmed, first_impulses
 from ..prox.monitor import Monitor, sweeps_to_next_look
 from ..prox.safeguarded import SafeguardedIterates
 from ..prox.step_size import check_relaxation, diagonal_step_sizes
@@ -93,12 +93,14 @@ class PreparedNewton:
         while True:
             impulses = iterates.impulses()
             residual = self.residual(impulses, iterates.relative_velocity())
+            if residual <= stop.tolerance:
+                residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
             ended = monitor.look(advance.iteration, residual, impulses)
             if ended is not None:
                 return monitor.solution(ended, advance.iteration, self.problem.n_rows)
             if pace.sweeps >= wait and pace.sweeps_left(residual) > WORTH:
                 damping = DAMPINGS[attempts % len(DAMPINGS)]
-                found, lowest = newton_steps(self.equations, self.residual, impulses, residual, damping, stop, advance)
+                found, lowest = newton_steps(self.equations, self._judged, impulses, residual, damping, stop, advance)
                 if lowest < residual:
                     iterates.move_to(found)
                 if lowest > SUCCESS * residual:
@@ -108,6 +110,9 @@ class PreparedNewton:
             count = min(stop.max_iterations - advance.iteration, sweeps_to_next_look(advance.iteration))
             advance.by(count)
             pace.note(count, residual)
+
+    def _judged(self, impulses: FloatArray) -> float:
+        return self.residual(impulses, self.problem.relative_velocity(impulses))
 
 
 class Pace:

@@ -124,3 +124,18 @@ def test_the_answer_does_not_depend_on_the_units_of_contacts() -> None:
 def test_a_relaxation_out_of_range_is_refused(relaxation: object) -> None:
     with pytest.raises(SolverError, match="relaxation"):
         create("SemismoothNewton", relaxation=relaxation)
+
+
+@pytest.mark.parametrize("solver", ["SemismoothNewton", "Lemke"])
+@pytest.mark.parametrize("count", [2, 10, 100])
+def test_a_mass_ratio_beyond_rounding_is_never_called_solved_nor_infeasible(count: int, solver: str) -> None:
+    """At 1e8 the impulses known from theory have a residual above 1e-9 themselves: rounding leaves no better."""
+    for masses in ([1.0] * (count - 1) + [1e8], [1.0, 1e8] * (count // 2)):
+        problem = stack(np.array(masses))
+        assert problem.answer is not None
+        solution = solve(problem, solver, tolerance=1e-10)
+        residual = judge(problem, solution.impulses).residual
+        assert residual <= 1e-10 or solution.status is not Status.SOLVED
+        assert solution.status in (Status.SOLVED, Status.STALLED, Status.ITERATION_LIMIT)
+        assert residual <= 2e-6
+        assert np.abs(solution.impulses / problem.answer.impulses[0] - 1.0).max() <= 1e-4
