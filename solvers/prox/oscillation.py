@@ -18,9 +18,9 @@ from numba import njit, uint64
 
 from ...problems.laws import FloatArray
 
-SWEEPS_BETWEEN_LOOKS = 19
-"""Sweeps from one comparison to the next: long enough for a cut to show its effect, and a prime number, so that each
-look meets a cycle of several iterates in another phase."""
+INTERVALS = (19, 37, 73)
+"""Sweeps from one comparison to the next, the first ones after a cut: long enough for it to show its effect. Prime, so
+that looks meet a cycle of several iterates in different phases."""
 
 OPPOSED = 0.5
 """Increments are opposed when the cosine between them is below minus this."""
@@ -52,7 +52,7 @@ class OscillationGuard:
         self._step_sizes, self._padded = step_sizes.reshape(-1), padded
         self._width = len(padded) // n_blocks if n_blocks else 1
         self._before, self._previous = np.empty_like(padded), np.empty_like(padded)
-        self._since_look = 0
+        self._since_look, self._calm_looks = 0, 0
 
     def restart(self) -> None:
         """Compare nothing across a jump of the impulses."""
@@ -61,7 +61,7 @@ class OscillationGuard:
     def sweep(self, count: int, sweeps: Callable[[int], None], after_cut: Callable[[], None]) -> None:
         """Do ``count`` sweeps by ``sweeps``; compare increments now and then, and call ``after_cut`` after a cut."""
         while count > 0:
-            left = SWEEPS_BETWEEN_LOOKS - self._since_look
+            left = INTERVALS[min(self._calm_looks, len(INTERVALS) - 1)] - self._since_look
             if left == 2:
                 self._before[:] = self._padded
             elif left == 1:
@@ -70,10 +70,11 @@ class OscillationGuard:
             sweeps(step)
             self._since_look += step
             count -= step
-            if self._since_look == SWEEPS_BETWEEN_LOOKS:
-                self._since_look = 0
+            if step == left:
+                self._since_look, self._calm_looks = 0, self._calm_looks + 1
                 iterates = (self._before, self._previous, self._padded)
                 if _cut_where_opposed(self._width, *iterates, self._step_sizes, self.fraction):
+                    self._calm_looks = 0
                     after_cut()
 
 
