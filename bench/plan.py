@@ -23,7 +23,6 @@ DEFAULT_SOLVERS = (
     "SORprox(relaxation=1.5, form='factors')",
     "SafeguardedSORprox",
     "NSGS",
-    "SemismoothNewton",
     "ClarabelSOCP",
     "ClarabelCoulomb",
     "Lemke",
