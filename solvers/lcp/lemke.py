@@ -18,10 +18,13 @@ from ...problems.laws import FloatArray, IntArray
 from ...problems.model import Model
 from ..interface import Observer, Solution, SolverError, Status, Stop, described
 from .formulation import Complementarity, check_sides, complementarity
-from .pivoting import Ending, Tableau
+from .pivoting import SMALLEST_PIVOT, Ending, Tableau
 
 LARGEST_GROUP = 6000
 """Unknowns of one group beyond which the tableau takes too much memory (300 MB) and hours of pivoting."""
+
+SMALLEST_PIVOT_AFTER_RAY = 1e-12
+"""The smallest pivot of a second try after the path ended on a ray: where masses differ by 1e8 so do true pivots."""
 
 PIVOTS_BETWEEN_LOOKS = 20
 """Pivots between two looks at the clock."""
@@ -102,9 +105,13 @@ class PreparedLemke:
         deadline = time.perf_counter() + stop.max_seconds
         limit: Status | None = None
         for group in self.groups:
-            tableau = Tableau(self.formulated.matrix[group][:, group].toarray(), self.formulated.vector[group])
-            limit = _advance(tableau, stop.max_iterations - pivots, deadline)
-            pivots += tableau.pivots
+            for smallest in (SMALLEST_PIVOT, SMALLEST_PIVOT_AFTER_RAY):
+                matrix = self.formulated.matrix[group][:, group].toarray()
+                tableau = Tableau(matrix, self.formulated.vector[group], smallest)
+                limit = _advance(tableau, stop.max_iterations - pivots, deadline)
+                pivots += tableau.pivots
+                if limit is not None or tableau.ending is not Ending.RAY:
+                    break
             if limit is not None:
                 break
             rays += tableau.ending is Ending.RAY

@@ -40,12 +40,14 @@ class Tableau:
     Attributes:
         matrix: M, dense, shape (n, n).
         vector: q, shape (n,).
+        smallest_pivot: entries of the entering column below this fraction of its largest count as zero.
         ending: how it stands.
         pivots: pivots done.
     """
 
     matrix: FloatArray
     vector: FloatArray
+    smallest_pivot: float = SMALLEST_PIVOT
     ending: Ending = Ending.UNFINISHED
     pivots: int = 0
 
@@ -64,7 +66,7 @@ class Tableau:
         if self.ending is not Ending.UNFINISHED:
             return
         ending, done, entering = _pivot(
-            count, self._rows, self._values, self._basic, self._nonbasic, self._entering, SMALLEST_PIVOT, TIE
+            count, self._rows, self._values, self._basic, self._nonbasic, self._entering, self.smallest_pivot, TIE
         )
         self.ending, self._entering = Ending(ending), entering
         self.pivots += done
