@@ -67,12 +67,12 @@ def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_p
 
 
 class Tiring:
-    """SORprox that gives up after a hundred steps."""
+    """SORprox that gives up after thirty steps with contacts."""
 
     name, model, has_iterates = "SORprox", Model.COULOMB, False
 
     def __init__(self) -> None:
-        self._solver, self._left = create("SORprox"), 100
+        self._solver, self._left = create("SORprox"), 30
 
     def supports(self, problem: ContactProblem) -> str | None:
         return self._solver.supports(problem)
