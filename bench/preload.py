@@ -8,10 +8,10 @@ import numpy as np
 from ..problems.contact import ContactProblem
 from ..solvers.interface import Stop
 from ..solvers.registry import solve
-from . import measure
+from . import keeper, measure
 from .plan import DEFAULT_SOLVERS
 
-__all__ = ["measure"]
+__all__ = ["keeper", "measure"]
 
 
 def _touch_kernels() -> None:

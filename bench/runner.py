@@ -21,7 +21,6 @@ from .outcome import FAULTS
 from .plan import Limits, Plan, make_plan, name_of, resolved
 from .plugins import sources, use_again, use_plugin_files
 from .store import Store, plain_name
-from .worker import working_folder
 
 ROUNDS = 5
 """Rounds for each point of the ladder; every round has at least one timed solve."""
@@ -140,18 +139,17 @@ def _carry_out(
     try:
         if plan.missing:
             generate(plan.missing)
-        with working_folder() as folder:
-            done = 0
-            for given in plan.problems:
-                problem = resolved(given)
-                open_solvers = [s for s in plan.solvers if finished.get((problem.name, s.name)) != problem.digest]
-                done += len(plan.solvers) - len(open_solvers)
-                on_event(ProblemStarted(problem.name))
-                for document in _measured(problem, open_solvers, plan, Path(folder)):
-                    store.write_case(document)
-                    done += 1
-                    on_event(CaseFinished(problem.name, document["solver"], document["outcome"], done, plan.n_cases))
-                calibration.append(calibration_seconds())
+        done = 0
+        for given in plan.problems:
+            problem = resolved(given)
+            open_solvers = [s for s in plan.solvers if finished.get((problem.name, s.name)) != problem.digest]
+            done += len(plan.solvers) - len(open_solvers)
+            on_event(ProblemStarted(problem.name))
+            for document in _measured(problem, open_solvers, plan):
+                store.write_case(document)
+                done += 1
+                on_event(CaseFinished(problem.name, document["solver"], document["outcome"], done, plan.n_cases))
+            calibration.append(calibration_seconds())
     except KeyboardInterrupt:
         raise InterruptedRunError(store.folder) from None
     info = store.read_info()
@@ -159,13 +157,13 @@ def _carry_out(
     return store.folder
 
 
-def _measured(problem: ContactProblem, solvers: Sequence[Solver], plan: Plan, folder: Path) -> list[dict[str, Any]]:
+def _measured(problem: ContactProblem, solvers: Sequence[Solver], plan: Plan) -> list[dict[str, Any]]:
     """Return the documents of all cases of one problem, measured in interleaved rounds."""
     cases = [Case(problem, solver, plan.limits) for solver in solvers]
     try:
         data = problem_bytes(problem) if cases else b""
         for case in cases:
-            case.begin(data, folder, plan.tolerances[-1])
+            case.begin(data, plan.tolerances[-1])
         for tolerance in plan.tolerances:
             _measure_point(cases, tolerance)
     finally:

@@ -1,44 +1,46 @@
 """Child processes that cases run in, and the conversation with them.
 
-Cases are forked from a server that has everything loaded (``preload``). Each is the leader of a session of its own, so
-that it can be killed with all it has started; it dies with the server, which dies with this process. What a case sends
-back is JSON and raw numbers, never objects that could run code here.
+Cases are forked from a server that has everything loaded (``preload``), each under a keeper that ends all it has
+started, also when this process is gone (``keeper``). What a case sends back is JSON and raw numbers, never objects
+that could run code here, and is waited for no longer than the case's time (``messages``).
 """
 
 import contextlib
-import json
 import os
 import pickle
-import resource
 import signal
 import sys
-import tempfile
 import time
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import psutil
 
 from ..problems.laws import FloatArray
-from ..problems.plugin_files import PluginFile
-from ..problems.plugins import register, registered
-from .measure import MisbehaviourError
-from .outcome import Outcome
+from ..problems.plugins import registered
+from .errors import BenchError
+from .keeper import END, GO_ON, STOP, Assignment, keep
+from .messages import NoMessageError, read_message, read_object
+from .outcome import FAULTS, Outcome
+from .shared_file import SharedFile
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
 """Environment that pins every numerical library to one thread."""
 
-LARGEST_OUTPUT = 2**24
-"""Bytes that a case may write to any file, its captured output included."""
+LARGEST_ANSWER = 2**24
+"""Bytes that the JSON of an answer may have."""
+
+LARGEST_NUMBERS = 2**32
+"""Bytes that the array of an answer may have."""
 
 SHOWN_OUTPUT = 4000
-"""Characters of captured output that are kept with a failed case."""
+"""Bytes of captured output that are kept with a failed case."""
+
+END_SECONDS = 5.0
+"""Wall time that a keeper has to end its case."""
 
 
 @dataclass
@@ -59,25 +61,23 @@ class Task(Protocol):
 
 
 class Worker:
-    """One case's process, seen from outside.
+    """One case's process, seen from outside. Between requests it is stopped, with all its threads.
 
     Attributes:
         busy_seconds: wall time that the case has used so far [s].
 
     Raises:
-        Fault: if the task cannot be pickled.
+        Fault: if the task cannot be pickled, or no process can be started.
+        BenchError: if there is no room for temporary files.
     """
 
-    def __init__(
-        self, task: Task, case_seconds: float, memory_bytes: int, folder: Path, with_main: bool = False
-    ) -> None:
+    def __init__(self, task: Task, case_seconds: float, memory_bytes: int, with_main: bool = False) -> None:
         """Start the process.
 
         Args:
             task: what it does.
             case_seconds: limit of the wall time of all requests together [s].
             memory_bytes: memory it may take beyond what the framework itself needs.
-            folder: where its output is captured.
             with_main: whether the task needs the caller's main script, which is then run again in the process.
         """
         try:
@@ -86,69 +86,113 @@ class Worker:
             reason = f"it cannot be sent to the process of its case: {error}"
             raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
         self.busy_seconds = 0.0
+        self.peak_memory_bytes = 0
+        self._is_stopped = False
         self._case_seconds = case_seconds
-        self._output = folder / f"output-{os.getpid()}-{id(self)}"
+        try:
+            self._output = SharedFile()
+        except OSError as error:
+            raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
         context = get_context("forkserver")
         context.set_forkserver_preload([f"{__package__}.preload"])
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(
-            target=_serve, args=(theirs, pickled, registered(), memory_bytes, str(self._output)), daemon=True
-        )
-        with _environment(ONE_THREAD), contextlib.nullcontext() if with_main else _main_left_alone():
-            self._process.start()
-        theirs.close()
-        self.peak_memory_bytes = 0
+        assignment = Assignment(pickled, registered(), memory_bytes, self._output)
+        self._process = context.Process(target=keep, args=(theirs, assignment), daemon=True)
+        try:
+            with _environment(ONE_THREAD), contextlib.nullcontext() if with_main else _main_left_alone():
+                self._process.start()
+        except (OSError, EOFError) as error:
+            self._pipe.close()
+            self._output.close()
+            raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
+        finally:
+            theirs.close()
 
-    def ask(self, request: str, *arguments: Any) -> tuple[dict[str, Any], FloatArray]:
+    def ask(self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS) -> tuple[dict[str, Any], FloatArray]:
         """Send one request and wait for its answer: a JSON object and an array, which may be empty.
+
+        Args:
+            request: what is asked for.
+            arguments: to it.
+            largest: number of bytes that the array may have.
 
         Raises:
             Fault: if the case raises, misbehaves, dies, or its time is up.
         """
-        began = time.perf_counter()
+        began = time.monotonic()
+        deadline = began + max(self._case_seconds - self.busy_seconds, 0.0)
         try:
+            if self._is_stopped:
+                self._tell(GO_ON)
             self._pipe.send((request, arguments))
-            if not self._pipe.poll(max(self._case_seconds - self.busy_seconds, 0.0)):
-                raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s")
-            answer = json.loads(self._pipe.recv_bytes(LARGEST_OUTPUT))
-            numbers = np.frombuffer(self._pipe.recv_bytes(2**32), dtype=np.float64)
-        except (EOFError, ConnectionError, BrokenPipeError):
+            answer = read_object(self._pipe.fileno(), LARGEST_ANSWER, deadline)
+            numbers = np.frombuffer(read_message(self._pipe.fileno(), largest, deadline), dtype=np.float64)
+            self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
+            fault = _told_fault(answer)
+        except TimeoutError:
+            raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s") from None
+        except (EOFError, OSError):
             raise Fault(Outcome.CRASHED, self._death()) from None
-        except (ValueError, OSError):
+        except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
             raise Fault(Outcome.MISBEHAVED, "its process sent something that is no answer") from None
         finally:
-            self.busy_seconds += time.perf_counter() - began
-        self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
-        if "fault" in answer:
-            raise Fault(Outcome(answer["fault"]), answer["reason"], answer["traceback"])
+            self._tell(STOP)
+            self._is_stopped = True
+            self.busy_seconds += time.monotonic() - began
+        if fault is not None:
+            raise fault
         return answer, numbers
 
     def output(self) -> str:
         """Return the end of what the case printed."""
-        try:
-            with open(self._output, "rb") as file:
-                file.seek(max(0, os.path.getsize(self._output) - SHOWN_OUTPUT))
-                return file.read().decode(errors="replace")
-        except OSError:
-            return ""
+        return self._output.end(SHOWN_OUTPUT).decode(errors="replace")
 
     def close(self) -> None:
         """End the process and all that it started."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            if self._process.pid is not None:
-                os.killpg(self._process.pid, signal.SIGKILL)
-        with contextlib.suppress(ProcessLookupError):
+        self._tell(END)
+        self._process.join(timeout=END_SECONDS)
+        if self._process.is_alive():
             self._process.kill()
-        self._process.join(timeout=5.0)
+            self._process.join(timeout=END_SECONDS)
         self._pipe.close()
-        self._output.unlink(missing_ok=True)
+        self._output.close()
+
+    def _tell(self, order: signal.Signals) -> None:
+        """Give the keeper an order, if it still lives."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            if self._process.pid is not None and self._process.exitcode in (None, _UNKNOWN_EXIT):
+                os.kill(self._process.pid, order)
 
     def _death(self) -> str:
-        self._process.join(timeout=5.0)
+        self._process.join(timeout=END_SECONDS)
         code = self._process.exitcode
-        if code is not None and code < 0:
+        if code is None or code == _UNKNOWN_EXIT:
+            return "its process ended by itself"
+        if code >= 0:
+            return f"its process ended by itself with exit code {code}"
+        try:
             return f"its process was killed by {signal.Signals(-code).name}"
-        return f"its process ended by itself with exit code {code}"
+        except ValueError:
+            return f"its process was killed by signal {-code}"
+
+
+_UNKNOWN_EXIT = 255
+"""Exit code that multiprocessing reports where the fork server cannot tell it any more, and the process may live."""
+
+
+def _told_fault(answer: dict[str, Any]) -> Fault | None:
+    """Return the fault that an answer tells, if it does.
+
+    Raises:
+        KeyError: if it tells it badly.
+        ValueError: likewise.
+    """
+    if "fault" not in answer:
+        return None
+    outcome, reason, trace = Outcome(answer["fault"]), answer["reason"], answer["traceback"]
+    if outcome not in FAULTS or not isinstance(reason, str) or not isinstance(trace, str):
+        raise ValueError
+    return Fault(outcome, reason, trace)
 
 
 @contextlib.contextmanager
@@ -180,69 +224,3 @@ def _main_left_alone() -> Iterator[None]:
         yield
     finally:
         main.__dict__.update(kept)
-
-
-def _serve(pipe: Connection, pickled: bytes, plugin_files: list[PluginFile], memory_bytes: int, output: str) -> None:
-    """Answer requests until the other end of the pipe closes."""
-    os.setsid()
-    _die_with_parent()
-    _capture_output(output)
-    _limit_memory(memory_bytes)
-    task: Task | None = None
-    while True:
-        try:
-            request, arguments = pipe.recv()
-        except EOFError:
-            return
-        numbers = b""
-        try:
-            if task is None:
-                for file in plugin_files:
-                    register(file)
-                task = pickle.loads(pickled)
-            answer, numbers = task.answer(request, arguments)
-        except MisbehaviourError as error:
-            answer = _fault(Outcome.MISBEHAVED, str(error))
-        except MemoryError:
-            answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {memory_bytes / 2**20:.0f} MB of memory")
-        except (Exception, SystemExit, KeyboardInterrupt) as error:
-            line = str(error).splitlines()[0][:200] if str(error) else ""
-            answer = _fault(Outcome.CRASHED, f"it raised {type(error).__name__}{': ' + line if line else ''}")
-        with contextlib.suppress(OSError, ValueError):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        pipe.send_bytes(json.dumps({**answer, "peak_memory_bytes": usage}).encode())
-        pipe.send_bytes(numbers)
-
-
-def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
-    return {"fault": outcome.value, "reason": reason, "traceback": traceback.format_exc()[-20_000:]}
-
-
-def _die_with_parent() -> None:
-    """Ask Linux to kill this process when the fork server goes; elsewhere the closed pipe ends it."""
-    if sys.platform == "linux":
-        import ctypes
-
-        set_death_signal = 1
-        ctypes.CDLL(None).prctl(set_death_signal, signal.SIGKILL)
-
-
-def _capture_output(path: str) -> None:
-    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-    os.dup2(file, 1)
-    os.dup2(file, 2)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_OUTPUT, LARGEST_OUTPUT))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-def _limit_memory(memory_bytes: int) -> None:
-    """Limit the address space to what is mapped now and ``memory_bytes`` more."""
-    limit = psutil.Process().memory_info().vms + memory_bytes
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-
-
-def working_folder() -> tempfile.TemporaryDirectory[str]:
-    """Return a folder for captured output that removes itself."""
-    return tempfile.TemporaryDirectory(prefix="proxbench-")
