@@ -84,12 +84,12 @@ class BallSystem:
 
     @property
     def rows_per_contact(self) -> int:
-        """Rows of one contact: 1 without friction, else the dimension."""
+        """Rows of one contact, 1 without friction, else the dimension."""
         return 1 if self.friction is None else self.dimension
 
     @property
     def spins(self) -> int:
-        """Rotational degrees of freedom of one ball: 0 without friction, else 1 (planar) or 3 (spatial)."""
+        """Rotational degrees of freedom of one ball, 0 without friction, else 1 (planar) or 3 (spatial)."""
         if self.friction is None:
             return 0
         return 1 if self.dimension == 2 else 3

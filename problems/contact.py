@@ -31,7 +31,7 @@ SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem:
     """One frictional contact problem; build it with ``from_delassus`` or ``from_factors``.
 
@@ -66,6 +66,10 @@ class ContactProblem:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:
             self.answer.check(self.laws.n_rows)
+
+    def __repr__(self) -> str:
+        form = "G" if self.factors is None else "W and M⁻¹"
+        return f"<ContactProblem {self.name!r}: {self.n_contacts} contacts, {self.n_rows} rows, holds {form}>"
 
     @staticmethod
     def from_delassus(
@@ -126,7 +130,7 @@ class ContactProblem:
 
     @property
     def n_rows(self) -> int:
-        """Number of rows: the length of c, Λ and ξ."""
+        """Number of rows, the length of c, Λ and ξ."""
         return len(self.free_velocity)
 
     @property

@@ -64,7 +64,7 @@ class Pieces:
 
     @cached_property
     def loops(self) -> tuple[tuple[int, ...], tuple[int, ...], IntArray, IntArray, FloatArray]:
-        """What kernels take: lanes and axes of a piece, starts, chunks, and the values flat.
+        """What kernels take, which is lanes and axes of a piece, starts, chunks, and the values flat.
 
         Lanes and axes are tuples, whose length the compiler knows, so that it unrolls the loops over them.
         """

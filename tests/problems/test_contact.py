@@ -179,3 +179,8 @@ def test_padding_and_unpadding_are_inverse_and_padding_is_zero(seed: int, n: int
     padded = layout.pad(rows)
     assert np.array_equal(layout.unpad(padded), rows)
     assert np.count_nonzero(padded) == len(rows)
+
+
+def test_a_problem_shows_itself_in_one_line() -> None:
+    problem = ContactProblem.from_delassus(np.eye(6), np.zeros(6), 0.3, name="two contacts")
+    assert repr(problem) == "<ContactProblem 'two contacts': 2 contacts, 6 rows, holds G>"

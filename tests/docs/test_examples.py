@@ -1,0 +1,142 @@
+"""The examples of the documentation do what the pages say: each page's blocks are run in order, in one namespace.
+
+Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
+console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
+``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` leaves a
+block out.
+"""
+
+import doctest
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from unittest import SkipTest
+
+import pytest
+from sybil import Document, Example, Region
+from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParser
+
+ROOT = Path(__file__).resolve().parents[2]
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli import main; main()")
+LONGEST_COMMAND = 120.0
+WIDEST_LINE = 96
+"""Characters of code that fit on a page without scrolling."""
+
+
+def run_console(example: Example) -> None:
+    """Run the commands of a console block, and compare what they print with the lines below them, if there are any."""
+    for command, expected in commands(example.parsed):
+        program, *arguments = shlex.split(command)
+        assert program == "proxbench", f"only proxbench is run; skip the block or mend {command!r}"
+        done = subprocess.run(
+            [*PROGRAM, *arguments],
+            env={**os.environ, "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"},
+            capture_output=True,
+            encoding="utf-8",
+            timeout=LONGEST_COMMAND,
+        )
+        assert done.returncode == 0, f"$ {command}\n{done.stdout}{done.stderr}"
+        if expected:
+            same = doctest.OutputChecker().check_output(expected, done.stdout, FLAGS)
+            assert same, f"$ {command}\nprints\n{done.stdout}\nand not\n{expected}"
+
+
+def commands(block: str) -> Iterator[tuple[str, str]]:
+    r"""Yield the commands after ``$`` in a console block, lines ending in ``\`` joined, each with its output."""
+    assert block.startswith("$ "), "a console block begins with a command: $ proxbench …"
+    for part in ("\n" + block).split("\n$ ")[1:]:
+        command, _, output = part.replace("\\\n", " ").partition("\n")
+        yield command, output
+
+
+def file_comments(document: Document) -> Iterable[Region]:
+    """Find the comments that name the file of the block below them."""
+    for found in re.finditer(r"^<!-- file: ([\w.-]+) -->$", document.text, re.MULTILINE):
+        yield Region(found.start(), found.end(), found[1], write_next_block)
+
+
+def write_next_block(example: Example) -> None:
+    """Write the Python block that follows into the file that its comment names."""
+    rest = example.document.text[example.region.end :].lstrip()
+    opening, _, block = rest.partition("\n")
+    assert opening == "```python", f"{example.parsed} is named, but no Python block follows"
+    Path(example.parsed).write_text(block.partition("\n```")[0] + "\n", encoding="utf-8")
+
+
+def parsed(page: Path) -> Document:
+    """Return a page with its examples."""
+    parsers = (
+        PythonCodeBlockParser(doctest_optionflags=FLAGS),
+        CodeBlockParser("console", run_console),
+        file_comments,
+        SkipParser(),
+    )
+    return Document.parse(str(page), *parsers)
+
+
+def run_page(page: Path) -> int:
+    """Run the examples of a page in the current folder; return how many were run."""
+    count = 0
+    for example in parsed(page).examples():
+        try:
+            example.evaluate()
+            count += 1
+        except SkipTest:
+            pass
+    return count
+
+
+def pages_with_examples() -> list[str]:
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    return [str(page.relative_to(ROOT)) for page in pages if any(True for _ in parsed(page).examples())]
+
+
+@pytest.mark.parametrize("page", pages_with_examples())
+def test_examples_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path / "cache"))
+    run_page(ROOT / page)
+
+
+@pytest.mark.parametrize("page", [page for page in pages_with_examples() if page.startswith("docs/")])
+def test_examples_fit_on_the_page(page: str) -> None:
+    blocks = re.findall(
+        r"^```(?:python|console|toml)\n(.*?)^```$", (ROOT / page).read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    assert [line for block in blocks for line in block.splitlines() if len(line) > WIDEST_LINE] == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "noticed"),
+    [
+        ("```python\n1 / 0\n```\n", "division by zero"),
+        ("```python\n>>> 1 + 1\n3\n```\n", "Expected:\n    3\nGot:\n    2"),
+        ("```console\n$ proxbench run --problem no-such-problem\n```\n", "there is no problem 'no-such-problem'"),
+        ("```console\n$ proxbench --version\nproxbench of another name\n```\n", "proxbench of another name"),
+        ("```console\n$ other-program\n```\n", "only proxbench is run"),
+    ],
+    ids=["error", "other value", "exit code", "other output", "other program"],
+)
+def test_a_wrong_example_is_noticed(wrong: str, noticed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = tmp_path / "page.md"
+    page.write_text(f"# A page\n\n{wrong}", encoding="utf-8")
+    with pytest.raises(Exception, match=noticed):
+        run_page(page)
+
+
+def test_blocks_share_one_namespace_and_the_files_they_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = tmp_path / "page.md"
+    page.write_text(
+        "<!-- file: number.py -->\n```python\nnumber = 3\n```\n\n"
+        "```python\n>>> number\n3\n>>> open('number.py').read()\n'number = 3\\n'\n```\n\n"
+        '<!-- skip: next "it is wrong" -->\n```python\n1 / 0\n```\n',
+        encoding="utf-8",
+    )
+    assert run_page(page) == 5
