@@ -1,4 +1,4 @@
-"""The two processes of a case: one that runs the plugin, and its keeper, which ends whatever the plugin has started.
+"""The process that watches over a case, and ends whatever the case has started.
 
     run ── fork server ── keeper ── case ── (what the plugin starts)
 
@@ -9,70 +9,44 @@ and processes left running do not take the processor from them.
 """
 
 import contextlib
-import ctypes
-import json
 import os
-import pickle
 import resource
 import shutil
 import signal
-import sys
-import tempfile
-import traceback
-from dataclasses import dataclass
-from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from types import FrameType
-from typing import Any
 
-import psutil
+from .case_process import Assignment, be_the_case
+from .descendants import descendants, kill_all, send
+from .linux import adopt_orphans
 
-from ..problems.plugin_files import PluginFile
-from ..problems.plugins import register
-from .measure import MisbehaviourError
-from .messages import write_message
-from .outcome import Outcome
-from .shared_file import SharedFile
+STOP, GO_ON, END = b"S", b"G", b"E"
+"""What a keeper is told: stop the case, let it go on, end it. It also ends the case when nobody can tell any more."""
 
-END, STOP, GO_ON = signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2
-"""What a keeper is told: end the case, stop it, let it go on."""
-
-_HEARD = (END, STOP, GO_ON, signal.SIGCHLD)
-
-LARGEST_OUTPUT = 2**24
-"""Bytes that a case may write to any file, its captured output included."""
+_HEARD = (signal.SIGTERM, signal.SIGCHLD)
+"""Signals that wake a keeper: the first ends its case, the second says that a child may have ended."""
 
 
-@dataclass
-class Assignment:
-    """What a case's process is to do.
+def keep(pipe: Connection, orders: Connection, assignment: Assignment) -> None:
+    """Fork the case's process, watch over it, and end as it does. Never returns.
 
-    Attributes:
-        task: the pickled task.
-        plugin_files: the plugin files that it may refer to.
-        memory_bytes: memory it may take beyond what the framework itself needs.
-        output: where it prints.
+    Args:
+        pipe: the case's, for requests and answers.
+        orders: where the keeper is told what to do.
+        assignment: the case's.
     """
-
-    task: bytes
-    plugin_files: list[PluginFile]
-    memory_bytes: int
-    output: SharedFile
-
-
-def keep(pipe: Connection, assignment: Assignment) -> None:
-    """Fork the case's process, watch over it, and end as it does. Never returns."""
     os.setsid()
-    _adopt_orphans()
+    adopt_orphans()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    folder = tempfile.mkdtemp(prefix="proxbench-")
-    ears = _listening()
+    woken = _listening()
     keeper, case = os.getpid(), os.fork()
     if case == 0:
-        _be_the_case(pipe, assignment, folder, keeper, ears)
+        _deafened(woken)
+        orders.close()
+        be_the_case(pipe, assignment, keeper)
     pipe.close()
-    status = _watched(case, ears[0])
-    shutil.rmtree(folder, ignore_errors=True)
+    status = _watched(case, orders.fileno(), woken[0])
+    shutil.rmtree(assignment.folder, ignore_errors=True)
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         with contextlib.suppress(OSError, ValueError):
@@ -83,141 +57,53 @@ def keep(pipe: Connection, assignment: Assignment) -> None:
 
 def _listening() -> tuple[int, int]:
     """Return a pipe, (out, in), into which the system writes the number of every signal in ``_HEARD``."""
-    ears = os.pipe()
-    os.set_blocking(ears[1], False)
-    signal.set_wakeup_fd(ears[1], warn_on_full_buffer=False)
+    woken = os.pipe()
+    for end in woken:
+        os.set_blocking(end, False)
+    signal.set_wakeup_fd(woken[1], warn_on_full_buffer=False)
     for number in _HEARD:
         signal.signal(number, _heard)
-    return ears
+    return woken
 
 
-def _deafened(ears: tuple[int, int]) -> None:
+def _deafened(woken: tuple[int, int]) -> None:
     """Take back what ``_listening`` did."""
     signal.set_wakeup_fd(-1)
     for number in _HEARD:
         signal.signal(number, signal.SIG_DFL)
-    for end in ears:
+    for end in woken:
         os.close(end)
-
-
-def _watched(case: int, woken: int) -> int:
-    """Wait until the case has ended or shall end; end all that is left of it; return its wait status."""
-    parent = parent_process()
-    run = parent.sentinel if parent is not None else woken
-    while True:
-        ended, status = os.waitpid(case, os.WNOHANG)
-        if ended:
-            return _end_descendants(case, status)
-        ready = wait([woken, run])
-        orders = os.read(woken, 4096) if woken in ready else bytes([END])
-        for order in orders:
-            if order in (STOP, GO_ON):
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(case, signal.SIGSTOP if order == STOP else signal.SIGCONT)
-            if order == END:
-                return _end_descendants(case, signal.SIGKILL)
 
 
 def _heard(number: int, frame: FrameType | None) -> None:
     """Do nothing: the number is in the pipe that wakes the keeper."""
 
 
-def _end_descendants(case: int, status: int) -> int:
-    """Kill every descendant until there is none; return the wait status of the case."""
+def _watched(case: int, orders: int, woken: int) -> int:
+    """Wait until the case has ended or shall end; end all that is left of it; return its wait status."""
+    stopped: list[int] = []
     while True:
-        with contextlib.suppress(psutil.Error):
-            for descendant in psutil.Process().children(recursive=True):
-                with contextlib.suppress(psutil.Error):
-                    descendant.kill()
-        try:
-            ended, its_status = os.waitpid(-1, 0)
-        except ChildProcessError:
-            return status
-        if ended == case:
-            status = its_status
+        ready = wait([orders, woken])
+        if woken in ready and signal.SIGTERM in os.read(woken, 4096):
+            return kill_all(case, signal.SIGKILL)
+        if woken in ready and (status := _ended(case)) is not None:
+            return kill_all(case, status)
+        if orders not in ready:
+            continue
+        for order in os.read(orders, 4096) or END:
+            if order == STOP[0]:
+                stopped = [case, *descendants(case)]
+                send(signal.SIGSTOP, stopped)
+            elif order == GO_ON[0]:
+                send(signal.SIGCONT, stopped)
+            else:
+                return kill_all(case, signal.SIGKILL)
 
 
-def _be_the_case(pipe: Connection, assignment: Assignment, folder: str, keeper: int, ears: tuple[int, int]) -> None:
-    """Be a session and answer requests until nobody asks. Never returns."""
-    code = 1
-    try:
-        _deafened(ears)
-        os.setsid()
-        _die_with(keeper)
-        _capture_output(assignment.output)
-        os.environ["TMPDIR"] = tempfile.tempdir = folder
-        _limit_memory(assignment.memory_bytes)
-        _answer_requests(pipe, assignment)
-        code = 0
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        with contextlib.suppress(BaseException):
-            _flush()
-        os._exit(code)
-
-
-def _answer_requests(pipe: Connection, assignment: Assignment) -> None:
-    task: Any = None
-    while True:
-        try:
-            request, arguments = pipe.recv()
-        except EOFError:
-            return
-        numbers = b""
-        try:
-            if task is None:
-                for file in assignment.plugin_files:
-                    register(file)
-                task = pickle.loads(assignment.task)
-            answer, numbers = task.answer(request, arguments)
-        except MisbehaviourError as error:
-            answer = _fault(Outcome.MISBEHAVED, str(error))
-        except MemoryError:
-            limit = assignment.memory_bytes / 2**20
-            answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {limit:.0f} MB of memory")
-        except BaseException as error:
-            line = str(error).splitlines()[0][:200] if str(error) else ""
-            answer = _fault(Outcome.CRASHED, f"it raised {type(error).__name__}{': ' + line if line else ''}")
-        with contextlib.suppress(OSError, ValueError):
-            _flush()
-        usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        write_message(pipe.fileno(), json.dumps({**answer, "peak_memory_bytes": usage}).encode())
-        write_message(pipe.fileno(), numbers)
-
-
-def _flush() -> None:
-    sys.stdout.flush()
-    sys.stderr.flush()
-
-
-def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
-    return {"fault": outcome.value, "reason": reason, "traceback": traceback.format_exc()[-20_000:]}
-
-
-def _adopt_orphans() -> None:
-    """Ask Linux to make this process the parent of all that its descendants leave behind."""
-    if sys.platform == "linux":
-        set_child_subreaper = 36
-        ctypes.CDLL(None).prctl(set_child_subreaper, 1)
-
-
-def _die_with(parent: int) -> None:
-    """Ask Linux to kill this process when its parent goes; elsewhere the closed pipe ends it."""
-    if sys.platform == "linux":
-        set_death_signal = 1
-        ctypes.CDLL(None).prctl(set_death_signal, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
-
-
-def _capture_output(output: SharedFile) -> None:
-    os.dup2(output.descriptor, 1)
-    os.dup2(output.descriptor, 2)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_OUTPUT, LARGEST_OUTPUT))
-
-
-def _limit_memory(memory_bytes: int) -> None:
-    """Limit the address space to what is mapped now and ``memory_bytes`` more."""
-    limit = psutil.Process().memory_info().vms + memory_bytes
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+def _ended(case: int) -> int | None:
+    """Take leave of all children that have ended; return the wait status of the case if it is among them."""
+    status = None
+    with contextlib.suppress(ChildProcessError):
+        while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+            status = ended[1] if ended[0] == case else status
+    return status

@@ -3,6 +3,8 @@
 A forked case then starts in milliseconds instead of importing and compiling everything again.
 """
 
+import gc
+
 import numpy as np
 
 from ..problems.contact import ContactProblem
@@ -25,3 +27,5 @@ def _touch_kernels() -> None:
 
 
 _touch_kernels()
+gc.collect()
+gc.freeze()  # a case that collects garbage need not look through all of this, and copy its pages by doing so

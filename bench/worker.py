@@ -8,21 +8,26 @@ that could run code here, and is waited for no longer than the case's time (``me
 import contextlib
 import os
 import pickle
+import shutil
 import signal
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..problems.laws import FloatArray
 from ..problems.plugins import registered
+from .case_process import Assignment
+from .descendants import send, writers
 from .errors import BenchError
-from .keeper import END, GO_ON, STOP, Assignment, keep
+from .keeper import END, GO_ON, STOP, keep
 from .messages import NoMessageError, read_message, read_object
 from .outcome import FAULTS, Outcome
 from .shared_file import SharedFile
@@ -90,23 +95,24 @@ class Worker:
         self._is_stopped = False
         self._case_seconds = case_seconds
         try:
-            self._output = SharedFile()
+            self._output, self._folder = SharedFile(), Path(tempfile.mkdtemp(prefix="proxbench-"))
         except OSError as error:
             raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
         context = get_context("forkserver")
         context.set_forkserver_preload([f"{__package__}.preload"])
         self._pipe, theirs = context.Pipe()
-        assignment = Assignment(pickled, registered(), memory_bytes, self._output)
-        self._process = context.Process(target=keep, args=(theirs, assignment), daemon=True)
+        heard, self._orders = context.Pipe(duplex=False)
+        assignment = Assignment(pickled, registered(), memory_bytes, self._output, self._folder)
+        self._process = context.Process(target=keep, args=(theirs, heard, assignment), daemon=True)
         try:
             with _environment(ONE_THREAD), contextlib.nullcontext() if with_main else _main_left_alone():
                 self._process.start()
         except (OSError, EOFError) as error:
-            self._pipe.close()
-            self._output.close()
+            self._let_go()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
         finally:
             theirs.close()
+            heard.close()
 
     def ask(self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS) -> tuple[dict[str, Any], FloatArray]:
         """Send one request and wait for its answer: a JSON object and an array, which may be empty.
@@ -151,17 +157,28 @@ class Worker:
         """End the process and all that it started."""
         self._tell(END)
         self._process.join(timeout=END_SECONDS)
+        if self._process.exitcode != 0:  # otherwise its keeper says that nothing is left
+            self._end_what_a_killed_keeper_left()
+        self._let_go()
+
+    def _end_what_a_killed_keeper_left(self) -> None:
         if self._process.is_alive():
             self._process.kill()
-            self._process.join(timeout=END_SECONDS)
-        self._pipe.close()
-        self._output.close()
+        deadline = time.monotonic() + END_SECONDS
+        while (left := writers(self._output.descriptor)) and time.monotonic() < deadline:
+            send(signal.SIGKILL, left)
+            time.sleep(1e-3)
+        self._process.join(timeout=END_SECONDS)
 
-    def _tell(self, order: signal.Signals) -> None:
+    def _let_go(self) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+        for end in (self._pipe, self._orders, self._output):
+            end.close()
+
+    def _tell(self, order: bytes) -> None:
         """Give the keeper an order, if it still lives."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            if self._process.pid is not None and self._process.exitcode in (None, _UNKNOWN_EXIT):
-                os.kill(self._process.pid, order)
+        with contextlib.suppress(OSError):
+            os.write(self._orders.fileno(), order)
 
     def _death(self) -> str:
         self._process.join(timeout=END_SECONDS)
