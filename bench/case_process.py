@@ -9,8 +9,7 @@ import sys
 import tempfile
 import traceback
 from dataclasses import dataclass
-from multiprocessing import current_process
-from multiprocessing.connection import Connection
+from multiprocessing import spawn
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,8 @@ from ..problems.plugin_files import PluginFile
 from ..problems.plugins import register
 from .linux import die_with
 from .measure import MisbehaviourError
-from .messages import write_message
+from .messages import read_message, write_message
 from .outcome import Outcome
-from .shared_file import SharedFile
 
 LARGEST_FILE = 2**24
 """Bytes that a case may write to any file, its captured output included."""
@@ -39,22 +37,23 @@ class Assignment:
         task: the pickled task.
         plugin_files: the plugin files that it may refer to.
         memory_bytes: memory it may take beyond what the framework itself needs.
-        output: where it prints.
         folder: where its temporary files go.
+        setting: working folder, import path and, where the task needs it, main script, as multiprocessing tells them.
     """
 
     task: bytes
     plugin_files: list[PluginFile]
     memory_bytes: int
-    output: SharedFile
     folder: Path
+    setting: dict[str, Any]
 
 
-def be_the_case(pipe: Connection, assignment: Assignment, keeper: int) -> None:
+def be_the_case(pipe: int, output: int, assignment: Assignment, keeper: int) -> None:
     """Lead a session of its own and answer requests until nobody asks. Never returns.
 
     Args:
         pipe: where requests come from and answers go.
+        output: where it prints.
         assignment: what to do.
         keeper: process id of its parent.
     """
@@ -62,9 +61,8 @@ def be_the_case(pipe: Connection, assignment: Assignment, keeper: int) -> None:
     try:
         os.setsid()
         die_with(keeper)
-        current_process()._config["daemon"] = False  # type: ignore[attr-defined]  # a solver may use multiprocessing
         for stream in (1, 2):
-            os.dup2(assignment.output.descriptor, stream)
+            os.dup2(output, stream)
         os.environ["TMPDIR"] = tempfile.tempdir = str(assignment.folder)
         _limit(assignment.memory_bytes)
         _answer_requests(pipe, assignment)
@@ -76,16 +74,17 @@ def be_the_case(pipe: Connection, assignment: Assignment, keeper: int) -> None:
         os._exit(code)
 
 
-def _answer_requests(pipe: Connection, assignment: Assignment) -> None:
+def _answer_requests(pipe: int, assignment: Assignment) -> None:
     own, task = os.getpid(), None
     while True:
         try:
-            request, arguments = pipe.recv()
-        except EOFError:
+            request, arguments = pickle.loads(read_message(pipe))
+        except (EOFError, OSError):
             return
         numbers = b""
         try:
             if task is None:
+                spawn.prepare(assignment.setting)
                 for file in assignment.plugin_files:
                     register(file)
                 task = pickle.loads(assignment.task)
@@ -101,8 +100,8 @@ def _answer_requests(pipe: Connection, assignment: Assignment) -> None:
             return  # a process that the solver forked and forgot: the answer is its parent's
         _flush()
         usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        write_message(pipe.fileno(), json.dumps({**answer, "peak_memory_bytes": usage}).encode())
-        write_message(pipe.fileno(), numbers)
+        write_message(pipe, json.dumps({**answer, "peak_memory_bytes": usage}).encode())
+        write_message(pipe, numbers)
 
 
 def _told(error: BaseException) -> str:
@@ -130,6 +129,8 @@ def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
 
 def _limit(memory_bytes: int) -> None:
     """Limit files, and the address space to what is mapped now and ``memory_bytes`` more."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
+    _, allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    largest = LARGEST_FILE if allowed == resource.RLIM_INFINITY else min(LARGEST_FILE, allowed)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     limit = psutil.Process().memory_info().vms + memory_bytes
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -13,7 +13,8 @@ import os
 import resource
 import shutil
 import signal
-from multiprocessing.connection import Connection, wait
+import struct
+from multiprocessing.connection import wait
 from types import FrameType
 
 from .case_process import Assignment, be_the_case
@@ -23,36 +24,39 @@ from .linux import adopt_orphans
 STOP, GO_ON, END = b"S", b"G", b"E"
 """What a keeper is told: stop the case, let it go on, end it. It also ends the case when nobody can tell any more."""
 
+NUMBER = struct.Struct("!i")
+"""What a keeper tells."""
+
 _HEARD = (signal.SIGTERM, signal.SIGCHLD)
 """Signals that wake a keeper: the first ends its case, the second says that a child may have ended."""
 
 
-def keep(pipe: Connection, orders: Connection, assignment: Assignment) -> None:
-    """Fork the case's process, watch over it, and end as it does. Never returns.
+def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
+    """Fork the case's process, watch over it, and tell its end. Never returns.
 
     Args:
         pipe: the case's, for requests and answers.
-        orders: where the keeper is told what to do.
+        orders: where the keeper is told what to do, and tells first its process id, last the wait status of the case.
+        output: where the case prints.
         assignment: the case's.
     """
+    keeper = os.getpid()
     os.setsid()
+    os.write(orders, NUMBER.pack(keeper))
     adopt_orphans()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     woken = _listening()
-    keeper, case = os.getpid(), os.fork()
+    case = os.fork()
     if case == 0:
         _deafened(woken)
-        orders.close()
-        be_the_case(pipe, assignment, keeper)
-    pipe.close()
-    status = _watched(case, orders.fileno(), woken[0])
+        os.close(orders)
+        be_the_case(pipe, output, assignment, keeper)
+    os.close(pipe)
+    status = _watched(case, orders, woken[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
-    if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        with contextlib.suppress(OSError, ValueError):
-            signal.signal(number, signal.SIG_DFL)
-        os.kill(keeper, number)
-    os._exit(os.waitstatus_to_exitcode(status) if os.WIFEXITED(status) else 1)
+    with contextlib.suppress(OSError):
+        os.write(orders, NUMBER.pack(status))
+    os._exit(0)
 
 
 def _listening() -> tuple[int, int]:
@@ -90,7 +94,7 @@ def _watched(case: int, orders: int, woken: int) -> int:
             return kill_all(case, status)
         if orders not in ready:
             continue
-        for order in os.read(orders, 4096) or END:
+        for order in _received(orders):
             if order == STOP[0]:
                 stopped = [case, *descendants(case)]
                 send(signal.SIGSTOP, stopped)
@@ -98,6 +102,13 @@ def _watched(case: int, orders: int, woken: int) -> int:
                 send(signal.SIGCONT, stopped)
             else:
                 return kill_all(case, signal.SIGKILL)
+
+
+def _received(orders: int) -> bytes:
+    try:
+        return os.read(orders, 4096) or END
+    except OSError:
+        return END
 
 
 def _ended(case: int) -> int | None:

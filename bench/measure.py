@@ -6,9 +6,9 @@ that everything a solver assembles is on its clock, and garbage collection stays
 
 import gc
 import io
-import time
 from dataclasses import dataclass, field
 from functools import cached_property
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -85,12 +85,12 @@ class Measurement:
         A solve that does not end SOLVED ends the round: a failure is measured once.
         """
         times = []
-        end = time.perf_counter() + seconds
+        end = perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
             times.append((prepare_seconds, solve_seconds))
-            if solution.status is not Status.SOLVED or time.perf_counter() >= end:
+            if solution.status is not Status.SOLVED or perf_counter() >= end:
                 break
         self._check(problem, solution)
         return solution, times
@@ -99,11 +99,11 @@ class Measurement:
         collecting = gc.isenabled()
         gc.disable()
         try:
-            began = time.perf_counter()
+            began = perf_counter()
             prepared = self.solver.prepare(problem)
-            ready = time.perf_counter()
+            ready = perf_counter()
             solution = prepared.solve(stop)
-            done = time.perf_counter()
+            done = perf_counter()
         finally:
             if collecting:
                 gc.enable()

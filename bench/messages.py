@@ -1,10 +1,11 @@
-"""Messages from a case's process: JSON and raw numbers, read within a time and a size, whoever wrote them.
+"""Messages to and from a case's process; what comes from it is read within a time and a size, whoever wrote it.
 
 What such a process writes may be anything, and may stop in the middle: reading never waits past its deadline, takes
 no more memory than has arrived, and never makes objects that could run code.
 """
 
 import json
+import math
 import os
 import select
 import struct
@@ -31,28 +32,32 @@ def write_message(descriptor: int, content: bytes) -> None:
         waiting = waiting[os.write(descriptor, waiting) :]
 
 
-def read_message(descriptor: int, largest: int, deadline: float) -> bytes:
+def read_message(
+    descriptor: int, largest: int = 2**63, deadline: float = math.inf, lifeline: int | None = None
+) -> bytes:
     """Read one message.
 
     Args:
         descriptor: where from.
         largest: number of bytes it may have.
         deadline: reading of ``time.monotonic`` at which waiting ends.
+        lifeline: a descriptor that becomes readable when the writer is gone for certain: the descriptor itself may be
+            held open by what the writer has started.
 
     Raises:
         TimeoutError: if it is not complete by then.
         EOFError: if the writer is gone before it is complete.
         NoMessageError: if it would be larger.
     """
-    (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline))
+    (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline, lifeline))
     if length > largest:
         raise NoMessageError(f"a message of {length} bytes where at most {largest} have a meaning")
-    return _read(descriptor, length, deadline)
+    return _read(descriptor, length, deadline, lifeline)
 
 
-def read_object(descriptor: int, largest: int, deadline: float) -> dict[str, Any]:
+def read_object(descriptor: int, largest: int, deadline: float, lifeline: int | None = None) -> dict[str, Any]:
     """Read one message that is a JSON object; arguments and errors as in ``read_message``."""
-    content = read_message(descriptor, largest, deadline)
+    content = read_message(descriptor, largest, deadline, lifeline)
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):
@@ -62,13 +67,28 @@ def read_object(descriptor: int, largest: int, deadline: float) -> dict[str, Any
     return found
 
 
-def _read(descriptor: int, length: int, deadline: float) -> bytes:
+def is_readable(descriptor: int, seconds: float) -> bool:
+    """Wait up to ``seconds`` until there is something to read, or the writer is gone; return whether it is so."""
+    return descriptor in _readable([descriptor], seconds)
+
+
+def _readable(descriptors: list[int], seconds: float) -> list[int]:
+    poll = select.poll()
+    for descriptor in descriptors:
+        poll.register(descriptor, select.POLLIN)
+    milliseconds = None if math.isinf(seconds) else max(seconds, 0.0) * 1e3
+    return [descriptor for descriptor, _ in poll.poll(milliseconds)]
+
+
+def _read(descriptor: int, length: int, deadline: float, lifeline: int | None) -> bytes:
+    watched = [descriptor] if lifeline is None else [descriptor, lifeline]
     content = bytearray()
     while len(content) < length:
-        poll = select.poll()
-        poll.register(descriptor, select.POLLIN)
-        if not poll.poll(max(deadline - time.monotonic(), 0.0) * 1e3):
+        ready = _readable(watched, deadline - time.monotonic())
+        if not ready:
             raise TimeoutError
+        if descriptor not in ready:
+            raise EOFError
         chunk = os.read(descriptor, min(length - len(content), _CHUNK))
         if not chunk:
             raise EOFError

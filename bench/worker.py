@@ -10,13 +10,12 @@ import os
 import pickle
 import shutil
 import signal
-import sys
+import socket
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import spawn
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -27,13 +26,10 @@ from ..problems.plugins import registered
 from .case_process import Assignment
 from .descendants import send, writers
 from .errors import BenchError
-from .keeper import END, GO_ON, STOP, keep
-from .messages import NoMessageError, read_message, read_object
+from .fork_server import fork_keeper
+from .keeper import END, GO_ON, STOP
+from .messages import NoMessageError, read_message, read_object, write_message
 from .outcome import FAULTS, Outcome
-from .shared_file import SharedFile
-
-ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
-"""Environment that pins every numerical library to one thread."""
 
 LARGEST_ANSWER = 2**24
 """Bytes that the JSON of an answer may have."""
@@ -44,7 +40,7 @@ LARGEST_NUMBERS = 2**32
 SHOWN_OUTPUT = 4000
 """Bytes of captured output that are kept with a failed case."""
 
-END_SECONDS = 5.0
+END_SECONDS = 3.0
 """Wall time that a keeper has to end its case."""
 
 
@@ -95,24 +91,15 @@ class Worker:
         self._is_stopped = False
         self._case_seconds = case_seconds
         try:
-            self._output, self._folder = SharedFile(), Path(tempfile.mkdtemp(prefix="proxbench-"))
+            self._output, self._folder = _output_file(), Path(tempfile.mkdtemp(prefix="proxbench-"))
         except OSError as error:
             raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
-        context = get_context("forkserver")
-        context.set_forkserver_preload([f"{__package__}.preload"])
-        self._pipe, theirs = context.Pipe()
-        heard, self._orders = context.Pipe(duplex=False)
-        assignment = Assignment(pickled, registered(), memory_bytes, self._output, self._folder)
-        self._process = context.Process(target=keep, args=(theirs, heard, assignment), daemon=True)
+        assignment = Assignment(pickled, registered(), memory_bytes, self._folder, _setting(with_main))
         try:
-            with _environment(ONE_THREAD), contextlib.nullcontext() if with_main else _main_left_alone():
-                self._process.start()
-        except (OSError, EOFError) as error:
+            self._keeper = fork_keeper(assignment, self._output)
+        except OSError as error:
             self._let_go()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
-        finally:
-            theirs.close()
-            heard.close()
 
     def ask(self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS) -> tuple[dict[str, Any], FloatArray]:
         """Send one request and wait for its answer: a JSON object and an array, which may be empty.
@@ -125,14 +112,17 @@ class Worker:
         Raises:
             Fault: if the case raises, misbehaves, dies, or its time is up.
         """
-        began = time.monotonic()
+        began, pipe = time.monotonic(), self._keeper.pipe.fileno()
         deadline = began + max(self._case_seconds - self.busy_seconds, 0.0)
         try:
             if self._is_stopped:
-                self._tell(GO_ON)
-            self._pipe.send((request, arguments))
-            answer = read_object(self._pipe.fileno(), LARGEST_ANSWER, deadline)
-            numbers = np.frombuffer(read_message(self._pipe.fileno(), largest, deadline), dtype=np.float64)
+                self._keeper.tell(GO_ON)
+            if _unasked(self._keeper.pipe):
+                raise NoMessageError("something that nobody asked for")
+            write_message(pipe, pickle.dumps((request, arguments)))
+            lifeline = self._keeper.orders.fileno()
+            answer = read_object(pipe, LARGEST_ANSWER, deadline, lifeline)
+            numbers = np.frombuffer(read_message(pipe, largest, deadline, lifeline), dtype=np.float64)
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _told_fault(answer)
         except TimeoutError:
@@ -142,7 +132,7 @@ class Worker:
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
             raise Fault(Outcome.MISBEHAVED, "its process sent something that is no answer") from None
         finally:
-            self._tell(STOP)
+            self._keeper.tell(STOP)
             self._is_stopped = True
             self.busy_seconds += time.monotonic() - began
         if fault is not None:
@@ -151,50 +141,39 @@ class Worker:
 
     def output(self) -> str:
         """Return the end of what the case printed."""
-        return self._output.end(SHOWN_OUTPUT).decode(errors="replace")
+        size = os.fstat(self._output).st_size
+        return os.pread(self._output, SHOWN_OUTPUT, max(0, size - SHOWN_OUTPUT)).decode(errors="replace")
 
     def close(self) -> None:
         """End the process and all that it started."""
-        self._tell(END)
-        self._process.join(timeout=END_SECONDS)
-        if self._process.exitcode != 0:  # otherwise its keeper says that nothing is left
-            self._end_what_a_killed_keeper_left()
+        self._keeper.tell(END)
+        if self._keeper.status(END_SECONDS) is None:
+            self._keeper.kill()
+            self._end_what_it_left()
+        self._keeper.close()
         self._let_go()
 
-    def _end_what_a_killed_keeper_left(self) -> None:
-        if self._process.is_alive():
-            self._process.kill()
+    def _end_what_it_left(self) -> None:
+        """Kill what a keeper has left that was itself killed or stopped: it is known by where it prints."""
         deadline = time.monotonic() + END_SECONDS
-        while (left := writers(self._output.descriptor)) and time.monotonic() < deadline:
+        while (left := writers(self._output)) and time.monotonic() < deadline:
             send(signal.SIGKILL, left)
             time.sleep(1e-3)
-        self._process.join(timeout=END_SECONDS)
 
     def _let_go(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
-        for end in (self._pipe, self._orders, self._output):
-            end.close()
-
-    def _tell(self, order: bytes) -> None:
-        """Give the keeper an order, if it still lives."""
-        with contextlib.suppress(OSError):
-            os.write(self._orders.fileno(), order)
+        os.close(self._output)
 
     def _death(self) -> str:
-        self._process.join(timeout=END_SECONDS)
-        code = self._process.exitcode
-        if code is None or code == _UNKNOWN_EXIT:
+        status = self._keeper.status(END_SECONDS)
+        if status is None:
             return "its process ended by itself"
-        if code >= 0:
-            return f"its process ended by itself with exit code {code}"
+        if os.WIFEXITED(status):
+            return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
         try:
-            return f"its process was killed by {signal.Signals(-code).name}"
+            return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
         except ValueError:
-            return f"its process was killed by signal {-code}"
-
-
-_UNKNOWN_EXIT = 255
-"""Exit code that multiprocessing reports where the fork server cannot tell it any more, and the process may live."""
+            return f"its process was killed by signal {os.WTERMSIG(status)}"
 
 
 def _told_fault(answer: dict[str, Any]) -> Fault | None:
@@ -212,32 +191,29 @@ def _told_fault(answer: dict[str, Any]) -> Fault | None:
     return Fault(outcome, reason, trace)
 
 
-@contextlib.contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+def _unasked(pipe: socket.socket) -> bool:
+    """Return whether something has come that nobody asked for."""
+    with contextlib.suppress(BlockingIOError):
+        return bool(pipe.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
+    return False
 
 
-@contextlib.contextmanager
-def _main_left_alone() -> Iterator[None]:
-    """Keep a starting process from running the caller's script again.
+def _output_file() -> int:
+    """Open a file without a name; the system removes it with the last process that has it open.
 
-    multiprocessing imports the main module in every child, which would measure again in a script that calls ``run``
-    without asking for ``__name__ == "__main__"``.
+    Raises:
+        OSError: if there is no room for temporary files.
     """
-    main = sys.modules["__main__"]
-    kept: dict[str, Any] = {name: main.__dict__[name] for name in ("__file__", "__spec__") if name in main.__dict__}
-    main.__dict__.pop("__file__", None)
-    main.__spec__ = None
-    try:
-        yield
-    finally:
-        main.__dict__.update(kept)
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
+
+
+def _setting(with_main: bool) -> dict[str, Any]:
+    """Return what of this process's setting a case needs.
+
+    The main script is run again in the case only if the task needs it: a script that calls ``run`` without asking for
+    ``__name__ == "__main__"`` would measure again.
+    """
+    told = spawn.get_preparation_data("case")
+    keys = ["sys_path", "dir", *(("init_main_from_name", "init_main_from_path") if with_main else ())]
+    return {key: told[key] for key in keys if key in told}
