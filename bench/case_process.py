@@ -37,7 +37,7 @@ class Assignment:
         task: the pickled task.
         plugin_files: the plugin files that it may refer to.
         memory_bytes: memory it may take beyond what the framework itself needs.
-        folder: where its temporary files go.
+        folder: where its temporary files go; the keeper makes and removes it.
         setting: working folder, import path and, where the task needs it, main script, as multiprocessing tells them.
     """
 

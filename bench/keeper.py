@@ -45,6 +45,8 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     os.write(orders, NUMBER.pack(keeper))
     adopt_orphans()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with contextlib.suppress(OSError):  # a case without temporary files may do
+        assignment.folder.mkdir(0o700)
     woken = _listening()
     case = os.fork()
     if case == 0:

@@ -96,8 +96,10 @@ def run(
     planned = _planned(plan)
     info = {"run_id": identity, "plan": planned, "machine": describe_machine(), "calibration_seconds": []}
     used = sources(planned["solvers"], planned["problems"])
-    store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
-    return _carry_out(plan, store, finished={}, on_event=on_event)
+    with store.alone():
+        store.refuse_second()
+        store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
+        return _carry_out(plan, store, finished={}, on_event=on_event)
 
 
 def resume(
@@ -122,13 +124,14 @@ def resume(
     plan = make_plan(
         planned["problems"], planned["solvers"], tolerances=planned["tolerances"], limits=Limits(**planned["limits"])
     )
-    cases, _ = store.read_cases()
-    finished = {
-        (case["problem"], case["solver"]): case["digest"]
-        for case in cases
-        if not (retry_failed and case["outcome"] in FAULTS)
-    }
-    return _carry_out(plan, store, finished, on_event)
+    with store.alone():
+        cases, _ = store.read_cases()
+        finished = {
+            (case["problem"], case["solver"]): case["digest"]
+            for case in cases
+            if not (retry_failed and case["outcome"] in FAULTS)
+        }
+        return _carry_out(plan, store, finished, on_event)
 
 
 def _carry_out(

@@ -4,15 +4,19 @@ RUN/run.json            what was planned, the machine, the drift
 RUN/cases/*.json        one finished case each, with a checksum of its content
 """
 
+import fcntl
 import hashlib
 import json
 import math
+import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..problems.files import replacing
+from ..problems.files import PART, replacing
 from .errors import BenchError
 
 FORMAT = 1
@@ -27,18 +31,18 @@ class Store:
 
     @staticmethod
     def create(folder: Path) -> "Store":
-        """Make the folder of a new run.
+        """Make the folder of a new run; one in which a run was killed before it began is taken.
 
         Raises:
-            BenchError: if it exists already, or cannot be written.
+            BenchError: if there is a run in it already, or it cannot be written.
         """
+        store = Store(folder)
         try:
-            (folder / "cases").mkdir(parents=True)
-        except FileExistsError:
-            raise BenchError(f"{folder} exists already; resume it with --resume, or choose another --run-id.") from None
+            store._cases.mkdir(parents=True, exist_ok=True)
+            store.refuse_second()
         except OSError as error:
             raise BenchError(f"cannot write {folder}: {error.strerror}; choose another --results folder.") from None
-        return Store(folder)
+        return store
 
     @staticmethod
     def open(folder: Path) -> "Store":
@@ -50,6 +54,42 @@ class Store:
         if not (folder / "run.json").is_file():
             raise BenchError(f"{folder} is no stored run (it has no run.json); name the folder of a run.")
         return Store(folder)
+
+    def refuse_second(self) -> None:
+        """Raise ``BenchError`` if the folder holds more than an empty folder for cases."""
+        if any(entry != self._cases and entry.suffix != PART for entry in self.folder.iterdir()):
+            raise BenchError(f"{self.folder} exists already; resume it with --resume, or choose another --run-id.")
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other processes from writing to the run meanwhile, and remove what a killed one had half written.
+
+        The lock is one of the system's on the folder, which goes with the process however that ends.
+
+        Raises:
+            BenchError: if another process is writing to it.
+        """
+        try:
+            folder = os.open(self._cases, os.O_RDONLY)
+        except OSError as error:
+            raise BenchError(f"cannot read {self._cases}: {error.strerror}; the run is damaged.") from None
+        try:
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BenchError(f"another process is writing to {self.folder}; wait until it has ended.") from None
+            except OSError:
+                pass  # a file system without locks
+            for part in (*self.folder.glob(f".*{PART}"), *self._cases.glob(f".*{PART}")):
+                with suppress(OSError):
+                    part.unlink()
+            yield
+        finally:
+            os.close(folder)
+
+    @property
+    def _cases(self) -> Path:
+        return self.folder / "cases"
 
     def write_info(self, info: dict[str, Any]) -> None:
         """Write run.json."""
@@ -70,7 +110,7 @@ class Store:
     def read_cases(self) -> tuple[list[dict[str, Any]], list[str]]:
         """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored."""
         cases, damaged = [], []
-        for file in sorted((self.folder / "cases").glob("*.json")):
+        for file in sorted(self._cases.glob("*.json")):
             try:
                 case = _read(file)
                 if self._case_file(case["problem"], case["solver"]) != file:
@@ -82,7 +122,7 @@ class Store:
 
     def _case_file(self, problem: str, solver: str) -> Path:
         """Return the file of a case: readable, safe as a file name, and unique."""
-        return self.folder / "cases" / f"{plain_name(problem)}--{plain_name(solver)}.json"
+        return self._cases / f"{plain_name(problem)}--{plain_name(solver)}.json"
 
 
 def plain_name(name: str) -> str:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from multiprocessing import spawn
 from pathlib import Path
 from typing import Any, Protocol
+from uuid import uuid4
 
 import numpy as np
 
@@ -91,7 +92,7 @@ class Worker:
         self._is_stopped = False
         self._case_seconds = case_seconds
         try:
-            self._output, self._folder = _output_file(), Path(tempfile.mkdtemp(prefix="proxbench-"))
+            self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
             raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
         assignment = Assignment(pickled, registered(), memory_bytes, self._folder, _setting(with_main))
@@ -167,7 +168,7 @@ class Worker:
     def _death(self) -> str:
         status = self._keeper.status(END_SECONDS)
         if status is None:
-            return "its process ended by itself"
+            return "its process ended together with its keeper"
         if os.WIFEXITED(status):
             return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
         try:

@@ -26,9 +26,9 @@ DEEDS = {
     "exit": (CRASHED, "exit code 7"),
     "segfault": (CRASHED, "SIGSEGV"),
     "abort": (CRASHED, "SIGABRT"),
-    "sleep": (TIMEOUT, "3 s"),
-    "spin": (TIMEOUT, "3 s"),
-    "allocate": ("out of memory", "512 MB"),
+    "sleep": (TIMEOUT, "4 s"),
+    "spin": (TIMEOUT, "4 s"),
+    "allocate": ("out of memory", "256 MB"),
     "write": (MISBEHAVED, "changed the numbers"),
     "print": (CRASHED, "after much noise"),
     "print gigabytes": (MEASURED, ""),
@@ -41,8 +41,8 @@ DEEDS = {
     "start processes": (MEASURED, ""),
     "return twice": (MEASURED, ""),
     "run away": (MEASURED, ""),
-    "kill its keeper": (CRASHED, "its process ended"),
-    "stop its keeper": (TIMEOUT, "3 s"),
+    "kill its keeper": (CRASHED, "together with its keeper"),
+    "stop its keeper": (TIMEOUT, "4 s"),
     "forge": (MISBEHAVED, "no answer"),
 }
 """What comes of each deed, and words that tell it: the reason of a failed case, the outcome of a measured point."""
@@ -54,7 +54,7 @@ run(
     results={results!r},
     run_id="it",
     tolerances=[1e-1, 1e-3],
-    limits=Limits(solve_seconds=10.0, case_seconds=3.0, memory_bytes=2**29),
+    limits=Limits(solve_seconds=10.0, case_seconds=4.0, memory_bytes=2**28),
 )
 """
 
