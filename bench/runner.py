@@ -19,7 +19,7 @@ from .generate import generate
 from .machine import calibration_seconds, describe_machine
 from .outcome import FAULTS
 from .plan import Limits, Plan, make_plan, name_of, resolved
-from .plugins import sources, use_again, use_plugin_files
+from .plugins import check_again, sources, use_plugin_files
 from .store import Store, plain_name
 
 ROUNDS = 5
@@ -103,7 +103,10 @@ def run(
 
 
 def resume(
-    run_dir: Path | str, retry_failed: bool = False, on_event: Callable[[Event], None] = lambda event: None
+    run_dir: Path | str,
+    retry_failed: bool = False,
+    on_event: Callable[[Event], None] = lambda event: None,
+    plugins: Sequence[Path | str] = (),
 ) -> Path:
     """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
 
@@ -111,15 +114,17 @@ def resume(
         run_dir: the folder of the run.
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called as the run goes on.
+        plugins: the plugin files that it was begun with.
 
     Raises:
-        BenchError: if the folder is no run, its run.json is damaged, or a plugin file it was begun with is gone or has
-            changed.
+        BenchError: if the folder is no run, its run.json is damaged, or a plugin file it was begun with is not named,
+            is gone or has changed.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(Path(run_dir))
     info = store.read_info()
-    use_again(info.get("plugins", []))
+    use_plugin_files(plugins)
+    check_again(info.get("plugins", []))
     planned = info["plan"]
     plan = make_plan(
         planned["problems"], planned["solvers"], tolerances=planned["tolerances"], limits=Limits(**planned["limits"])

@@ -14,13 +14,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from ..problems.files import PART, replacing
+from .documents import case_fault, info_fault, printable
 from .errors import BenchError
 
 FORMAT = 1
 """Version of the files."""
+
+LARGEST_FILE = 2**28
+"""Bytes that a file of a run may have."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,11 @@ class Store:
         Raises:
             BenchError: if it is damaged.
         """
-        return _read(self.folder / "run.json")
+        info = _read(self.folder / "run.json")
+        fault = info_fault(info)
+        if fault:
+            raise BenchError(f"{self.folder / 'run.json'} is damaged (its {fault} makes no sense); begin a new run.")
+        return info
 
     def write_case(self, case: dict[str, Any]) -> None:
         """Write one finished case."""
@@ -113,10 +121,13 @@ class Store:
         for file in sorted(self._cases.glob("*.json")):
             try:
                 case = _read(file)
+                fault = case_fault(case)
+                if fault:
+                    raise BenchError(f"{file.name} is damaged (its {fault} makes no sense); resume the run.")
                 if self._case_file(case["problem"], case["solver"]) != file:
                     raise BenchError(f"{file.name} holds another case than its name says.")
                 cases.append(case)
-            except (BenchError, KeyError, TypeError) as error:
+            except BenchError as error:
                 damaged.append(f"{file.name} is left out: {error}")
         return cases, damaged
 
@@ -148,16 +159,18 @@ def _write(path: Path, content: dict[str, Any]) -> None:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
+        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+            raise BenchError(f"{path.name} is no file that a run writes; remove it.")
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror}.") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise BenchError(f"{path.name} is damaged (no JSON); resume the run to measure it again.") from None
     if not isinstance(content, dict) or content.pop("checksum", None) != _checksum(content):
         raise BenchError(f"{path.name} is damaged (its checksum does not match); resume the run to measure it again.")
     if content.pop("format", None) != FORMAT:
         raise BenchError(f"{path.name} is of another format than {FORMAT}; measure it again with this version.")
-    return content
+    return cast(dict[str, Any], printable(content))
 
 
 def _checksum(content: dict[str, Any]) -> str:

@@ -10,7 +10,25 @@ from hypothesis import strategies as st
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store import Store, plain_name
 
-CASE = {"problem": "a/../b", "solver": "S(x='y')", "value": 1.5, "infinite": float("inf")}
+CASE = {
+    "problem": "a/../b",
+    "digest": "0",
+    "solver": "S(x='y')",
+    "model": "Coulomb",
+    "has_iterates": True,
+    "n_rows": 3,
+    "n_contacts": 1,
+    "outcome": "crashed",
+    "reason": "",
+    "traceback": "",
+    "stderr": "",
+    "wall_seconds": 0.1,
+    "peak_memory_bytes": 1,
+    "curve": {"iteration": [], "residual": []},
+    "points": [],
+    "value": 1.5,
+    "infinite": float("inf"),
+}
 
 
 @pytest.fixture
