@@ -112,7 +112,8 @@ class Store:
         return info
 
     def write_case(self, case: dict[str, Any]) -> None:
-        """Write one finished case."""
+        """Write one finished case, its names and texts as they can be shown anywhere."""
+        case = printable(case)
         _write(self._case_file(case["problem"], case["solver"]), case)
 
     def read_cases(self) -> tuple[list[dict[str, Any]], list[str]]:
