@@ -9,7 +9,7 @@ from proxbench.bench.plan import Limits
 from proxbench.problems import load
 from proxbench.problems.storage import problem_bytes
 
-LIMITS = Limits(solve_seconds=2.0, case_seconds=4.0, memory_bytes=2**29)
+LIMITS = Limits(solve_seconds=2.0, case_seconds=4.0, memory_bytes=2**28)
 
 
 def carried_out(deed: str) -> Case:
@@ -34,7 +34,7 @@ def carried_out(deed: str) -> Case:
         ("segfault", Outcome.CRASHED, "SIGSEGV"),
         ("sleep", Outcome.TIMEOUT, "4 s"),
         ("spin", Outcome.TIMEOUT, "4 s"),
-        ("allocate", Outcome.OUT_OF_MEMORY, "512 MB"),
+        ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
         ("none", Outcome.MISBEHAVED, "NoneType"),
         ("shape", Outcome.MISBEHAVED, "shape (1,)"),
         ("nan", Outcome.MISBEHAVED, "not finite"),
@@ -46,7 +46,13 @@ def test_a_fault_is_named_and_leaves_no_process(deed: str, outcome: Outcome, wor
     document = case.document()
     assert document["outcome"] == outcome
     assert words in document["reason"]
-    assert not [child for child in psutil.Process().children(recursive=True) if child.status() == "running"]
+    _, still_alive = psutil.wait_procs(processes_of_cases(), timeout=5.0)
+    assert still_alive == []
+
+
+def processes_of_cases() -> list[psutil.Process]:
+    """Return what the server of this process has forked and is still there."""
+    return [process for server in psutil.Process().children() for process in server.children(recursive=True)]
 
 
 def test_a_fault_keeps_traceback_and_output() -> None:

@@ -1,6 +1,6 @@
 """A run survives kill -9 of any of its processes at any moment, and can be finished after kill -9 of itself.
 
-PROXBENCH_KILLS is the number of kills of each kind; a full session takes 50, continuous integration a few.
+PROXBENCH_KILLS is the number of kills of each kind; without it there are a few, as continuous integration needs them.
 """
 
 import os
