@@ -10,7 +10,7 @@ appears anywhere.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -132,6 +132,14 @@ class BallSystem:
         contacts = self._contacts(centres)
         return StepAssembly(free.ravel(), self.inverse_mass, contacts)
 
+    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
+        """Return keys, ascending, and gaps [m] of the pairs, and of balls and surfaces, with a gap below ``limit``."""
+        swollen = replace(self, radii=self.radii + limit)
+        keys, _, second, gap, _ = swollen._touching(self.centres(position))
+        gap = gap + np.where(second < 0, limit, 2.0 * limit)
+        near = gap < limit
+        return keys[near], gap[near]
+
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
         keys, first, second, gap, normal = self._touching(centres)
         if not len(keys):
@@ -166,6 +174,12 @@ class BallSystem:
         second = key - stride * first
         second[second >= n] = -1
         return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
+
+    def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
+        """Return ½ uᵀ M u of each ball [J], shape (n,)."""
+        products = velocity * (velocity / self.inverse_mass.matrix.data)
+        energies: FloatArray = 0.5 * self.twists(products).sum(axis=1)
+        return energies
 
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""

@@ -14,7 +14,7 @@ FILE_WIDTH = 120
 
 _NUMBER = "[default: of the scene]"
 
-_EFFECTS = ("gravity", "friction", "restitution")
+_EFFECTS = ("gravity", "friction", "restitution", "projection")
 """Effects that are on by default, each with a --no-… beside it."""
 
 _OPTIONS = (
@@ -27,6 +27,7 @@ _OPTIONS = (
     "tangential_restitution",
     "drag",
     "spring",
+    "projection",
     "start",
 )
 """Options of scenes that the command line passes on under their own name."""
@@ -54,6 +55,8 @@ def simulate(
     tangential_restitution: Annotated[float | None, typer.Option(help="Tangential restitution, 0 to 1.")] = None,
     drag: Annotated[float | None, typer.Option(help="Add linear drag on each centre [kg/s].")] = None,
     spring: Annotated[float | None, typer.Option(help="Add springs to the middle of the cone's top [N/m].")] = None,
+    projection: Annotated[float | None, typer.Option(help="Penetration that may last, in ball radii.")] = None,
+    no_projection: Annotated[bool, typer.Option("--no-projection", help="Let penetrations last.")] = False,
     planar: Annotated[bool, typer.Option("--planar", help="Discs in a vertical plane instead of balls.")] = False,
     start: Annotated[str | None, typer.Option(help="Start of the woodpecker: published or cycle.")] = None,
     output: Annotated[Path, typer.Option(help="Result file (.npz), or the folder for it.")] = Path("results"),
@@ -62,6 +65,7 @@ def simulate(
     record: Annotated[
         Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
     ] = None,
+    chart: Annotated[Path | None, typer.Option(help="Chart to write, as CHART.svg and CHART.png.")] = None,
     plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
     progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
@@ -86,7 +90,7 @@ def simulate(
         begun = new_simulation(plan, output, force)
     with recorded(begun, record, force) as on_step, deferred_interrupts() as stop_asked, on_progress:
         advance(begun, on_step, on_progress, stop_asked)
-    return _report(begun, as_json, record)
+    return _report(begun, as_json, record, chart)
 
 
 def _chosen(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -118,20 +122,26 @@ def _refuse_contradictions(context: typer.Context) -> None:
             raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own file; leave it out.")
 
 
-def _report(simulation: Any, as_json: bool, record: Path | None) -> int:
+def _report(simulation: Any, as_json: bool, record: Path | None, chart: Path | None) -> int:
     """Print what the simulation came to; return 1 if the judge found a step unsolved."""
     from rich.console import Console
 
     from ..errors import InterruptedSimulationError
     from .table import document, print_simulation
 
+    drawn = []
+    if chart is not None and simulation.n_steps:
+        from .chart import write_chart
+
+        drawn = write_chart(simulation, chart)
     if as_json:
         print(json.dumps(document(simulation), indent=1, ensure_ascii=False))
     else:
         console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
         print_simulation(simulation, console)
         watch = "" if record is None else f"\nwatch   rerun {record}"
-        console.print(f"\nresult  {simulation.file}{watch}", soft_wrap=True, highlight=False)
+        shown = "".join(f"\nchart   {file}" for file in drawn)
+        console.print(f"\nresult  {simulation.file}{shown}{watch}", soft_wrap=True, highlight=False)
     if not simulation.is_finished:
         raise InterruptedSimulationError(simulation.file)
     return int(simulation.unsolved.any())

@@ -28,7 +28,7 @@ from .simulation import STEP, Simulation
 KIND = "proxbench simulation"
 """What a result file says it is."""
 
-FORMAT = 1
+FORMAT = 2
 """Version of the file format."""
 
 SUFFIX = ".npz"

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -28,6 +28,15 @@ class Iterates(Protocol):
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ = GΛ + c over rows, shape (n_rows,)."""
+        ...
+
+
+@runtime_checkable
+class Calming(Protocol):
+    """Iterates that can be made to move more carefully."""
+
+    def calm(self) -> bool:
+        """Move more carefully from now on; return False if that is done as far as it goes."""
         ...
 
 
@@ -61,7 +70,9 @@ class PreparedIteration:
             impulses = iterates.impulses()
             residual = self.residual(impulses, iterates.relative_velocity())
             ended = monitor.look(advance.iteration, residual, impulses)
-            if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
+            if ended is None and monitor.suspects_cycle and isinstance(iterates, Calming) and iterates.calm():
+                monitor.be_patient()
+            elif ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
                 before = impulses
                 advance.by(1)
                 previous = iterates.impulses()

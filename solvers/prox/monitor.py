@@ -90,9 +90,13 @@ class Monitor:
         """Whether it is time to compare iterates with each other."""
         return self._looks_without_progress >= CYCLE_PATIENCE
 
+    def be_patient(self) -> None:
+        """Count looks without progress from here on, because the iteration has just been changed."""
+        self._looks_without_progress = 0
+
     def cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> tuple[Status, str] | None:
         """Judge three successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2): a cycle of two, no change at all, or nothing."""
-        self._looks_without_progress = 0
+        self.be_patient()
         step = float(np.abs(newest - previous).max(initial=0.0))
         return_step = float(np.abs(newest - before).max(initial=0.0))
         if step == 0.0:
