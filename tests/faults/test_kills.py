@@ -13,7 +13,7 @@ import psutil
 import pytest
 from sandbox import Sandbox, verdicts
 
-KILLS = int(os.environ.get("PROXBENCH_KILLS", "6"))
+KILLS = int(os.environ.get("PROXBENCH_KILLS", "4"))
 
 PLAN = """
     ["hard-sticking-box", "funnel-30", "hard-tresca-joint"],
