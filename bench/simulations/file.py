@@ -75,7 +75,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     Raises:
         BenchError: if the file is missing, damaged, or no result file of a simulation.
     """
-    content = _content(path)
+    content = stored_arrays(path)
     try:
         about = json.loads(content["about"].tobytes().decode())
         is_ours = about["kind"] == KIND
@@ -92,12 +92,16 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     except ProxbenchError as error:
         raise BenchError(f"cannot go on from {path}: {error}") from None
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
-        raise _damaged(path) from None
+        raise damaged(path) from None
     return simulation
 
 
-def _content(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of any .npz file; zip holds a checksum of each, which reading compares."""
+def stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of any .npz file; zip holds a checksum of each, which reading compares.
+
+    Raises:
+        BenchError: if the file is missing, cannot be read, or is damaged.
+    """
     try:
         with path.open("rb") as file:
             if file.read(2) != b"PK":
@@ -109,12 +113,13 @@ def _content(path: Path) -> dict[str, NDArray[Any]]:
     except FileNotFoundError:
         raise BenchError(f"there is no result file {path}.") from None
     except ArchiveError:
-        raise _damaged(path) from None
+        raise damaged(path) from None
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror or error}.") from None
 
 
-def _damaged(path: Path) -> BenchError:
+def damaged(path: Path) -> BenchError:
+    """Return the error for a file that is not what was written."""
     return BenchError(f"{path} is damaged; remove it and simulate anew.")
 
 

@@ -63,7 +63,7 @@ def simulate(
 
 def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
     """Return a simulation without any step; arguments and errors as in ``simulate``."""
-    return Simulation(plan, file=None if output is None else result_file(output, plan, force))
+    return Simulation(plan, file=None if output is None else result_file(output, plan.scene.name, force))
 
 
 def resume_simulation(
@@ -114,7 +114,7 @@ def begun_simulation(
     return simulation
 
 
-def result_file(output: Path, plan: SimulationPlan, force: bool) -> Path:
+def result_file(output: Path, scene: str, force: bool) -> Path:
     """Return the result file that ``output`` names, its folder made: the file itself, or one named after the scene.
 
     Raises:
@@ -122,7 +122,7 @@ def result_file(output: Path, plan: SimulationPlan, force: bool) -> Path:
     """
     is_file = output.suffix == SUFFIX and not output.is_dir()
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    file = output if is_file else output / f"{plan.scene.name}-{stamp}{SUFFIX}"
+    file = output if is_file else output / f"{scene}-{stamp}{SUFFIX}"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         exists = file.exists()
@@ -144,7 +144,7 @@ def advance(
     if simulation.is_finished:
         return
     plan = simulation.plan
-    stepper = plan.stepper(Asked(plan.solver))
+    stepper = plan.stepper(Asked(plan.solver, plan.others))
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written

@@ -157,7 +157,7 @@ _BALLS: dict[str, Option] = {
     "drag": Option(None, "linear drag on each centre [kg/s]", can_be_off=True),
     "spring": Option(None, "spring from each centre to the middle of the cone's top [N/m]", can_be_off=True),
     "projection": Option(
-        0.01, "penetration [ball radii] to which positions are projected", lowest=1e-3, highest=1.0, can_be_off=True
+        0.02, "penetration [ball radii] to which positions are projected", lowest=1e-3, highest=1.0, can_be_off=True
     ),
     "planar": Option(False, "discs in a vertical plane instead of balls"),
 }
