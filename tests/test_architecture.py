@@ -17,7 +17,7 @@ AT_HOME = {
     "pandas": {"bench/frames.py", "bench/tables.py", "bench/charts.py"},
     "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/simulations/command.py"},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
-    "psutil": {"bench/machine.py", "bench/worker.py"},
+    "psutil": {"bench/machine.py", "bench/case_process.py", "bench/descendants.py"},
 }
 
 

@@ -8,7 +8,6 @@ Every write replaces the whole file, so whatever happens, the last complete one 
 """
 
 import json
-import zipfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.archive import ArchiveError, read_arrays
 from ...problems.errors import ProxbenchError
 from ...problems.files import replacing
 from ...problems.moreau import State
@@ -79,7 +79,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     try:
         about = json.loads(content["about"].tobytes().decode())
         is_ours = about["kind"] == KIND
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         is_ours = False
     if not is_ours:
         raise BenchError(f"{path} is no result file of a simulation; name a file that proxbench simulate wrote.")
@@ -91,7 +91,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         simulation.restore(_steps(content, len(simulation.statuses)), _state(content, plan))
     except ProxbenchError as error:
         raise BenchError(f"cannot go on from {path}: {error}") from None
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         raise damaged(path) from None
     return simulation
 
@@ -109,11 +109,10 @@ def stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
                     f"{path} is no result file of a simulation; name a file that proxbench simulate wrote."
                 )
             file.seek(0)
-            with np.load(file, allow_pickle=False) as arrays:
-                return {key: arrays[key] for key in arrays.files}
+            return read_arrays(file)
     except FileNotFoundError:
         raise BenchError(f"there is no result file {path}.") from None
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+    except ArchiveError:
         raise damaged(path) from None
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror or error}.") from None
