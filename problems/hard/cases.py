@@ -123,7 +123,7 @@ def _spheres() -> dict[str, Maker]:
         "hard-oblique-impacts-21": partial(spheres.oblique_impacts, 21, 0.5, 0.3),
         "hard-oblique-impacts-1001": partial(spheres.oblique_impacts, 1001, 0.9, 2.0),
         "hard-scattered-100": partial(spheres.scattered, 100),
-        "hard-scattered-5000": partial(spheres.scattered, 5000),
+        "hard-scattered-3000": partial(spheres.scattered, 3000),
     }
 
 

@@ -50,7 +50,7 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     The ground has ``friction`` μ, all other contacts 2 μ. Normals and tangents do not influence each other; the normals
     carry what lies above, Λ_N,k = g Δt Σ_{j≥k} m_j, and with them given the tangential impulses are the only minimiser
     of a strictly convex function: Λ_T,k = −μ Λ_N,k (3, 4)/5 everywhere slows all blocks alike, so the ground slips at
-    1 m/s − μ g Δt and all others stick.
+    1 m/s − μ g Δt and all others stick. A residual ρ is ρ m/s at each contact, 100 n ρ of what the weights need.
     """
     n, direction = len(masses), np.array([0.6, 0.8])
     column = np.eye(n) - np.eye(n, k=1)
@@ -69,7 +69,7 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
         directions.T @ motion,
         coefficient,
         free_motion=motion,
-        answer=Answer(impulses=(impulses,), velocity=velocity),
+        answer=Answer(impulses=(impulses,), velocity=velocity, sensitivity=200.0 * n),
     )
 
 

@@ -91,7 +91,8 @@ def chimney(friction: float) -> ContactProblem:
 def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     """Return a point mass of 1 kg on ``n`` planar contacts whose normals lie within ±``angle`` [rad] of the vertical.
 
-    The normals bear it alone, so ξ = 0 whatever the friction; Σ of all impulses is (0, m g Δt).
+    The normals bear it alone, so ξ = 0 whatever the friction; Σ of all impulses is (0, m g Δt). Sideways the normals
+    act by their tilt only, so that a residual says little about it: the sensitivity is n over ``angle``.
     """
     tilt = np.linspace(-angle, angle, n)
     directions = np.zeros((2, 2 * n))
@@ -101,9 +102,9 @@ def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     values = np.array([0.0, WEIGHT])
     if friction == 0.0:
         normals = directions[:, 0::2]
-        answer = Answer(velocity=np.zeros(n), functionals=normals, values=values)
+        answer = Answer(velocity=np.zeros(n), functionals=normals, values=values, sensitivity=n / angle)
         return ContactProblem.from_factors(normals, np.ones(2), normals.T @ motion, dim=1, answer=answer)
-    answer = Answer(velocity=np.zeros(2 * n), functionals=directions, values=values)
+    answer = Answer(velocity=np.zeros(2 * n), functionals=directions, values=values, sensitivity=n / angle)
     return ContactProblem.from_factors(
         directions, np.ones(2), directions.T @ motion, friction, dim=2, free_motion=motion, answer=answer
     )
