@@ -19,7 +19,7 @@ _HARD = (
     "hard-zero-directions",
     "hard-touching",
     "hard-groove-mu10",
-    "hard-three-solutions",
+    "hard-painleve-jam",
     "hard-tower-in-um-mg",
 )
 

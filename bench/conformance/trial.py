@@ -35,10 +35,13 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
     """Solve ``problem``, which the solver supports.
 
     Raises:
-        Violation: if the result is none, is not finite, claims more than the judge of the solver's model confirms, or
-            contradicts what is known about the problem.
+        Violation: if the problem is written to, or the result is none, is not finite, claims more than the judge of
+            the solver's model confirms, or contradicts what is known about the problem.
     """
+    digest = problem.fresh().digest
     solution = solver.prepare(problem).solve(stop, start=start)
+    if problem.fresh().digest != digest:
+        raise Violation(f"it changed the numbers of {problem.name}; copy what it writes to.")
     fault = solution_fault(problem, solution)
     if fault:
         raise Violation(f"on {problem.name}: {fault}.")
