@@ -10,7 +10,7 @@ appears anywhere.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -131,6 +131,14 @@ class BallSystem:
             free[:, : self.dimension] += seconds * acceleration(centres, translation, self.masses)
         contacts = self._contacts(centres)
         return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+
+    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
+        """Return keys, ascending, and gaps [m] of the pairs, and of balls and surfaces, with a gap below ``limit``."""
+        swollen = replace(self, radii=self.radii + limit)
+        keys, _, second, gap, _ = swollen._touching(self.centres(position))
+        gap = gap + np.where(second < 0, limit, 2.0 * limit)
+        near = gap < limit
+        return keys[near], gap[near]
 
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
         keys, first, second, gap, normal = self._touching(centres)

@@ -64,6 +64,10 @@ class System(Protocol):
         """Linearise at q_M for a step of ``seconds`` that begins with ``velocity``."""
         ...
 
+    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
+        """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``, which is not negative."""
+        ...
+
 
 @dataclass(eq=False)
 class MechanicalSystem:
@@ -79,6 +83,8 @@ class MechanicalSystem:
         restitution_normal: ε_N of each contact, shape (n_contacts,).
         restitution_tangential: ε_T of each contact, shape (n_contacts,).
         rows_per_contact: 1, 2 or 3.
+        is_reversible: whether M and W are constant and h depends on q alone. The midpoint rule is symmetric then, and
+            its error in smooth phases has even powers of Δt only, which extrapolation makes use of.
 
     Raises:
         ProblemError: for restitution outside [0, 1], or arrays of unequal length.
@@ -92,6 +98,7 @@ class MechanicalSystem:
     restitution_normal: ArrayLike
     restitution_tangential: ArrayLike
     rows_per_contact: int = 2
+    is_reversible: bool = False
     _inverse: tuple[FloatArray, FloatArray, InverseMass] | None = field(default=None, init=False, repr=False)
     _laws: dict[bytes, tuple[IntArray, IntArray, Laws, FloatArray]] = field(
         default_factory=dict, init=False, repr=False
@@ -110,7 +117,11 @@ class MechanicalSystem:
         return position + seconds * velocity
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Linearise at q_M: M(q_M), h(q_M, u_B), and W(q_M) of the contacts with g(q_M) < 0."""
+        """Linearise at q_M: M(q_M), h(q_M, u_B), and W(q_M) of the contacts with g(q_M) < 0.
+
+        Raises:
+            ProblemError: if M is not positive definite there, or W has another shape than u and the contacts ask for.
+        """
         inverse, sparse_inverse = self._inverse_mass(midpoint)
         free_motion = velocity + inverse @ self.force(midpoint, velocity) * seconds
         gap = self.gap(midpoint)
@@ -118,9 +129,25 @@ class MechanicalSystem:
         if not active.any():
             return StepAssembly(free_motion, sparse_inverse, None)
         keys, rows, laws, restitution = self._active_laws(active)
-        directions = _one_chunk(self.directions(midpoint)[:, rows], self.rows_per_contact)
+        directions = _one_chunk(self._directions(midpoint)[:, rows], self.rows_per_contact)
         contacts = ActiveContacts(keys, gap[active], laws, directions, restitution, self.rows_per_contact)
         return StepAssembly(free_motion, sparse_inverse, contacts)
+
+    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
+        """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``."""
+        gap = self.gap(position)
+        near = gap < limit
+        return np.flatnonzero(near), gap[near]
+
+    def _directions(self, position: FloatArray) -> FloatArray:
+        directions = self.directions(position)
+        shape = (len(position), self.rows_per_contact * len(np.asarray(self.friction)))
+        if directions.shape != shape:
+            raise ProblemError(
+                f"the directions W(q) have shape {directions.shape}, not {shape}: one row for each velocity, and "
+                f"{self.rows_per_contact} columns for each contact."
+            )
+        return directions
 
     def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, InverseMass]:
         mass = self.mass(position)

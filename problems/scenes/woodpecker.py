@@ -25,6 +25,9 @@ PERIOD = 0.14597606514375183
 DESCENT = 0.019445379284716507
 """Descent in one limit cycle [m]."""
 
+OVERLAP = 1e-12
+"""Depth [m] at which a start in contact is taken for closed; it turns the sleeve by 2e-10 rad."""
+
 _MASS = np.array(
     [
         [BIRD_MASS + SLEEVE_MASS, BIRD_MASS * SPRING_ARM, BIRD_MASS * BIRD_ARM],
@@ -79,6 +82,7 @@ def woodpecker(
         restitution_normal=(beak_restitution, *RESTITUTION[1:]),
         restitution_tangential=np.zeros(3),
         rows_per_contact=1 if friction is None else 2,
+        is_reversible=True,
     )
 
 
@@ -99,7 +103,12 @@ def published_start() -> State:
     return State(0.0, np.array([0.0, -0.1036, -0.2788]), np.array([-0.3411, 0.0, -7.4583]))
 
 
-def section_start() -> State:
-    """Return the state of the limit cycle in which the lower edge of the sleeve begins to slip."""
-    jammed = -(SLEEVE_RADIUS - POLE_RADIUS) / SLEEVE_HALF_HEIGHT
+def section_start(overlap: float = 0.0) -> State:
+    """Return the state of the limit cycle in which the lower edge of the sleeve begins to slip.
+
+    Args:
+        overlap: depth [m] of that edge in the pole. At 0 the gap vanishes up to rounding, which decides whether the
+            first steps find the contact closed; ``OVERLAP`` settles it.
+    """
+    jammed = -(SLEEVE_RADIUS - POLE_RADIUS + overlap) / SLEEVE_HALF_HEIGHT
     return State(0.0, np.array([0.0, jammed, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))
