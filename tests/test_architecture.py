@@ -15,7 +15,7 @@ AT_HOME = {
     "vl_convert": {"bench/charts.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {"bench/frames.py", "bench/tables.py", "bench/charts.py"},
-    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/simulations/command.py"},
+    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/matrix_command.py", "bench/simulations/command.py"},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/machine.py", "bench/worker.py"},
 }
