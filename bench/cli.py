@@ -231,7 +231,6 @@ _STORED_WITH_THE_RUN = (
     "solve_seconds",
     "case_seconds",
     "memory",
-    "plugin",
 )
 """Options that --resume takes from the stored run."""
 

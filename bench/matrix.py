@@ -7,7 +7,6 @@ crash or hang without harm. The judge sees every result.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from ..solvers.registry import available, create
 from .measure import MisbehaviourError, solution_fault
 from .outcome import FAULTS, Outcome, point_outcome
 from .plan import DEFAULT_SOLVERS
-from .worker import Fault, Worker, working_folder
+from .worker import Fault, Worker
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""
@@ -90,15 +89,14 @@ def measured_matrix(
     """
     taken, made = {name: load(name) for name in problems}, [create(name) for name in solvers]
     cells = []
-    with working_folder() as folder:
-        for solver in made:
-            process = _Process(solver, stop.max_seconds + PREPARING_SECONDS, memory_bytes, Path(folder))
-            try:
-                for name, problem in taken.items():
-                    cells.append(_cell(process, name, problem, stop))
-                    on_cell(cells[-1])
-            finally:
-                process.close()
+    for solver in made:
+        process = _Process(solver, stop.max_seconds + PREPARING_SECONDS, memory_bytes)
+        try:
+            for name, problem in taken.items():
+                cells.append(_cell(process, name, problem, stop))
+                on_cell(cells[-1])
+        finally:
+            process.close()
     return cells
 
 
@@ -149,12 +147,11 @@ class _Process:
     solver: Solver
     seconds: float
     memory_bytes: int
-    folder: Path
     _worker: Worker | None = None
 
     def ask(self, *arguments: Any) -> tuple[dict[str, Any], FloatArray]:
         if self._worker is None:
-            self._worker = Worker(SolvingTask(self.solver), self.seconds, self.memory_bytes, self.folder)
+            self._worker = Worker(SolvingTask(self.solver), self.seconds, self.memory_bytes)
         self._worker.busy_seconds = 0.0
         try:
             return self._worker.ask("solve", *arguments)

@@ -1,5 +1,6 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -278,5 +279,7 @@ def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, An
 
 def _markdown(shown: pd.DataFrame) -> str:
     rows = [[str(column).replace("\n", " ") for column in shown.columns], ["---"] * len(shown.columns)]
-    rows += [[str(value).replace("|", r"\|") for value in row] for row in shown.itertuples(index=False)]
+    rows += [
+        [escape(str(value), quote=False).replace("|", r"\|") for value in row] for row in shown.itertuples(index=False)
+    ]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)

@@ -175,6 +175,12 @@ class BallSystem:
         second[second >= n] = -1
         return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
 
+    def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
+        """Return ½ uᵀ M u of each ball [J], shape (n,)."""
+        products = velocity * (velocity / self.inverse_mass.matrix.data)
+        energies: FloatArray = 0.5 * self.twists(products).sum(axis=1)
+        return energies
+
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))

@@ -68,6 +68,11 @@ class InverseMass:
         product: FloatArray = self.matrix.data * vector if self.is_diagonal else self.matrix @ vector
         return product
 
+    def root_times(self, vector: FloatArray) -> FloatArray:
+        """Return S x, M⁻¹ = S Sᵀ, shape (n_dofs,)."""
+        product: FloatArray = self.root.data * vector if self.is_diagonal else self.root @ vector
+        return product
+
     def root_blocks(self, length: int) -> FloatArray | None:
         """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them, None if it has other entries."""
         if length not in self._root_blocks:

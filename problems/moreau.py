@@ -6,6 +6,8 @@ From t_B to t_E = t_B + Δt:
     G = Wᵀ M⁻¹ W,   c = (I + ε) Wᵀ u_B + Wᵀ M⁻¹ h Δt       at q_M, for the contacts with g(q_M) < 0
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
+
+Penetrations that last may be moved back to an allowed depth at the end of each step (see ``projection``).
 """
 
 from collections.abc import Iterator
@@ -19,6 +21,7 @@ from .contact import ContactProblem
 from .errors import ProblemError
 from .factors import Factors
 from .laws import FloatArray, IntArray
+from .projection import projection
 from .system import ActiveContacts, StepAssembly, System
 
 
@@ -80,9 +83,11 @@ class Moreau:
         stop: the stop criterion handed to the solver at each step.
         time_step: Δt [s], positive.
         warm_start: start each solve from the last step's impulses, contact by contact.
+        depth: penetration [m] beyond which active contacts are moved apart at the end of a step (see ``projection``);
+            None for the rule as it stands, in which a penetration lasts as long as its contact.
 
     Raises:
-        ProblemError: if Δt is not positive.
+        ProblemError: if Δt or the depth is not positive.
     """
 
     system: System
@@ -90,10 +95,13 @@ class Moreau:
     stop: Any
     time_step: float
     warm_start: bool = True
+    depth: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.time_step < np.inf:
             raise ProblemError(f"time_step must be positive, got {self.time_step}.")
+        if self.depth is not None and not 0.0 < self.depth < np.inf:
+            raise ProblemError(f"depth must be positive, got {self.depth}.")
 
     def step(self, state: State) -> Step:
         """Take one step."""
@@ -111,8 +119,27 @@ class Moreau:
         solution = self.solver.prepare(problem).solve(self.stop, start)
         velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.directions.times(solution.impulses))
         held = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
-        end = State(time, self.system.move(midpoint, velocity, half), velocity, contacts.keys, held)
+        position = self.system.move(midpoint, velocity, half)
+        if self.depth is not None:
+            position = self._projected(position, velocity, problem, contacts, self.depth)
+        end = State(time, position, velocity, contacts.keys, held)
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
+
+    def _projected(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        problem: ContactProblem,
+        contacts: ActiveContacts,
+        depth: float,
+    ) -> FloatArray:
+        """Return q_E moved to where no active contact is deeper than ``depth``."""
+        factors = problem.factors
+        assert factors is not None
+        approach = contacts.directions.transposed_times(velocity)[:: contacts.rows_per_contact]
+        gap = contacts.gap + 0.5 * self.time_step * approach
+        moved = projection(problem.factor_pieces(), gap, depth)
+        return position if moved is None else self.system.move(position, factors.inverse_mass.root_times(moved), 1.0)
 
     def steps(self, state: State, count: int) -> Iterator[Step]:
         """Yield ``count`` successive steps from ``state``."""

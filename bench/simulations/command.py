@@ -14,7 +14,7 @@ FILE_WIDTH = 120
 
 _NUMBER = "[default: of the scene]"
 
-_EFFECTS = ("gravity", "friction", "restitution")
+_EFFECTS = ("gravity", "friction", "restitution", "projection")
 """Effects that are on by default, each with a --no-… beside it."""
 
 _OPTIONS = (
@@ -27,17 +27,21 @@ _OPTIONS = (
     "tangential_restitution",
     "drag",
     "spring",
+    "projection",
     "start",
 )
 """Options of scenes that the command line passes on under their own name."""
 
-_NUMBERS = ("step_size", "solver", "tolerance", "max_iterations")
+_NUMBERS = ("step_size", "stepper", "solver", "tolerance", "max_iterations")
 
 
 def simulate(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(help="funnel, pile or woodpecker; with --resume it may be left out.")] = "",
     step_size: Annotated[float | None, typer.Option(help=f"Time step [s]. {_NUMBER}")] = None,
+    stepper: Annotated[
+        str | None, typer.Option(help="Moreau (fixed step), Extrapolated(tolerance=1e-8) or StepDoubling. " + _NUMBER)
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time [s]; with --resume, a longer one.")] = None,
     solver: Annotated[str | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5).")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Judged residual that each step shall reach.")] = None,
@@ -54,6 +58,8 @@ def simulate(
     tangential_restitution: Annotated[float | None, typer.Option(help="Tangential restitution, 0 to 1.")] = None,
     drag: Annotated[float | None, typer.Option(help="Add linear drag on each centre [kg/s].")] = None,
     spring: Annotated[float | None, typer.Option(help="Add springs to the middle of the cone's top [N/m].")] = None,
+    projection: Annotated[float | None, typer.Option(help="Penetration that may last, in ball radii.")] = None,
+    no_projection: Annotated[bool, typer.Option("--no-projection", help="Let penetrations last.")] = False,
     planar: Annotated[bool, typer.Option("--planar", help="Discs in a vertical plane instead of balls.")] = False,
     start: Annotated[str | None, typer.Option(help="Start of the woodpecker: published or cycle.")] = None,
     output: Annotated[Path, typer.Option(help="Result file (.npz), or the folder for it.")] = Path("results"),
@@ -62,13 +68,18 @@ def simulate(
     record: Annotated[
         Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
     ] = None,
+    chart: Annotated[Path | None, typer.Option(help="Chart to write, as CHART.svg and CHART.png.")] = None,
     plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
     progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
 ) -> int:
-    """Simulate a scene step by step; print a table per 0.1 s, and store every step in a file that can be resumed."""
+    """Simulate a scene step by step; print a table per 0.1 s, or of the switching incidents where the step is variable.
+
+    Every step is stored in a file that can be resumed.
+    """
     from rich.console import Console
 
+    from ..variable.command import Request, run_variable, wants_variable
     from .interrupts import deferred_interrupts
     from .live import LiveSummary
     from .plan import make_simulation_plan
@@ -77,6 +88,10 @@ def simulate(
 
     options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
+    if wants_variable(scene, numbers, resume):
+        asked = Request(scene, options, numbers, duration, output, force, resume, record, chart)
+        return run_variable(asked, as_json, progress)
+    numbers.pop("stepper", None)
     on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
     if resume is not None:
         given = {**({"scene": scene} if scene else {}), **numbers, **options}
@@ -86,7 +101,7 @@ def simulate(
         begun = new_simulation(plan, output, force)
     with recorded(begun, record, force) as on_step, deferred_interrupts() as stop_asked, on_progress:
         advance(begun, on_step, on_progress, stop_asked)
-    return _report(begun, as_json, record)
+    return _report(begun, as_json, record, chart)
 
 
 def _chosen(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -118,20 +133,26 @@ def _refuse_contradictions(context: typer.Context) -> None:
             raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own file; leave it out.")
 
 
-def _report(simulation: Any, as_json: bool, record: Path | None) -> int:
+def _report(simulation: Any, as_json: bool, record: Path | None, chart: Path | None) -> int:
     """Print what the simulation came to; return 1 if the judge found a step unsolved."""
     from rich.console import Console
 
     from ..errors import InterruptedSimulationError
     from .table import document, print_simulation
 
+    drawn = []
+    if chart is not None and simulation.n_steps:
+        from .chart import write_chart
+
+        drawn = write_chart(simulation, chart)
     if as_json:
         print(json.dumps(document(simulation), indent=1, ensure_ascii=False))
     else:
         console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
         print_simulation(simulation, console)
         watch = "" if record is None else f"\nwatch   rerun {record}"
-        console.print(f"\nresult  {simulation.file}{watch}", soft_wrap=True, highlight=False)
+        shown = "".join(f"\nchart   {file}" for file in drawn)
+        console.print(f"\nresult  {simulation.file}{shown}{watch}", soft_wrap=True, highlight=False)
     if not simulation.is_finished:
         raise InterruptedSimulationError(simulation.file)
     return int(simulation.unsolved.any())

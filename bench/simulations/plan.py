@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from ...problems.moreau import ContactSolver, Moreau
 from ...problems.scenes.registry import SCENES, Scene, make_scene
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import create
@@ -17,8 +18,14 @@ class _Default(NamedTuple):
     max_iterations: int
 
 
-_MANY_CONTACTS = _Default("SORprox(relaxation=1.5, form='factors')", 1e-4, 2000)
-"""The fastest way to the usual accuracy on hundreds of contacts and more."""
+_MANY_CONTACTS = _Default("SORprox(relaxation=1.1, form='factors', momentum=0.8)", 1e-4, 20_000)
+"""The fastest way to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
+
+_OTHERS = (
+    "SORprox(relaxation=0.9, form='factors', momentum=0.9)",
+    "SORprox(relaxation=0.7, form='factors', momentum=0.5)",
+)
+"""What solves most of the steps that this does not, and what solves most of the rest, slowly."""
 
 _DEFAULTS = {"woodpecker": _Default("SORprox", 1e-10, 5000)}
 """Scenes with few contacts afford more accuracy, and need no relaxation above 1."""
@@ -53,6 +60,18 @@ class SimulationPlan:
     def stop(self) -> Stop:
         """The stop criterion of each step; a limit of time would make the motion depend on how busy the machine is."""
         return Stop(self.tolerance, self.max_iterations, math.inf)
+
+    @property
+    def others(self) -> tuple[Solver, ...]:
+        """Solvers for steps in which the solver falls short; one that somebody has chosen is asked alone."""
+        if self.solver.name != create(_MANY_CONTACTS.solver).name:
+            return ()
+        return tuple(create(name) for name in _OTHERS)
+
+    def stepper(self, solver: ContactSolver | None = None) -> Moreau:
+        """Return what takes the steps, with ``solver`` in place of the plan's."""
+        scene = self.scene
+        return Moreau(scene.system, solver or self.solver, self.stop, self.step_size, depth=scene.depth)
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plain values, from which ``plan_from`` makes it again."""

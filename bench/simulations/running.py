@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ...problems.contact import ContactProblem
 from ...problems.errors import ProxbenchError
 from ...problems.judge import Residual
 from ...problems.moreau import Moreau, Step
-from ...solvers.interface import Prepared, Solver
+from ...solvers.interface import Solver
 from ..errors import BenchError
+from .asking import Asked
 from .file import SUFFIX, read_simulation, write_simulation
 from .plan import SimulationPlan, check_agreement, prolonged
 from .simulation import NO_CONTACT, Simulation
@@ -21,6 +21,9 @@ OnStep = Callable[[int, Step], None]
 
 OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation as far as it has come."""
+
+ENERGIES = slice(5, 7)
+"""Where a row has them."""
 
 CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file."""
@@ -60,7 +63,7 @@ def simulate(
 
 def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
     """Return a simulation without any step; arguments and errors as in ``simulate``."""
-    return Simulation(plan, file=None if output is None else result_file(output, plan, force))
+    return Simulation(plan, file=None if output is None else result_file(output, plan.scene.name, force))
 
 
 def resume_simulation(
@@ -111,7 +114,7 @@ def begun_simulation(
     return simulation
 
 
-def result_file(output: Path, plan: SimulationPlan, force: bool) -> Path:
+def result_file(output: Path, scene: str, force: bool) -> Path:
     """Return the result file that ``output`` names, its folder made: the file itself, or one named after the scene.
 
     Raises:
@@ -119,7 +122,7 @@ def result_file(output: Path, plan: SimulationPlan, force: bool) -> Path:
     """
     is_file = output.suffix == SUFFIX and not output.is_dir()
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    file = output if is_file else output / f"{plan.scene.name}-{stamp}{SUFFIX}"
+    file = output if is_file else output / f"{scene}-{stamp}{SUFFIX}"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         exists = file.exists()
@@ -141,7 +144,7 @@ def advance(
     if simulation.is_finished:
         return
     plan = simulation.plan
-    stepper = Moreau(plan.scene.system, _Asked(plan.solver), plan.stop, plan.step_size)
+    stepper = plan.stepper(Asked(plan.solver, plan.others))
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
@@ -175,7 +178,7 @@ def _take_step(simulation: Simulation, stepper: Moreau, on_step: Sequence[OnStep
         raise _failure(simulation, f"{type(error).__name__}: {error}") from error
     seconds = time.perf_counter() - began
     row = _row(simulation, step, seconds)
-    if not (math.isfinite(row[5]) and math.isfinite(row[6])):
+    if not all(map(math.isfinite, row[ENERGIES])):
         raise _failure(simulation, "the motion is no longer finite")
     simulation.append(row, step.state)
     for call in on_step:
@@ -194,6 +197,7 @@ def _row(simulation: Simulation, step: Step, seconds: float) -> tuple[float, ...
     """Return the values of one step in the order of ``STEP``."""
     scene, state = simulation.plan.scene, step.state
     contacts = step.contacts
+    depth, impact = _depths(simulation, step)
     return (
         state.time,
         0 if contacts is None else len(contacts.keys),
@@ -202,10 +206,25 @@ def _row(simulation: Simulation, step: Step, seconds: float) -> tuple[float, ...
         simulation.statuses.index(NO_CONTACT if step.status is None else step.status),
         scene.kinetic_energy(state.velocity),
         scene.potential_energy(state.position),
-        0.0 if contacts is None else -float(contacts.gap.min()) / scene.length,
+        depth / scene.length,
+        impact / scene.length,
         -1 if scene.balls_through is None else scene.balls_through(state.position),
+        0.0 if scene.agitation is None else scene.agitation(state.position, state.velocity),
         seconds,
     )
+
+
+def _depths(simulation: Simulation, step: Step) -> tuple[float, float]:
+    """Return the deepest penetration [m] of the state in which the step began, and that at its midpoint.
+
+    What is in contact at the midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
+    """
+    contacts = step.contacts
+    if contacts is None:
+        return 0.0, 0.0
+    way = 0.5 * simulation.plan.step_size * contacts.directions.transposed_times(simulation.state.velocity)
+    before = contacts.gap - way[:: contacts.rows_per_contact]
+    return max(0.0, -float(before.min())), -float(contacts.gap.min())
 
 
 def judged_residual(step: Step) -> float:
@@ -214,16 +233,3 @@ def judged_residual(step: Step) -> float:
     if problem is None:
         return 0.0
     return Residual(problem)(step.impulses, problem.relative_velocity(step.impulses))
-
-
-class _Asked:
-    """A solver that is asked, step by step, whether it can treat the problem."""
-
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
-
-    def prepare(self, problem: ContactProblem) -> Prepared:
-        reason = self._solver.supports(problem)
-        if reason:
-            raise BenchError(f"it cannot treat this step: {reason}")
-        return self._solver.prepare(problem)

@@ -1,6 +1,7 @@
 """A simulation as far as it has come: one row of numbers for each step, and the last state."""
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,22 @@ STEP = np.dtype(
         ("kinetic_energy", "<f8"),
         ("potential_energy", "<f8"),
         ("penetration", "<f8"),
+        ("impact_depth", "<f8"),
         ("balls_through", "<i4"),
+        ("agitation", "<f8"),
         ("seconds", "<f8"),
     ]
 )
 """One step: its end [s]; active contacts; iterations of the solver; the judge's residual; an index into the statuses;
-energies [J] at its end; deepest penetration over the length of the scene, at its midpoint; balls that have left through
-the outlet, −1 where there is none; wall time of the step [s]."""
+energies [J] at its end; deepest penetration over the length of the scene, in the state where it begins and at its
+midpoint, where contacts are found; balls that have left through the outlet, −1 where there is none; mean kinetic energy
+of the others over m g r; wall time of the step [s]."""
+
+JAM_SECONDS = 0.25
+"""Simulated time of rest after which a funnel counts as jammed; a ball falls through thirty radii in it."""
+
+JAM_AGITATION = 1e-4
+"""A pile rests while its balls move with less than this kinetic energy over m g r, on average."""
 
 NO_CONTACT = "no contact"
 """Status of a step in which no solver was asked."""
@@ -37,6 +47,15 @@ STATUSES = (NO_CONTACT, *(status.value for status in Status))
 
 SLACK = 1.001
 """A step counts as solved up to this many tolerances: solver and judge sum relative velocities in different orders."""
+
+
+class Ending(StrEnum):
+    """Why a simulation is over."""
+
+    DURATION = "duration"
+    EMPTIED = "emptied"
+    JAMMED = "jammed"
+    STOPPED = "stopped"
 
 
 @dataclass(eq=False)
@@ -77,8 +96,33 @@ class Simulation:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the duration of the plan is reached."""
-        return self.n_steps >= self.plan.n_steps
+        """Whether nothing is left to simulate: the duration is over, the last ball through, or the outlet jammed."""
+        return self.ending is not Ending.STOPPED
+
+    @property
+    def ending(self) -> "Ending":
+        """Why the simulation is over, or that it is not."""
+        if self._is_emptied:
+            return Ending.EMPTIED
+        if self._is_jammed:
+            return Ending.JAMMED
+        return Ending.DURATION if self.n_steps >= self.plan.n_steps else Ending.STOPPED
+
+    @property
+    def _is_emptied(self) -> bool:
+        has_outlet = self.plan.scene.balls_through is not None and self.n_steps > 0
+        return has_outlet and bool(self.steps["balls_through"][-1] == self.plan.scene.n_balls)
+
+    @property
+    def _is_jammed(self) -> bool:
+        """Whether balls are left above the outlet, and have rested there, none leaving, for ``JAM_SECONDS``."""
+        steps = self.steps
+        if self.plan.scene.balls_through is None or not len(steps) or steps["agitation"][-1] > JAM_AGITATION:
+            return False
+        since = int(np.searchsorted(steps["time"], steps["time"][-1] - JAM_SECONDS, side="right"))
+        last = steps[since:]
+        rested = since > 0 and bool((last["agitation"] <= JAM_AGITATION).all())
+        return rested and bool(last["balls_through"][0] == last["balls_through"][-1])
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from .simulation import Simulation
+from .simulation import Ending, Simulation
 
 WINDOW_SECONDS = 0.1
 """Simulated time that one row of the table is about."""
@@ -29,7 +29,8 @@ class Window:
         step_milliseconds: wall time of a step [ms], mean.
         residual: the judge's, largest.
         unsolved: steps that the judge does not find solved to the tolerance.
-        penetration: deepest, over the length of the scene.
+        penetration: deepest of a state, over the length of the scene.
+        impact_depth: deepest at a midpoint, where contacts are found, over the same.
         energy: kinetic and potential at their end [J].
         balls_through: balls that have left by their end, None where there is no outlet.
     """
@@ -42,6 +43,7 @@ class Window:
     residual: float
     unsolved: int
     penetration: float
+    impact_depth: float
     energy: float
     balls_through: int | None
 
@@ -66,6 +68,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
     worst = int(np.argmax(steps["residual"])) if len(steps) else 0
     return {
         "finished": simulation.is_finished,
+        "ended": simulation.ending.value,
         "steps": simulation.n_steps,
         "simulated_seconds": seconds,
         "wall_seconds": simulation.wall_seconds,
@@ -77,6 +80,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "largest_residual": finite(whole.residual) if whole else 0.0,
         "largest_residual_time": float(steps["time"][worst]) if whole else None,
         "deepest_penetration": whole.penetration if whole else 0.0,
+        "deepest_impact": whole.impact_depth if whole else 0.0,
         "largest_contacts": int(steps["contacts"].max(initial=0)),
         "balls_through": whole.balls_through if whole else None,
     }
@@ -104,7 +108,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     console.print(Text(f"{scene.name} · {plan.solver.name} · Δt {plan.step_size:g} s", style="bold"))
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
     has_outlet = scene.balls_through is not None
-    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "E [J]"]
+    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "impact/r", "E [J]"]
     for head in [*heads, *(["through"] if has_outlet else [])]:
         table.add_column(Text(head), justify="right", no_wrap=True)  # a string would be read as markup
     for window in windows(simulation):
@@ -116,6 +120,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
             Text(f"{window.residual:.0e}"),
             Text(str(window.unsolved or "–"), style="bold red" if window.unsolved else ""),
             Text(f"{window.penetration:.4f}"),
+            Text(f"{window.impact_depth:.4f}"),
             Text(f"{window.energy:.4g}"),
         ]
         table.add_row(*cells, *([Text(str(window.balls_through))] if has_outlet else []))
@@ -137,8 +142,9 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         f"{total['wall_per_simulated_second']:.3g} s per simulated second",
         "bold",
     )
-    if not total["finished"]:
-        yield f"stopped before its end at {simulation.plan.duration:g} s", "yellow"
+    ending = _ending(simulation)
+    if ending:
+        yield ending
     tolerance = simulation.plan.tolerance
     if not total["unsolved_steps"]:
         yield f"every step is solved to {tolerance:.0e}, by the judge", "green"
@@ -155,6 +161,19 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"  the solver says: {simulation.statuses[status]}, {count} times", "red"
 
 
+def _ending(simulation: Simulation) -> tuple[str, str] | None:
+    """Return why the simulation ended before its duration was over, with a style; None if it did not."""
+    seconds, n_balls = f"{simulation.state.time:.4g} s", simulation.plan.scene.n_balls
+    if simulation.ending is Ending.EMPTIED:
+        return f"emptied: all {n_balls} balls are through the outlet after {seconds}", "green"
+    if simulation.ending is Ending.JAMMED:
+        left = n_balls - int(simulation.steps["balls_through"][-1])
+        return f"jammed at {seconds}: {left} of {n_balls} balls rest above the outlet and none passes", "bold yellow"
+    if simulation.ending is Ending.STOPPED:
+        return f"stopped before its end at {simulation.plan.duration:g} s", "yellow"
+    return None
+
+
 def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
     steps = simulation.steps[part]
     last = steps[-1]
@@ -167,6 +186,7 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
         residual=float(steps["residual"].max()),
         unsolved=unsolved,
         penetration=float(steps["penetration"].max()),
+        impact_depth=float(steps["impact_depth"].max()),
         energy=float(last["kinetic_energy"] + last["potential_energy"]),
         balls_through=None if simulation.plan.scene.balls_through is None else int(last["balls_through"]),
     )

@@ -27,6 +27,7 @@ JITTER = 0.05
 DROP_SPEED = 1.0
 TIME_STEP = 5e-4
 WALL_TOP = 1e3
+STANDARD_GRAVITY = 9.81
 
 STANDARD_EFFECTS: tuple[Effect, ...] = (Gravity(9.81), Friction(0.3), Restitution(0.3, 0.0))
 """The effects of the paper's example."""
@@ -82,10 +83,25 @@ class Funnel:
         """Return how many balls of q, shape (n_balls · d,), have their centre below the outlet."""
         return int(np.count_nonzero(position[self._dimension - 1 :: self._dimension] < 0.0))
 
+    def agitation(self, position: FloatArray, velocity: FloatArray) -> float:
+        """Return the mean kinetic energy of the balls above the outlet over m g r; 0 if all are through.
+
+        At 1, they could rise by a radius; a pile whose value is 1e-4 moves at less than 5 mm/s.
+        """
+        above = position[self._dimension - 1 :: self._dimension] >= 0.0
+        if not above.any():
+            return 0.0
+        energies = self._still_system.kinetic_energies(velocity)
+        return float(energies[above].mean()) / (MASS * STANDARD_GRAVITY * RADIUS)
+
     def potential_energy(self, position: FloatArray) -> float:
         """Return V [J] of the effects at q, shape (n_balls · d,); weight counts from the outlet."""
         centres = position.reshape(self.n_balls, self._dimension)
         return sum(effect.potential_energy(centres, self._masses) for effect in self._conservative)
+
+    @cached_property
+    def _still_system(self) -> BallSystem:
+        return self.system()
 
     @cached_property
     def _conservative(self) -> tuple[Conservative, ...]:

@@ -26,6 +26,9 @@ from .woodpecker import (
     woodpecker,
 )
 
+POUR_SECONDS = 5.0
+"""Time that a thousand balls have to leave through the outlet [s]; a pour ends earlier when all are through."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -42,6 +45,9 @@ class Scene:
         kinetic_energy: u ↦ T [J].
         potential_energy: q ↦ V [J].
         balls_through: q ↦ how many balls have left through the outlet, None where there is no outlet.
+        agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
+        n_balls: number of balls, 0 where there are none.
+        depth: penetration [m] to which positions are projected, None where they are not.
     """
 
     name: str
@@ -54,6 +60,9 @@ class Scene:
     kinetic_energy: Callable[[FloatArray], float]
     potential_energy: Callable[[FloatArray], float]
     balls_through: Callable[[FloatArray], int] | None = None
+    agitation: Callable[[FloatArray, FloatArray], float] | None = None
+    n_balls: int = 0
+    depth: float | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,7 @@ def _funnel(name: str, options: Mapping[str, Any]) -> Scene:
     # a pile is a funnel without the option of an outlet: it is closed
     funnel = Funnel(options["balls"], _effects(options), options.get("outlet", 0.0), options["seed"])
     system = funnel.system()
+    has_outlet, projection = bool(options.get("outlet")), options["projection"]
     return Scene(
         name,
         options,
@@ -94,10 +104,13 @@ def _funnel(name: str, options: Mapping[str, Any]) -> Scene:
         funnel.start(),
         length=RADIUS,
         step_size=TIME_STEP,
-        duration=1.0,
+        duration=POUR_SECONDS if has_outlet else 1.0,
         kinetic_energy=system.kinetic_energy,
         potential_energy=funnel.potential_energy,
-        balls_through=funnel.balls_through if options.get("outlet") else None,
+        balls_through=funnel.balls_through if has_outlet else None,
+        agitation=funnel.agitation if has_outlet else None,
+        n_balls=funnel.n_balls,
+        depth=None if projection is None else projection * RADIUS,
     )
 
 
@@ -143,6 +156,9 @@ _BALLS: dict[str, Option] = {
     "tangential_restitution": Option(None, "tangential restitution", highest=1.0, can_be_off=True),
     "drag": Option(None, "linear drag on each centre [kg/s]", can_be_off=True),
     "spring": Option(None, "spring from each centre to the middle of the cone's top [N/m]", can_be_off=True),
+    "projection": Option(
+        0.02, "penetration [ball radii] to which positions are projected", lowest=1e-3, highest=1.0, can_be_off=True
+    ),
     "planar": Option(False, "discs in a vertical plane instead of balls"),
 }
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.laws import FloatArray
+from ...problems.laws import FloatArray, IntArray
 from ...problems.pieces import Pieces
 
 LANES = 16
@@ -34,7 +34,7 @@ def deal_into_batches(pieces: Pieces) -> tuple[Any, int]:
 def batch_arguments(
     pieces: Pieces, places: Any, n_batches: int, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
 ) -> tuple[Any, ...]:
-    """Return what ``sweep_batches`` reads: axes of a chunk, bodies and places of the contacts, and the records.
+    """Return what ``sweep_batches`` reads: axes of a chunk, bodies of the contacts, and the records.
 
     Args:
         pieces: W̃ in pairs of pieces of width 3.
@@ -48,7 +48,17 @@ def batch_arguments(
     bodies, records = _pack(
         pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, sizes, friction, fixed, coupling
     )
-    return tuple(np.arange(pieces.length, dtype=np.uint64)), bodies, places.astype(np.uint64), records
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), bodies, records
+
+
+def slots_in_batches(places: Any) -> IntArray:
+    """Return where Λ_N, Λ_T1 and Λ_T2 of each block stand for ``sweep_batches``, shape (3 · n_blocks,).
+
+    The lanes of a batch stand side by side: all its Λ_N, then all its Λ_T1, then all its Λ_T2.
+    """
+    batch, lane = np.divmod(places, LANES)
+    slots: IntArray = (3 * LANES * batch + lane)[:, None] + LANES * np.arange(3)
+    return slots.reshape(-1)
 
 
 @njit(cache=True)
@@ -109,51 +119,66 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def sweep_batches(count, axes, bodies, places, records, impulses, scaled):  # type: ignore[no-untyped-def]
-    """Do ``count`` sweeps on Λ, padded and flat, and v = W̃ Λ with an idle chunk behind."""
-    one, two, three, lanes, length = uint64(1), uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
+def sweep_batches(  # type: ignore[no-untyped-def]
+    count, axes, bodies, records, held, scaled, change, before, momentum, present
+):
+    """Do ``count`` sweeps on Λ, as ``slots_in_batches`` arranges it, and v = W̃ Λ with an idle chunk behind.
+
+    Args:
+        count: number of sweeps.
+        axes: axes of a chunk.
+        bodies: first coordinate of both bodies of each lane.
+        records: the numbers of the contacts.
+        held: Λ.
+        scaled: v.
+        change: what the last sweep changed in Λ.
+        before: v before that, in use with momentum only.
+        momentum: β of the method, see ``momentum``.
+        present: β of the coming sweep.
+
+    Returns:
+        β of the sweep after these.
+    """
+    two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
-    held = np.zeros(three * lanes * n_batches)
-    for block in range(uint64(len(places))):
-        at = three * lanes * (places[block] // lanes) + places[block] % lanes
-        held[at], held[at + lanes], held[at + two * lanes] = (
-            impulses[three * block],
-            impulses[three * block + one],
-            impulses[three * block + two],
-        )
-    before, after = np.empty(two * row), np.empty(two * row)
+    own, others, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
+        if momentum > 0.0:
+            for k in range(uint64(len(scaled))):
+                v = scaled[k]
+                scaled[k] = v + present * (v - before[k])
+                before[k] = v
+        turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    before[lanes * x + lane] = scaled[a + x]
-                    before[lanes * (length + x) + lane] = scaled[b + x]
-            _update(
-                axes, records, (uint64(6) * row + uint64(9) * lanes) * batch, held, three * lanes * batch, before, after
-            )
+                    own[lanes * x + lane] = scaled[a + x]
+                    own[lanes * (length + x) + lane] = scaled[b + x]
+            begin, at = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
+            _update(axes, records, begin, held, change, at, present, turn, own, others)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    scaled[a + x] = after[lanes * x + lane]
-                    scaled[b + x] = after[lanes * (length + x) + lane]
-    for block in range(uint64(len(places))):
-        at = three * lanes * (places[block] // lanes) + places[block] % lanes
-        impulses[three * block] = held[at]
-        impulses[three * block + one] = held[at + lanes]
-        impulses[three * block + two] = held[at + two * lanes]
+                    scaled[a + x] = others[lanes * x + lane]
+                    scaled[b + x] = others[lanes * (length + x) + lane]
+        present = 0.0 if turn.sum() > 0.0 else momentum
+    return present
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def _update(axes, records, begin, held, own, before, after):  # type: ignore[no-untyped-def]
-    """Update a batch: its record from ``begin`` on, its Λ in ``held`` from ``own`` on, v ``before`` and ``after``."""
+def _update(axes, records, begin, held, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
+    """Update a batch: its record from ``begin`` on, its Λ in ``held`` from ``at`` on, v ``before`` and ``after``.
+
+    Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.
+    """
     two, lanes, length = uint64(2), uint64(LANES), uint64(len(axes))
     row = lanes * length
     law = begin + uint64(6) * row
     for lane in range(lanes):
-        a, c, h = begin + lane, law + lane, own + lane
-        b = a + uint64(3) * row
+        a, c, n = begin + lane, law + lane, at + lane
+        b, t, s = a + uint64(3) * row, n + lanes, n + two * lanes
         normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
         normal_b, first_b, second_b = 0.0, 0.0, 0.0
         for x in range(length):
@@ -164,19 +189,23 @@ def _update(axes, records, begin, held, own, before, after):  # type: ignore[no-
             normal_b += records[b + lanes * x] * v_b
             first_b += records[b + row + lanes * x] * v_b
             second_b += records[b + two * row + lanes * x] * v_b
-        old_n, old_t, old_s = held[h], held[h + lanes], held[h + two * lanes]
+        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
         size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
-        new = max(old_n - size_n * (normal + normal_b), 0.0)
-        dn = new - old_n
-        t = old_t - size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
-        s = old_s - size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
-        bound = records[c + uint64(5) * lanes] + records[c + uint64(6) * lanes] * new
-        squared = t * t + s * s
+        new_n = max(old_n - size_n * (normal + normal_b), 0.0)
+        dn = new_n - old_n
+        new_t = old_t - size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
+        new_s = old_s - size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
+        bound = records[c + uint64(5) * lanes] + records[c + uint64(6) * lanes] * new_n
+        squared = new_t * new_t + new_s * new_s
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
-        t *= scale
-        s *= scale
-        held[h], held[h + lanes], held[h + two * lanes] = new, t, s
-        dt, ds = t - old_t, s - old_s
+        new_t *= scale
+        new_s *= scale
+        step_n, step_t, step_s = new_n - held[n], new_t - held[t], new_s - held[s]
+        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
+        change[n], change[t], change[s] = step_n, step_t, step_s
+        held[n], held[t], held[s] = new_n, new_t, new_s
+        dt, ds = new_t - old_t, new_s - old_s
         for x in range(length):
             after[lanes * x + lane] = before[lanes * x + lane] + (
                 records[a + lanes * x] * dn

@@ -18,6 +18,8 @@ from ...problems.blocks import BlockLayout
 from ...problems.contact import ContactProblem
 from ...problems.delassus import DelassusBlocks
 from ...problems.laws import FloatArray
+from .iteration import Iterates
+from .momentum import with_momentum
 from .projection import disc_scale
 
 
@@ -49,9 +51,13 @@ class DelassusSweep:
         free = layout.pad(problem.free_velocity).reshape(-1)
         return DelassusSweep(layout, matrix, free, law_arguments(layout, sizes), kernel)
 
-    def begin(self, start: FloatArray) -> "DelassusIterates":
-        """Return the iterates that begin at ``start``, shape (n_rows,)."""
-        return DelassusIterates(self, self.layout.pad(start).reshape(-1))
+    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+        return with_momentum(self.over_padded(self.layout.pad(start).reshape(-1)), momentum)
+
+    def over_padded(self, padded: FloatArray) -> "DelassusIterates":
+        """Return the iterates that live in ``padded``, Λ padded and flat."""
+        return DelassusIterates(self, padded)
 
 
 class DelassusIterates:
@@ -65,6 +71,10 @@ class DelassusIterates:
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         self._sweep.kernel(count, *self._sweep.matrix, self._sweep.free, *self._sweep.laws, self._impulses)
+
+    def linear(self) -> tuple[FloatArray, int]:
+        """Return Λ, which sweeps change in place, and its length."""
+        return self._impulses, len(self._impulses)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""

@@ -18,10 +18,12 @@ from numba import njit, uint64
 
 from ...problems.blocks import BlockLayout
 from ...problems.contact import ContactProblem
-from ...problems.laws import FloatArray
+from ...problems.laws import FloatArray, IntArray
 from ...problems.pieces import Pieces
-from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, sweep_batches
+from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, slots_in_batches, sweep_batches
 from .delassus_sweep import law_arguments
+from .iteration import Iterates
+from .momentum import calmed, with_momentum
 from .projection import disc_scale
 
 
@@ -32,18 +34,22 @@ class FactorSweep:
     Attributes:
         layout: the padded blocks.
         pieces: W̃ in pieces.
-        kernel: does sweeps; called with their number, ``kernel_arguments``, Λ and v.
+        kernel: does sweeps; called with their number, ``kernel_arguments``, Λ and v; for batches see there.
         kernel_arguments: what the kernel reads.
         product: writes ξ from v; called with ``product_arguments``, v and ξ.
         product_arguments: what the product reads.
+        slots: where the kernel keeps each entry of padded Λ, None if in that order.
+        n_held: length of Λ as the kernel keeps it.
     """
 
     layout: BlockLayout
     pieces: Pieces
-    kernel: Callable[..., None]
+    kernel: Callable[..., Any]
     kernel_arguments: tuple[Any, ...]
     product: Callable[..., None]
     product_arguments: tuple[Any, ...]
+    slots: IntArray | None = None
+    n_held: int = 0
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
@@ -63,38 +69,74 @@ class FactorSweep:
         if len(places) < FULLNESS * LANES * n_batches or not layout.bounds_are_own:
             return FactorSweep(layout, pieces, _sweep_spatial_pairs, (*pairs, free, *laws, coupling), *product)
         arguments = batch_arguments(pieces, places, n_batches, free, laws[:3], coupling)
-        return FactorSweep(layout, pieces, sweep_batches, arguments, *product)
+        n_held = 3 * LANES * n_batches
+        return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots_in_batches(places), n_held)
 
-    def begin(self, start: FloatArray) -> "FactorIterates":
-        """Return the iterates that begin at ``start``, shape (n_rows,)."""
-        return FactorIterates(self, start)
+    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+        if self.slots is not None:
+            return BatchIterates(self, start, momentum)
+        return with_momentum(FactorIterates(self, start), momentum)
 
 
 class FactorIterates:
-    """Λ and v = W̃ Λ of a Gauss–Seidel iteration, padded and flat."""
+    """Λ, arranged as the kernel keeps it, and v = W̃ Λ of a Gauss–Seidel iteration."""
 
     def __init__(self, sweep: FactorSweep, start: FloatArray) -> None:
         self._sweep = sweep
         layout, pieces = sweep.layout, sweep.pieces
-        self._impulses = layout.pad(start).reshape(-1)
-        self._relative = np.empty_like(self._impulses)
-        idle = np.zeros(pieces.length)  # where the idle chunk reads and writes
-        self._scaled = np.concatenate([pieces.times(self._impulses), idle])
+        padded = layout.pad(start).reshape(-1)
+        self._relative = np.empty_like(padded)
+        n_held = len(padded) if sweep.slots is None else sweep.n_held
+        idle = pieces.length  # where the idle chunk reads and writes
+        self._both = np.zeros(n_held + pieces.n_chunks * pieces.length + idle)
+        self._held, self._scaled = self._both[:n_held], self._both[n_held:]
+        self._held[slice(None) if sweep.slots is None else sweep.slots] = padded
+        self._scaled[:-idle] = pieces.times(padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         own = self._sweep
-        own.kernel(count, *own.kernel_arguments, self._impulses, self._scaled)
+        own.kernel(count, *own.kernel_arguments, self._held, self._scaled)
+
+    def linear(self) -> tuple[FloatArray, int]:
+        """Return Λ and v one after the other, which sweeps change in place, and the length of Λ."""
+        return self._both, len(self._held)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._sweep.layout.unpad(self._impulses)
+        slots = self._sweep.slots
+        return self._sweep.layout.unpad(self._held if slots is None else self._held[slots])
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         own = self._sweep
         own.product(*own.product_arguments, self._scaled, self._relative)
         return own.layout.unpad(self._relative)
+
+
+class BatchIterates(FactorIterates):
+    """The same for sweeps in batches, which see to momentum themselves."""
+
+    def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float) -> None:
+        super().__init__(sweep, start)
+        self._momentum, self._present = momentum, 0.0
+        self._change = np.zeros_like(self._held)
+        self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        arrays = (self._held, self._scaled, self._change, self._before)
+        own = self._sweep
+        self._present = own.kernel(count, *own.kernel_arguments, *arrays, self._momentum, self._present)
+
+    def calm(self) -> bool:
+        """Lower β; return False if there is none."""
+        if self._momentum == 0.0:
+            return False
+        self._momentum = calmed(self._momentum)
+        self._present = min(self._present, self._momentum)
+        return True
 
 
 def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:

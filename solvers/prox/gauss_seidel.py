@@ -8,6 +8,7 @@ The unilateral law of a contact comes before its friction law, so the friction b
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, Literal
 
 from ...problems.contact import ContactProblem
@@ -38,6 +39,8 @@ class SORprox:
         relaxation: ω; values between 1 and 2 speed up systems with many contacts, values below 1 tame friction.
         form: sweep over the assembled "delassus" matrix, or over the "factors" W and M⁻¹, where G is never assembled
             and the generalised velocity is kept up to date instead. Both give the same iterates to rounding.
+        momentum: β, how much of its last change each sweep is given on the way (see ``momentum``); 0 is the method of
+            the paper. On a thousand flowing balls ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5 without.
 
     Raises:
         SolverError: for an option out of range.
@@ -46,6 +49,7 @@ class SORprox:
     step_size: StepSize = "diagonal"
     relaxation: float = 1.0
     form: Form = "delassus"
+    momentum: float = 0.0
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
@@ -54,6 +58,8 @@ class SORprox:
         check_options(self.step_size, self.relaxation)
         if self.form not in ("delassus", "factors"):
             raise SolverError(f"form must be 'delassus' or 'factors', got {self.form!r}.")
+        if not (isinstance(self.momentum, int | float) and 0.0 <= self.momentum < 1.0):
+            raise SolverError(f"momentum must be a number from 0 to below 1, got {self.momentum!r}.")
 
     @property
     def name(self) -> str:
@@ -77,10 +83,12 @@ class SORprox:
                 sizes = diagonal_step_sizes(problem, self.relaxation)
             else:
                 sizes = row_sum_step_sizes(problem, row_sums_of_factors(factors), self.relaxation)
-            return PreparedIteration(problem, residual, FactorSweep.over(problem, sizes).begin)
+            begin = FactorSweep.over(problem, sizes).begin
+            return PreparedIteration(problem, residual, partial(begin, momentum=self.momentum))
         blocks = problem.delassus_blocks()
         if self.step_size == "diagonal":
             sizes = diagonal_step_sizes(problem, self.relaxation)
         else:
             sizes = row_sum_step_sizes(problem, row_sums_of_blocks(blocks, problem), self.relaxation)
-        return PreparedIteration(problem, residual, DelassusSweep.over(problem, blocks, sizes).begin)
+        begin = DelassusSweep.over(problem, blocks, sizes).begin
+        return PreparedIteration(problem, residual, partial(begin, momentum=self.momentum))

@@ -62,5 +62,5 @@ def test_what_contradicts_a_stored_plan_is_named(pour: Pour, given: dict[str, ob
 
 def test_what_agrees_with_a_stored_plan_may_be_said_again(pour: Pour) -> None:
     plan = pour()
-    written_otherwise = "SORprox(form='factors',relaxation=1.5)"
+    written_otherwise = "SORprox(momentum=0.8,form='factors',relaxation=1.1)"
     check_agreement(plan, {"scene": "pile", "balls": 30, "friction": 0.3, "solver": written_otherwise}, "old.npz")

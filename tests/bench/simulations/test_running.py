@@ -13,7 +13,7 @@ from proxbench.bench.simulations.plan import SimulationPlan, make_simulation_pla
 from proxbench.bench.simulations.running import resume_simulation, simulate
 from proxbench.bench.simulations.simulation import STEP, Simulation
 from proxbench.problems import ContactProblem, Model, judge
-from proxbench.problems.moreau import Moreau, Step
+from proxbench.problems.moreau import Step
 from proxbench.solvers import Solution, Status, Stop, create
 
 Pour = Callable[..., SimulationPlan]
@@ -55,7 +55,7 @@ def test_without_the_stored_impulses_the_bits_would_differ(pour: Pour, tmp_path:
     assert len(part.state.keys)
     cold = Simulation(pour())
     cold.restore(part.steps, type(part.state)(part.state.time, part.state.position, part.state.velocity))
-    stepper = Moreau(cold.plan.scene.system, cold.plan.solver, cold.plan.stop, cold.plan.step_size)
+    stepper = cold.plan.stepper()
     assert stepper.step(cold.state).state.velocity.tobytes() != stepper.step(part.state).state.velocity.tobytes()
     assert whole.n_steps == 200
 
@@ -63,7 +63,7 @@ def test_without_the_stored_impulses_the_bits_would_differ(pour: Pour, tmp_path:
 def test_a_simulation_takes_the_steps_of_the_bare_stepper(pour: Pour) -> None:
     plan, seen = pour(), list[tuple[int, Step]]()
     simulation = simulate(plan, on_step=[lambda number, step: seen.append((number, step))])
-    bare = list(Moreau(plan.scene.system, plan.solver, plan.stop, plan.step_size).steps(plan.scene.start, 200))
+    bare = list(plan.stepper().steps(plan.scene.start, 200))
     assert [number for number, _ in seen] == list(range(1, 201))
     for row, (_, step), expected in zip(simulation.steps, seen, bare, strict=True):
         assert step.state.velocity.tobytes() == expected.state.velocity.tobytes()
@@ -192,7 +192,7 @@ def test_a_folder_gets_a_file_named_after_the_scene(pour: Pour, tmp_path: Path) 
 def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None:
     state = simulate(pour(160)).state
     plan = pour()
-    problem = Moreau(plan.scene.system, plan.solver, plan.stop, plan.step_size).step(state).problem
+    problem = plan.stepper().step(state).problem
     assert problem is not None
     solution = create(solver).prepare(problem).solve(Stop(1e-4, 2000, float("inf")))
     assert solution.status is Status.SOLVED

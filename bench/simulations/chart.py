@@ -1,0 +1,113 @@
+"""The chart of a simulation: what happens over time, one curve below the other, as SVG and PNG."""
+
+from pathlib import Path
+from typing import Any
+
+import altair as alt
+import numpy as np
+import pandas as pd
+import vl_convert
+
+from ..charts import PNG_SCALE
+from ..errors import BenchError
+from ..palette import PALETTE
+from .simulation import Simulation
+
+POINTS = 500
+"""Intervals of time that curves are gathered in, so that charts of any length stay light."""
+
+WIDTH, HEIGHT = 620, 105
+
+
+def simulation_chart(simulation: Simulation) -> alt.VConcatChart:
+    """Return balls through the outlet, active contacts, iterations, penetration and energy over simulated time."""
+    curves = _curves(simulation)
+    plan, scene = simulation.plan, simulation.plan.scene
+    panels = [
+        _panel(curves, "contacts", {"contacts": "active contacts"}),
+        _panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}),
+        _panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
+        _panel(curves, "energy [J]", {"energy": "total", "potential_energy": "potential", "kinetic_energy": "kinetic"}),
+    ]
+    if scene.balls_through is not None:
+        panels.insert(0, _panel(curves, "balls through", {"balls_through": "through the outlet"}))
+    panels[-1] = panels[-1].encode(x=alt.X("time:Q", title="simulated time [s]").scale(nice=False))
+    balls = f", {scene.n_balls} balls" if scene.n_balls else ""
+    title = alt.TitleParams(
+        f"{scene.name.capitalize()}{balls}: what happens over time",
+        subtitle=f"Δt {plan.step_size:g} s, every step to {plan.tolerance:g} with {plan.solver.name}",
+        anchor="start",
+        fontSize=16,
+        subtitleFontSize=12,
+    )
+    chart: alt.VConcatChart = (
+        alt.vconcat(*panels, spacing=8)
+        .resolve_scale(color="independent", strokeDash="independent", x="shared")
+        .properties(title=title, background="white", padding=14)
+        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
+        .configure_axisY(minExtent=44)
+        .configure_view(stroke="#cccccc")
+        .configure_legend(labelFontSize=11, title=None)
+    )
+    return chart
+
+
+def write_chart(simulation: Simulation, path: Path) -> list[Path]:
+    """Write the chart as ``path`` with .svg and with .png; return the files.
+
+    Raises:
+        BenchError: if they cannot be written.
+    """
+    return write_drawing(simulation_chart(simulation), path)
+
+
+def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
+    """Write any chart as ``path`` with .svg and with .png; return the files.
+
+    Raises:
+        BenchError: if they cannot be written.
+    """
+    base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
+    svg, png = (base.with_name(f"{base.name}{suffix}") for suffix in (".svg", ".png"))
+    drawn = vl_convert.vegalite_to_svg(chart.to_json())
+    try:
+        base.parent.mkdir(parents=True, exist_ok=True)
+        svg.write_text(drawn, encoding="utf-8")
+        png.write_bytes(vl_convert.svg_to_png(drawn, scale=PNG_SCALE))
+    except OSError as error:
+        raise BenchError(f"cannot write {error.filename}: {error.strerror}; choose another --chart.") from None
+    return [svg, png]
+
+
+def _curves(simulation: Simulation) -> pd.DataFrame:
+    """Gather steps in intervals: means of contacts and iterations, the largest penetration, the last of the rest."""
+    steps = pd.DataFrame({name: simulation.steps[name] for name in simulation.steps.dtype.names or ()})
+    steps["energy"] = steps["kinetic_energy"] + steps["potential_energy"]
+    steps["most_iterations"] = steps["iterations"]
+    length = max(1, -(-len(steps) // POINTS))
+    last = ("time", "balls_through", "kinetic_energy", "potential_energy", "energy")
+    how: dict[str, Any] = {name: "last" for name in last}
+    how |= {"contacts": "mean", "iterations": "mean"}
+    how |= {"most_iterations": "max", "penetration": "max", "impact_depth": "max"}
+    gathered: pd.DataFrame = steps.groupby(np.arange(len(steps)) // length).agg(how)
+    return gathered
+
+
+def _panel(curves: pd.DataFrame, title: str, names: dict[str, str]) -> alt.Chart:
+    """Return one panel of curves, by column and what the legend calls it."""
+    long = curves.melt("time", list(names), "column", "value")
+    long["curve"] = long["column"].map(names)
+    order = list(names.values())
+    colours = alt.Scale(domain=order, range=[PALETTE[k] for k in (0, 3, 2)[: len(order)]])
+    dashes = alt.Scale(domain=order, range=([1, 0], [5, 2], [2, 2])[: len(order)])
+    panel: alt.Chart = (
+        alt.Chart(long[["time", "value", "curve"]], width=WIDTH, height=HEIGHT)
+        .mark_line(strokeWidth=1.5)
+        .encode(
+            x=alt.X("time:Q", title=None).axis(labels=True).scale(nice=False),
+            y=alt.Y("value:Q", title=title),
+            color=alt.Color("curve:N", sort=order, scale=colours, title=None),
+            strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
+        )
+    )
+    return panel
