@@ -21,7 +21,7 @@ AT_HOME = {
         "bench/simulations/chart.py",
         "bench/variable/figure.py",
     },
-    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/simulations/command.py"},
+    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/matrix_command.py", "bench/simulations/command.py"},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/machine.py", "bench/case_process.py", "bench/descendants.py"},
 }
