@@ -1,7 +1,7 @@
 """The chart of a simulation: what happens over time, one curve below the other, as SVG and PNG."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import altair as alt
 import numpy as np
@@ -100,7 +100,9 @@ def _curves(simulation: Simulation) -> pd.DataFrame:
     return gathered
 
 
-def _panel(curves: pd.DataFrame, title: str, names: dict[str, str], scale: str = "linear") -> alt.Chart:
+def _panel(
+    curves: pd.DataFrame, title: str, names: dict[str, str], scale: Literal["linear", "sqrt"] = "linear"
+) -> alt.Chart:
     """Return one panel of curves, by column and what the legend calls it."""
     long = curves.melt("time", list(names), "column", "value")
     long["curve"] = long["column"].map(names)
