@@ -65,9 +65,18 @@ def write_chart(simulation: Simulation, path: Path) -> list[Path]:
     Raises:
         BenchError: if they cannot be written.
     """
+    return write_drawing(simulation_chart(simulation), path)
+
+
+def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
+    """Write any chart as ``path`` with .svg and with .png; return the files.
+
+    Raises:
+        BenchError: if they cannot be written.
+    """
     base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
     svg, png = (base.with_name(f"{base.name}{suffix}") for suffix in (".svg", ".png"))
-    drawn = vl_convert.vegalite_to_svg(simulation_chart(simulation).to_json())
+    drawn = vl_convert.vegalite_to_svg(chart.to_json())
     try:
         base.parent.mkdir(parents=True, exist_ok=True)
         svg.write_text(drawn, encoding="utf-8")
