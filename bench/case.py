@@ -1,21 +1,20 @@
 """One case as it is measured from outside: its process, its ladder, and the document it becomes."""
 
+import time
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..problems.contact import ContactProblem
-from ..problems.judge import judge
+from ..problems.judge import Residual, judge
 from ..problems.laws import FloatArray
 from ..problems.model import Model
-from ..solvers.contract import reason_fault
 from ..solvers.interface import Solver, Status, Stop, shows_iterates
-from .measure import MeasuringTask
+from .measure import MeasuringTask, round_fault
 from .outcome import Outcome, point_outcome
 from .plan import Limits
-from .worker import Fault, Worker
+from .worker import LARGEST_NUMBERS, Fault, Worker
 
 
 @dataclass
@@ -44,31 +43,27 @@ class Case:
     _memory: int = 0
     _ended_by: str = ""
 
-    def begin(self, problem_data: bytes, folder: Path, finest: float) -> None:
-        """Start the process, warm up, and take the convergence curve."""
-        try:
-            reason = self.solver.supports(self.problem)
-        except Exception as error:
-            self.outcome, self._reason = Outcome.CRASHED, f"its supports raised {type(error).__name__}: {error}"
-            return
-        fault = reason_fault(reason)
-        if fault:
-            self.outcome, self._reason = Outcome.MISBEHAVED, fault
-            return
-        if reason:
-            self.outcome, self._reason = Outcome.UNSUPPORTED, reason
-            return
+    def begin(self, problem_data: bytes, finest: float) -> None:
+        """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
         limits, from_main = self.limits, type(self.solver).__module__ == "__main__"
         try:
             task = MeasuringTask(problem_data, self.solver)
-            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, folder, with_main=from_main)
+            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, with_main=from_main)
         except Fault as unsent:
             self._fail(unsent)
             return
-        stop = self._stop(finest)
-        short = Stop(1e-1, max_iterations=20, max_seconds=limits.solve_seconds)
-        if self._ask("warm_up", short) is not None and (asked := self._ask("observe", stop)) is not None:
-            self._curve = {key: asked[0][key] for key in ("iteration", "residual")}
+        asked = self._ask("supports")
+        if asked is None:
+            return
+        refusal = asked[0].get("refusal")
+        if not isinstance(refusal, str):
+            self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
+        elif refusal:
+            self._fail(Fault(Outcome.UNSUPPORTED, refusal))
+        else:
+            short = Stop(1e-1, max_iterations=20, max_seconds=limits.solve_seconds)
+            if self._ask("warm_up", short) is not None and (seen := self._ask("observe", self._stop(finest))):
+                self._curve = self._judged_curve(*seen)
 
     @property
     def is_open(self) -> bool:
@@ -77,12 +72,17 @@ class Case:
 
     def measure(self, tolerance: float, seconds: float) -> dict[str, Any] | None:
         """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
-        asked = self._ask("round", self._stop(tolerance), seconds)
+        n_rows = self.problem.n_rows
+        began = time.monotonic()
+        asked = self._ask("round", self._stop(tolerance), seconds, largest=n_rows * 8)
         if asked is None:
             return None
         answer, impulses = asked
-        if len(impulses) != self.problem.n_rows:
-            self._fail(Fault(Outcome.MISBEHAVED, f"it returned {len(impulses)} numbers, not {self.problem.n_rows}"))
+        fault = round_fault(answer, time.monotonic() - began)
+        if fault is None and len(impulses) != n_rows:
+            fault = f"it returned {len(impulses)} numbers, not {n_rows}"
+        if fault is not None:
+            self._fail(Fault(Outcome.MISBEHAVED, fault))
             return None
         return {**answer, "impulses": impulses}
 
@@ -153,10 +153,25 @@ class Case:
     def _stop(self, tolerance: float) -> Stop:
         return Stop(tolerance, self.limits.max_iterations, self.limits.solve_seconds)
 
-    def _ask(self, request: str, *arguments: Any) -> tuple[dict[str, Any], FloatArray] | None:
+    def _judged_curve(self, answer: dict[str, Any], iterates: FloatArray) -> dict[str, Any]:
+        """Return the judged residual of every iterate shown: the judge runs where no plugin can reach it."""
+        iterations = answer.get("iterations")
+        if not isinstance(iterations, list) or len(iterations) * self.problem.n_rows != len(iterates):
+            self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
+            return self._curve
+        residual, problem = Residual(self.problem), self.problem
+        rows = iterates.reshape(len(iterations), problem.n_rows)
+        return {
+            "iteration": [int(iteration) for iteration in iterations],
+            "residual": [residual(impulses, problem.relative_velocity(impulses)) for impulses in rows],
+        }
+
+    def _ask(
+        self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS
+    ) -> tuple[dict[str, Any], FloatArray] | None:
         assert self._worker is not None
         try:
-            return self._worker.ask(request, *arguments)
+            return self._worker.ask(request, *arguments, largest=largest)
         except Fault as fault:
             self._fail(fault)
             return None

@@ -4,7 +4,6 @@ import shutil
 import textwrap
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from ..problems.plugin_files import PluginFile
@@ -13,7 +12,7 @@ from .conformance import PROBLEM_CHECKS, SOLVER_CHECKS
 from .conformance.task import CheckingTask
 from .errors import BenchError
 from .outcome import Outcome
-from .worker import Fault, Worker, working_folder
+from .worker import Fault, Worker
 
 CHECK_SECONDS = 60.0
 """Time limit of one check [s]."""
@@ -26,14 +25,13 @@ MEMORY_BYTES = 2**31
 class _Process:
     """A process that runs checks, replaced by a fresh one when it has been crashed or kept too long."""
 
-    folder: Path
     seconds: float
     _worker: Worker | None = None
 
     def ask(self, request: str, *arguments: Any) -> dict[str, Any]:
         """Return the answer to one request, which has the whole time limit to itself."""
         if self._worker is None:
-            self._worker = Worker(CheckingTask(), self.seconds, MEMORY_BYTES, self.folder)
+            self._worker = Worker(CheckingTask(), self.seconds, MEMORY_BYTES)
         self._worker.busy_seconds = 0.0
         try:
             return self._worker.ask(request, *arguments)[0]
@@ -68,12 +66,11 @@ def checked(target: str, seconds: float = CHECK_SECONDS) -> list[dict[str, Any]]
     if file is not None:
         register(file)
     try:
-        with working_folder() as folder:
-            process = _Process(Path(folder), seconds)
-            try:
-                return [_checked(process, subject) for subject in _subjects(process, target, file)]
-            finally:
-                process.close()
+        process = _Process(seconds)
+        try:
+            return [_checked(process, subject) for subject in _subjects(process, target, file)]
+        finally:
+            process.close()
     finally:
         if file is not None and file not in known:
             forget(file)

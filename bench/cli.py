@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | record | generate | simulate | list | check``.
+"""The command line: ``proxbench run | report | record | generate | simulate | list | check | matrix``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import TyperException
 
+from .matrix_command import matrix
 from .plugin_option import PluginFiles
 from .simulations.command import simulate
 
@@ -230,7 +231,6 @@ _STORED_WITH_THE_RUN = (
     "solve_seconds",
     "case_seconds",
     "memory",
-    "plugin",
 )
 """Options that --resume takes from the stored run."""
 
@@ -254,6 +254,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
 
 
 app.command(short_help="Simulate a scene, every step judged; resumable.")(simulate)
+app.command(short_help="Hold every solver against every hard case.")(matrix)
 
 
 @app.command(short_help="Hold solvers and problems to what they owe.")

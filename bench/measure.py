@@ -6,18 +6,17 @@ that everything a solver assembles is on its clock, and garbage collection stays
 
 import gc
 import io
-import time
 from dataclasses import dataclass, field
 from functools import cached_property
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from ..problems.contact import ContactProblem
-from ..problems.judge import Residual
 from ..problems.laws import FloatArray
 from ..problems.storage import read_problem
-from ..solvers.contract import prepared_fault
+from ..solvers.contract import prepared_fault, reason_fault
 from ..solvers.interface import Solution, Solver, Status, Stop, shows_iterates
 
 FIRST_MARKS = 30
@@ -42,6 +41,14 @@ class Measurement:
     def __post_init__(self) -> None:
         self._digest = self.problem.digest
 
+    def refusal(self) -> str:
+        """Return why the solver does not support the problem; nothing if it does."""
+        reason = self.solver.supports(self.problem.fresh())
+        fault = reason_fault(reason)
+        if fault:
+            raise MisbehaviourError(fault)
+        return reason or ""
+
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first touches are off the clock."""
         prepared = self.solver.prepare(self.problem.fresh())
@@ -50,24 +57,27 @@ class Measurement:
             raise MisbehaviourError(fault)
         _checked_type(prepared.solve(stop))
 
-    def observe(self, stop: Stop) -> dict[str, list[float]]:
-        """Return the convergence curve of one observed solve: iterations, and the judge's residual at each."""
+    def observe(self, stop: Stop) -> tuple[list[int], FloatArray]:
+        """Return iterations of one observed solve, and their impulses, one row each, for the judge outside."""
         problem = self.problem.fresh()
-        residual = Residual(problem)
-        curve: dict[str, list[float]] = {"iteration": [], "residual": []}
+        iterations: list[int] = []
+        iterates: list[FloatArray] = []
         mark = 1.0
 
         def note(iteration: int, impulses: FloatArray) -> None:
             nonlocal mark
             if iteration < mark:
                 return
-            curve["iteration"].append(iteration)
-            curve["residual"].append(residual(impulses, problem.relative_velocity(impulses)))
+            shown = np.array(impulses, dtype=np.float64)
+            if shown.shape != (problem.n_rows,):
+                raise MisbehaviourError(f"it showed its observer impulses of shape {shown.shape}, not a row each")
+            iterations.append(int(iteration))
+            iterates.append(shown)
             mark = iteration + 1.0 if iteration < FIRST_MARKS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
             self.solver.prepare(problem).solve(stop, observe=note)
-        return curve
+        return iterations, np.array(iterates).reshape(len(iterates), problem.n_rows)
 
     def round(self, stop: Stop, seconds: float) -> tuple[Solution, list[tuple[float, float]]]:
         """Do timed solves for ``seconds`` of wall time, at least one; return the last solution and all times.
@@ -75,12 +85,12 @@ class Measurement:
         A solve that does not end SOLVED ends the round: a failure is measured once.
         """
         times = []
-        end = time.perf_counter() + seconds
+        end = perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
             times.append((prepare_seconds, solve_seconds))
-            if solution.status is not Status.SOLVED or time.perf_counter() >= end:
+            if solution.status is not Status.SOLVED or perf_counter() >= end:
                 break
         self._check(problem, solution)
         return solution, times
@@ -89,11 +99,11 @@ class Measurement:
         collecting = gc.isenabled()
         gc.disable()
         try:
-            began = time.perf_counter()
+            began = perf_counter()
             prepared = self.solver.prepare(problem)
-            ready = time.perf_counter()
+            ready = perf_counter()
             solution = prepared.solve(stop)
-            done = time.perf_counter()
+            done = perf_counter()
         finally:
             if collecting:
                 gc.enable()
@@ -120,12 +130,15 @@ class MeasuringTask:
         return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.solver)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Do what is asked for: "warm_up", "observe" or "round"."""
+        """Do what is asked for: "supports", "warm_up", "observe" or "round"."""
+        if request == "supports":
+            return {"refusal": self._measurement.refusal()}, b""
         if request == "warm_up":
             self._measurement.warm_up(*arguments)
             return {}, b""
         if request == "observe":
-            return self._measurement.observe(*arguments), b""
+            iterations, iterates = self._measurement.observe(*arguments)
+            return {"iterations": iterations}, iterates.tobytes()
         solution, times = self._measurement.round(*arguments)
         answer = {
             "status": solution.status.value,
@@ -134,6 +147,22 @@ class MeasuringTask:
             "times": times,
         }
         return answer, np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
+
+
+def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
+    """Say why the answer to "round", which took ``wall_seconds`` from outside, cannot be one, or None."""
+    status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
+    if not (status in set(Status) and type(iterations) is int and isinstance(message, str)):
+        return "its process sent something that is no answer"
+    try:
+        times = np.array(answer["times"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        return "its process sent something that is no answer"
+    if times.ndim != 2 or times.shape[1] != 2 or not len(times):
+        return "its process sent something that is no answer"
+    if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
+        return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"
+    return None
 
 
 def solution_fault(problem: ContactProblem, solution: Any) -> str | None:

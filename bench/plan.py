@@ -21,6 +21,8 @@ DEFAULT_SOLVERS = (
     "SORprox(relaxation=1.5)",
     "SORprox(step_size='row_sum')",
     "SORprox(relaxation=1.5, form='factors')",
+    "SafeguardedSORprox",
+    "NSGS",
     "ClarabelSOCP",
     "ClarabelCoulomb",
     "Lemke",

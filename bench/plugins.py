@@ -61,23 +61,26 @@ def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[dict[str, A
     ]
 
 
-def use_again(recorded: Iterable[dict[str, Any]]) -> None:
-    """Take the plugin files of a stored run into use again.
+def check_again(recorded: Iterable[dict[str, Any]]) -> None:
+    """See that the plugin files of a stored run are in use, as they were.
+
+    They are not taken into use because a file says so: who resumes a run that comes from elsewhere would run its code.
 
     Raises:
-        BenchError: if one is gone, or has changed since: results of two versions would stand under one name.
-        PluginError: as ``use_plugin_files``.
+        BenchError: if one is not in use, is gone, or has changed since: results of two versions would stand under one
+            name.
     """
-    for path, sha256 in {(entry["file"], entry["sha256"]) for entry in recorded if "file" in entry}:
-        if not Path(path).is_file():
+    used = {str(file.path): file for file in registered()}
+    for path, sha256 in sorted({(entry["file"], entry.get("sha256")) for entry in recorded if "file" in entry}):
+        if path not in used and not Path(path).is_file():
             raise BenchError(f"the run was measured with plugin file {path}, which is gone; put it back to resume.")
-        file = PluginFile.read(path)
-        if file.sha256 != sha256:
+        if path not in used:
+            raise BenchError(f"the run was measured with plugin file {path}; to run it again, add --plugin {path}.")
+        if used[path].sha256 != sha256:
             raise BenchError(
                 f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
                 "new run."
             )
-        use(file)
 
 
 def _check(file: PluginFile) -> None:

@@ -3,15 +3,17 @@
 A forked case then starts in milliseconds instead of importing and compiling everything again.
 """
 
+import gc
+
 import numpy as np
 
 from ..problems.contact import ContactProblem
 from ..solvers.interface import Stop
 from ..solvers.registry import solve
-from . import measure
+from . import keeper, measure
 from .plan import DEFAULT_SOLVERS
 
-__all__ = ["measure"]
+__all__ = ["keeper", "measure"]
 
 
 def _touch_kernels() -> None:
@@ -25,3 +27,5 @@ def _touch_kernels() -> None:
 
 
 _touch_kernels()
+gc.collect()
+gc.freeze()  # a case that collects garbage need not look through all of this, and copy its pages by doing so

@@ -19,9 +19,8 @@ from .generate import generate
 from .machine import calibration_seconds, describe_machine
 from .outcome import FAULTS
 from .plan import Limits, Plan, make_plan, name_of, resolved
-from .plugins import sources, use_again, use_plugin_files
+from .plugins import check_again, sources, use_plugin_files
 from .store import Store, plain_name
-from .worker import working_folder
 
 ROUNDS = 5
 """Rounds for each point of the ladder; every round has at least one timed solve."""
@@ -97,12 +96,17 @@ def run(
     planned = _planned(plan)
     info = {"run_id": identity, "plan": planned, "machine": describe_machine(), "calibration_seconds": []}
     used = sources(planned["solvers"], planned["problems"])
-    store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
-    return _carry_out(plan, store, finished={}, on_event=on_event)
+    with store.alone():
+        store.refuse_second()
+        store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
+        return _carry_out(plan, store, finished={}, on_event=on_event)
 
 
 def resume(
-    run_dir: Path | str, retry_failed: bool = False, on_event: Callable[[Event], None] = lambda event: None
+    run_dir: Path | str,
+    retry_failed: bool = False,
+    on_event: Callable[[Event], None] = lambda event: None,
+    plugins: Sequence[Path | str] = (),
 ) -> Path:
     """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
 
@@ -110,26 +114,29 @@ def resume(
         run_dir: the folder of the run.
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called as the run goes on.
+        plugins: the plugin files that it was begun with.
 
     Raises:
-        BenchError: if the folder is no run, its run.json is damaged, or a plugin file it was begun with is gone or has
-            changed.
+        BenchError: if the folder is no run, its run.json is damaged, or a plugin file it was begun with is not named,
+            is gone or has changed.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(Path(run_dir))
     info = store.read_info()
-    use_again(info.get("plugins", []))
+    use_plugin_files(plugins)
+    check_again(info.get("plugins", []))
     planned = info["plan"]
     plan = make_plan(
         planned["problems"], planned["solvers"], tolerances=planned["tolerances"], limits=Limits(**planned["limits"])
     )
-    cases, _ = store.read_cases()
-    finished = {
-        (case["problem"], case["solver"]): case["digest"]
-        for case in cases
-        if not (retry_failed and case["outcome"] in FAULTS)
-    }
-    return _carry_out(plan, store, finished, on_event)
+    with store.alone():
+        cases, _ = store.read_cases()
+        finished = {
+            (case["problem"], case["solver"]): case["digest"]
+            for case in cases
+            if not (retry_failed and case["outcome"] in FAULTS)
+        }
+        return _carry_out(plan, store, finished, on_event)
 
 
 def _carry_out(
@@ -140,18 +147,17 @@ def _carry_out(
     try:
         if plan.missing:
             generate(plan.missing)
-        with working_folder() as folder:
-            done = 0
-            for given in plan.problems:
-                problem = resolved(given)
-                open_solvers = [s for s in plan.solvers if finished.get((problem.name, s.name)) != problem.digest]
-                done += len(plan.solvers) - len(open_solvers)
-                on_event(ProblemStarted(problem.name))
-                for document in _measured(problem, open_solvers, plan, Path(folder)):
-                    store.write_case(document)
-                    done += 1
-                    on_event(CaseFinished(problem.name, document["solver"], document["outcome"], done, plan.n_cases))
-                calibration.append(calibration_seconds())
+        done = 0
+        for given in plan.problems:
+            problem = resolved(given)
+            open_solvers = [s for s in plan.solvers if finished.get((problem.name, s.name)) != problem.digest]
+            done += len(plan.solvers) - len(open_solvers)
+            on_event(ProblemStarted(problem.name))
+            for document in _measured(problem, open_solvers, plan):
+                store.write_case(document)
+                done += 1
+                on_event(CaseFinished(problem.name, document["solver"], document["outcome"], done, plan.n_cases))
+            calibration.append(calibration_seconds())
     except KeyboardInterrupt:
         raise InterruptedRunError(store.folder) from None
     info = store.read_info()
@@ -159,13 +165,13 @@ def _carry_out(
     return store.folder
 
 
-def _measured(problem: ContactProblem, solvers: Sequence[Solver], plan: Plan, folder: Path) -> list[dict[str, Any]]:
+def _measured(problem: ContactProblem, solvers: Sequence[Solver], plan: Plan) -> list[dict[str, Any]]:
     """Return the documents of all cases of one problem, measured in interleaved rounds."""
     cases = [Case(problem, solver, plan.limits) for solver in solvers]
     try:
         data = problem_bytes(problem) if cases else b""
         for case in cases:
-            case.begin(data, folder, plan.tolerances[-1])
+            case.begin(data, plan.tolerances[-1])
         for tolerance in plan.tolerances:
             _measure_point(cases, tolerance)
     finally:

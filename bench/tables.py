@@ -1,5 +1,6 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from rich.text import Text
 
 from .errors import BenchError
 from .frames import RunFrames
+from .matrix import Cell
+from .matrix_page import matrix_page
 from .outcome import Outcome
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
@@ -125,7 +128,7 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
-    """Write both tables as CSV, Parquet and Markdown; return the files.
+    """Write both tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
 
     Raises:
         BenchError: if the folder cannot be written.
@@ -141,9 +144,27 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
             frame.to_parquet(folder / f"{name}.parquet", index=False)
             (folder / f"{name}.md").write_text(_markdown(shown(frame)), encoding="utf-8")
             files += [folder / f"{name}.{kind}" for kind in ("csv", "parquet", "md")]
+        (folder / "matrix.md").write_text(matrix_of_run(frames), encoding="utf-8")
+        files.append(folder / "matrix.md")
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
     return files
+
+
+def matrix_of_run(frames: RunFrames) -> str:
+    """Return the matrix of solvers and problems of a run as a Markdown page, with the reason of every failure."""
+    cells = [
+        Cell(
+            row["problem"],
+            row["solver"],
+            Outcome(row["outcome"]),
+            row["residual"],
+            reason="" if row["outcome"] == Outcome.SOLVED else row["reason"],
+        )
+        for row in results_table(frames).to_dict("records")
+    ]
+    finest = min(frames.info["plan"]["tolerances"])
+    return matrix_page(cells, finest, f"proxbench report {frames.info['run_id']}")
 
 
 def print_tables(frames: RunFrames, console: Console) -> None:
@@ -285,5 +306,7 @@ def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, An
 
 def _markdown(shown: pd.DataFrame) -> str:
     rows = [[str(column).replace("\n", " ") for column in shown.columns], ["---"] * len(shown.columns)]
-    rows += [[str(value).replace("|", r"\|") for value in row] for row in shown.itertuples(index=False)]
+    rows += [
+        [escape(str(value), quote=False).replace("|", r"\|") for value in row] for row in shown.itertuples(index=False)
+    ]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)

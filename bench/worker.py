@@ -1,44 +1,48 @@
 """Child processes that cases run in, and the conversation with them.
 
-Cases are forked from a server that has everything loaded (``preload``). Each is the leader of a session of its own, so
-that it can be killed with all it has started; it dies with the server, which dies with this process. What a case sends
-back is JSON and raw numbers, never objects that could run code here.
+Cases are forked from a server that has everything loaded (``preload``), each under a keeper that ends all it has
+started, also when this process is gone (``keeper``). What a case sends back is JSON and raw numbers, never objects
+that could run code here, and is waited for no longer than the case's time (``messages``).
 """
 
 import contextlib
-import json
 import os
 import pickle
-import resource
+import shutil
 import signal
-import sys
+import socket
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
 from dataclasses import dataclass
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from multiprocessing import spawn
 from pathlib import Path
 from typing import Any, Protocol
+from uuid import uuid4
 
 import numpy as np
-import psutil
 
 from ..problems.laws import FloatArray
-from ..problems.plugin_files import PluginFile
-from ..problems.plugins import register, registered
-from .measure import MisbehaviourError
-from .outcome import Outcome
+from ..problems.plugins import registered
+from .case_process import Assignment
+from .descendants import send, writers
+from .errors import BenchError
+from .fork_server import fork_keeper
+from .keeper import END, GO_ON, STOP
+from .messages import NoMessageError, read_message, read_object, write_message
+from .outcome import FAULTS, Outcome
 
-ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
-"""Environment that pins every numerical library to one thread."""
+LARGEST_ANSWER = 2**24
+"""Bytes that the JSON of an answer may have."""
 
-LARGEST_OUTPUT = 2**24
-"""Bytes that a case may write to any file, its captured output included."""
+LARGEST_NUMBERS = 2**32
+"""Bytes that the array of an answer may have."""
 
 SHOWN_OUTPUT = 4000
-"""Characters of captured output that are kept with a failed case."""
+"""Bytes of captured output that are kept with a failed case."""
+
+END_SECONDS = 3.0
+"""Wall time that a keeper has to end its case."""
 
 
 @dataclass
@@ -59,25 +63,23 @@ class Task(Protocol):
 
 
 class Worker:
-    """One case's process, seen from outside.
+    """One case's process, seen from outside. Between requests it is stopped, with all its threads.
 
     Attributes:
         busy_seconds: wall time that the case has used so far [s].
 
     Raises:
-        Fault: if the task cannot be pickled.
+        Fault: if the task cannot be pickled, or no process can be started.
+        BenchError: if there is no room for temporary files.
     """
 
-    def __init__(
-        self, task: Task, case_seconds: float, memory_bytes: int, folder: Path, with_main: bool = False
-    ) -> None:
+    def __init__(self, task: Task, case_seconds: float, memory_bytes: int, with_main: bool = False) -> None:
         """Start the process.
 
         Args:
             task: what it does.
             case_seconds: limit of the wall time of all requests together [s].
             memory_bytes: memory it may take beyond what the framework itself needs.
-            folder: where its output is captured.
             with_main: whether the task needs the caller's main script, which is then run again in the process.
         """
         try:
@@ -86,163 +88,133 @@ class Worker:
             reason = f"it cannot be sent to the process of its case: {error}"
             raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
         self.busy_seconds = 0.0
-        self._case_seconds = case_seconds
-        self._output = folder / f"output-{os.getpid()}-{id(self)}"
-        context = get_context("forkserver")
-        context.set_forkserver_preload([f"{__package__}.preload"])
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(
-            target=_serve, args=(theirs, pickled, registered(), memory_bytes, str(self._output)), daemon=True
-        )
-        with _environment(ONE_THREAD), contextlib.nullcontext() if with_main else _main_left_alone():
-            self._process.start()
-        theirs.close()
         self.peak_memory_bytes = 0
+        self._is_stopped = False
+        self._case_seconds = case_seconds
+        try:
+            self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
+        except OSError as error:
+            raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
+        assignment = Assignment(pickled, registered(), memory_bytes, self._folder, _setting(with_main))
+        try:
+            self._keeper = fork_keeper(assignment, self._output)
+        except OSError as error:
+            self._let_go()
+            raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
 
-    def ask(self, request: str, *arguments: Any) -> tuple[dict[str, Any], FloatArray]:
+    def ask(self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS) -> tuple[dict[str, Any], FloatArray]:
         """Send one request and wait for its answer: a JSON object and an array, which may be empty.
+
+        Args:
+            request: what is asked for.
+            arguments: to it.
+            largest: number of bytes that the array may have.
 
         Raises:
             Fault: if the case raises, misbehaves, dies, or its time is up.
         """
-        began = time.perf_counter()
+        began, pipe = time.monotonic(), self._keeper.pipe.fileno()
+        deadline = began + max(self._case_seconds - self.busy_seconds, 0.0)
         try:
-            self._pipe.send((request, arguments))
-            if not self._pipe.poll(max(self._case_seconds - self.busy_seconds, 0.0)):
-                raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s")
-            answer = json.loads(self._pipe.recv_bytes(LARGEST_OUTPUT))
-            numbers = np.frombuffer(self._pipe.recv_bytes(2**32), dtype=np.float64)
-        except (EOFError, ConnectionError, BrokenPipeError):
+            if self._is_stopped:
+                self._keeper.tell(GO_ON)
+            if _unasked(self._keeper.pipe):
+                raise NoMessageError("something that nobody asked for")
+            write_message(pipe, pickle.dumps((request, arguments)))
+            lifeline = self._keeper.orders.fileno()
+            answer = read_object(pipe, LARGEST_ANSWER, deadline, lifeline)
+            numbers = np.frombuffer(read_message(pipe, largest, deadline, lifeline), dtype=np.float64)
+            self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
+            fault = _told_fault(answer)
+        except TimeoutError:
+            raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s") from None
+        except (EOFError, OSError):
             raise Fault(Outcome.CRASHED, self._death()) from None
-        except (ValueError, OSError):
+        except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
             raise Fault(Outcome.MISBEHAVED, "its process sent something that is no answer") from None
         finally:
-            self.busy_seconds += time.perf_counter() - began
-        self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
-        if "fault" in answer:
-            raise Fault(Outcome(answer["fault"]), answer["reason"], answer["traceback"])
+            self._keeper.tell(STOP)
+            self._is_stopped = True
+            self.busy_seconds += time.monotonic() - began
+        if fault is not None:
+            raise fault
         return answer, numbers
 
     def output(self) -> str:
         """Return the end of what the case printed."""
-        try:
-            with open(self._output, "rb") as file:
-                file.seek(max(0, os.path.getsize(self._output) - SHOWN_OUTPUT))
-                return file.read().decode(errors="replace")
-        except OSError:
-            return ""
+        size = os.fstat(self._output).st_size
+        return os.pread(self._output, SHOWN_OUTPUT, max(0, size - SHOWN_OUTPUT)).decode(errors="replace")
 
     def close(self) -> None:
         """End the process and all that it started."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            if self._process.pid is not None:
-                os.killpg(self._process.pid, signal.SIGKILL)
-        with contextlib.suppress(ProcessLookupError):
-            self._process.kill()
-        self._process.join(timeout=5.0)
-        self._pipe.close()
-        self._output.unlink(missing_ok=True)
+        self._keeper.tell(END)
+        if self._keeper.status(END_SECONDS) is None:
+            self._keeper.kill()
+            self._end_what_it_left()
+        self._keeper.close()
+        self._let_go()
+
+    def _end_what_it_left(self) -> None:
+        """Kill what a keeper has left that was itself killed or stopped: it is known by where it prints."""
+        deadline = time.monotonic() + END_SECONDS
+        while (left := writers(self._output)) and time.monotonic() < deadline:
+            send(signal.SIGKILL, left)
+            time.sleep(1e-3)
+
+    def _let_go(self) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+        os.close(self._output)
 
     def _death(self) -> str:
-        self._process.join(timeout=5.0)
-        code = self._process.exitcode
-        if code is not None and code < 0:
-            return f"its process was killed by {signal.Signals(-code).name}"
-        return f"its process ended by itself with exit code {code}"
+        status = self._keeper.status(END_SECONDS)
+        if status is None:
+            return "its process ended together with its keeper"
+        if os.WIFEXITED(status):
+            return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
+        try:
+            return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
+        except ValueError:
+            return f"its process was killed by signal {os.WTERMSIG(status)}"
 
 
-@contextlib.contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+def _told_fault(answer: dict[str, Any]) -> Fault | None:
+    """Return the fault that an answer tells, if it does.
 
-
-@contextlib.contextmanager
-def _main_left_alone() -> Iterator[None]:
-    """Keep a starting process from running the caller's script again.
-
-    multiprocessing imports the main module in every child, which would measure again in a script that calls ``run``
-    without asking for ``__name__ == "__main__"``.
+    Raises:
+        KeyError: if it tells it badly.
+        ValueError: likewise.
     """
-    main = sys.modules["__main__"]
-    kept: dict[str, Any] = {name: main.__dict__[name] for name in ("__file__", "__spec__") if name in main.__dict__}
-    main.__dict__.pop("__file__", None)
-    main.__spec__ = None
-    try:
-        yield
-    finally:
-        main.__dict__.update(kept)
+    if "fault" not in answer:
+        return None
+    outcome, reason, trace = Outcome(answer["fault"]), answer["reason"], answer["traceback"]
+    if outcome not in FAULTS or not isinstance(reason, str) or not isinstance(trace, str):
+        raise ValueError
+    return Fault(outcome, reason, trace)
 
 
-def _serve(pipe: Connection, pickled: bytes, plugin_files: list[PluginFile], memory_bytes: int, output: str) -> None:
-    """Answer requests until the other end of the pipe closes."""
-    os.setsid()
-    _die_with_parent()
-    _capture_output(output)
-    _limit_memory(memory_bytes)
-    task: Task | None = None
-    while True:
-        try:
-            request, arguments = pipe.recv()
-        except EOFError:
-            return
-        numbers = b""
-        try:
-            if task is None:
-                for file in plugin_files:
-                    register(file)
-                task = pickle.loads(pickled)
-            answer, numbers = task.answer(request, arguments)
-        except MisbehaviourError as error:
-            answer = _fault(Outcome.MISBEHAVED, str(error))
-        except MemoryError:
-            answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {memory_bytes / 2**20:.0f} MB of memory")
-        except (Exception, SystemExit, KeyboardInterrupt) as error:
-            line = str(error).splitlines()[0][:200] if str(error) else ""
-            answer = _fault(Outcome.CRASHED, f"it raised {type(error).__name__}{': ' + line if line else ''}")
-        with contextlib.suppress(OSError, ValueError):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        pipe.send_bytes(json.dumps({**answer, "peak_memory_bytes": usage}).encode())
-        pipe.send_bytes(numbers)
+def _unasked(pipe: socket.socket) -> bool:
+    """Return whether something has come that nobody asked for."""
+    with contextlib.suppress(BlockingIOError):
+        return bool(pipe.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
+    return False
 
 
-def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
-    return {"fault": outcome.value, "reason": reason, "traceback": traceback.format_exc()[-20_000:]}
+def _output_file() -> int:
+    """Open a file without a name; the system removes it with the last process that has it open.
+
+    Raises:
+        OSError: if there is no room for temporary files.
+    """
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
 
 
-def _die_with_parent() -> None:
-    """Ask Linux to kill this process when the fork server goes; elsewhere the closed pipe ends it."""
-    if sys.platform == "linux":
-        import ctypes
+def _setting(with_main: bool) -> dict[str, Any]:
+    """Return what of this process's setting a case needs.
 
-        set_death_signal = 1
-        ctypes.CDLL(None).prctl(set_death_signal, signal.SIGKILL)
-
-
-def _capture_output(path: str) -> None:
-    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-    os.dup2(file, 1)
-    os.dup2(file, 2)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_OUTPUT, LARGEST_OUTPUT))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-def _limit_memory(memory_bytes: int) -> None:
-    """Limit the address space to what is mapped now and ``memory_bytes`` more."""
-    limit = psutil.Process().memory_info().vms + memory_bytes
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-
-
-def working_folder() -> tempfile.TemporaryDirectory[str]:
-    """Return a folder for captured output that removes itself."""
-    return tempfile.TemporaryDirectory(prefix="proxbench-")
+    The main script is run again in the case only if the task needs it: a script that calls ``run`` without asking for
+    ``__name__ == "__main__"`` would measure again.
+    """
+    told = spawn.get_preparation_data("case")
+    keys = ["sys_path", "dir", *(("init_main_from_name", "init_main_from_path") if with_main else ())]
+    return {key: told[key] for key in keys if key in told}

@@ -151,8 +151,13 @@ class VariableStep:
         if not self.min_step <= self.max_step < np.inf:
             raise ProblemError(f"max_step must be finite and at least min_step = {self.min_step}, got {self.max_step}.")
 
-    def steps(self, start: State, until: float) -> Iterator[VariableStepTaken]:
+    def steps(self, start: State, until: float, states: LawStates | None = None) -> Iterator[VariableStepTaken]:
         """Yield the accepted steps from ``start`` to the time ``until`` [s].
+
+        Args:
+            start: where the motion begins.
+            until: when it ends [s].
+            states: states of the laws in the step that led to ``start``, if there was one.
 
         Raises:
             ProblemError: if ``until`` is not after the start.
@@ -161,7 +166,7 @@ class VariableStep:
         if not until > start.time:
             raise ProblemError(f"until = {until} s must be after the start at {start.time} s.")
         try:
-            course = _Course(self, start, until)
+            course = _Course(self, start, until, states)
         except ProblemError as failure:
             raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {failure}", start) from failure
         return course.steps()
@@ -170,12 +175,12 @@ class VariableStep:
 class _Course:
     """One motion under way."""
 
-    def __init__(self, plan: VariableStep, start: State, until: float) -> None:
+    def __init__(self, plan: VariableStep, start: State, until: float, states: LawStates | None) -> None:
         self._plan, self._until = plan, until
         self._rule = OneStep(plan.system, plan.solver, plan.stop)
         self._search = plan.search(plan.system, plan.min_step, plan.max_step)
         self._state = start
-        self._states: LawStates | None = None
+        self._states = self._states_before = states
         self._scale = _Scale(plan, start)
         self._length = min(plan.max_step, max(plan.min_step, 1e-3 * plan.max_step))
         self._levels = 2

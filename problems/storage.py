@@ -2,7 +2,6 @@
 
 import io
 import json
-import zipfile
 from pathlib import Path
 from typing import IO, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .answer import Answer
+from .archive import ArchiveError, read_arrays
 from .contact import ContactProblem
 from .errors import ProblemError
 from .factors import Factors, InverseMass
@@ -20,6 +20,9 @@ FORMAT = 1
 """Version of the file format."""
 
 SUFFIX = ".npz"
+
+_DAMAGES = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError)
+"""What reading raises where the content is not as it should be."""
 
 
 def save_problem(problem: ContactProblem, path: Path) -> None:
@@ -56,12 +59,12 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
     """
     name = label or str(source)
     try:
-        with np.load(source, allow_pickle=False) as arrays:
-            content = {key: arrays[key] for key in arrays.files}
-        problem, digest = _problem(content, name)
+        problem, digest = _problem(read_arrays(source), name)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
+    except ArchiveError as error:
+        raise ProblemError(f"{name} is damaged or no problem file: {error}; remove it and generate it again.") from None
+    except _DAMAGES as error:
         if isinstance(error, ProblemError):
             raise
         raise ProblemError(f"{name} is damaged or no problem file; remove it and generate it again.") from None
@@ -100,7 +103,8 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
         arrays["answer.solvable"] = np.array(answer.solvable)
         if answer.impulses:
             arrays["answer.impulses"] = np.array(answer.impulses)
-        for key in ("velocity", "functionals", "values"):
+        arrays["answer.sensitivity"] = np.array(answer.sensitivity)
+        for key in ("velocity", "functionals", "values", "witness"):
             if getattr(answer, key) is not None:
                 arrays[f"answer.{key}"] = getattr(answer, key)
     return arrays
@@ -118,6 +122,10 @@ def _compressed(label: str, matrix: Any) -> dict[str, Any]:
 
 def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
     about = json.loads(content["about"].tobytes().decode())
+    if not (
+        isinstance(about, dict) and isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)
+    ):
+        raise ValueError("it does not say what it is")
     if about["format"] != FORMAT:
         raise ProblemError(f"{name} has format {about['format']}, this version reads format {FORMAT}.")
     laws = Laws(
@@ -134,16 +142,22 @@ def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
         "allow_asymmetric": about["allow_asymmetric"],
     }
     if "G.data" in content:
-        matrix = sp.csr_array(_parts(content, "G"), shape=tuple(content["G.shape"]))
+        matrix = _matrix(sp.csr_array, content, "G")
         return ContactProblem(content["c"], laws, matrix=matrix, **attributes), about["digest"]
-    directions = sp.csc_array(_parts(content, "W"), shape=tuple(content["W.shape"]))
-    inverse = InverseMass.create(sp.csr_array(_parts(content, "Minv"), shape=tuple(content["Minv.shape"])))
+    directions = _matrix(sp.csc_array, content, "W")
+    inverse = InverseMass.create(_matrix(sp.csr_array, content, "Minv"))
     factors = Factors.create(directions, inverse, content.get("free_motion"))
     return ContactProblem(content["c"], laws, factors=factors, **attributes), about["digest"]
 
 
-def _parts(content: dict[str, Any], label: str) -> tuple[Any, Any, Any]:
-    return content[f"{label}.data"], content[f"{label}.indices"], content[f"{label}.indptr"]
+def _matrix(kind: Any, content: dict[str, Any], label: str) -> Any:
+    """Return a sparse matrix; its indices are checked, because compiled code later believes them."""
+    parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
+    if any(part.dtype.kind not in kinds for part, kinds in zip(parts, ("f", "i", "i"), strict=True)):
+        raise ValueError(f"{label} is no matrix of numbers")
+    matrix = kind(parts, shape=tuple(int(length) for length in content[f"{label}.shape"]))
+    matrix.check_format(full_check=True)
+    return matrix
 
 
 def _answer(content: dict[str, Any]) -> Answer | None:
@@ -155,4 +169,6 @@ def _answer(content: dict[str, Any]) -> Answer | None:
         functionals=content.get("answer.functionals"),
         values=content.get("answer.values"),
         solvable=bool(content["answer.solvable"]),
+        witness=content.get("answer.witness"),
+        sensitivity=float(content.get("answer.sensitivity", Answer.sensitivity)),
     )

@@ -1,5 +1,6 @@
 """Recordings of ball systems: turning balls among surfaces, and the impulses between them."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...problems.moreau import State, Step
 from ...problems.scenes.effects import Gravity
 from ...problems.scenes.funnel import Funnel
 from ..palette import PALETTE, rgb
-from .layouts import Camera, simulation_blueprint, space_view
+from .layouts import Camera, plot, simulation_blueprint, space_view
 from .rotation import turned, upright
 from .shapes import ball_mesh, surface_meshes
 from .space import in_space
@@ -46,6 +47,7 @@ class BallRecorder(StepRecorder):
         gravity: g along the last axis [m/s²], for the potential energy.
         force: replace an existing file.
         every: draw bodies and impulses at each such step.
+        balls_through: q ↦ how many balls have left through the outlet, for a curve; None where there is none.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class BallRecorder(StepRecorder):
         gravity: float = 0.0,
         force: bool = False,
         every: int = 1,
+        balls_through: Callable[[FloatArray], int] | None = None,
     ) -> None:
         about = (
             f"**{title}**\n\n"
@@ -65,6 +68,7 @@ class BallRecorder(StepRecorder):
         )
         super().__init__(file, title, about, force, every)
         self._system, self._gravity = system, gravity
+        self._balls_through = balls_through
         self._orientations = upright(system.n_balls)
         self._before: State | None = None
         self._groups: list[IntArray] = []
@@ -146,6 +150,13 @@ class BallRecorder(StepRecorder):
         heights = self._system.centres(state.position)[:, -1]
         return self._system.kinetic_energy(state.velocity), self._gravity * float(self._system.masses @ heights)
 
+    def _own_curves(self, state: State) -> dict[str, float]:
+        return {} if self._balls_through is None else {"through": float(self._balls_through(state.position))}
+
+    def _plots(self) -> list[rrb.TimeSeriesView]:
+        through = [plot("balls through the outlet", "/curves/through", legend=False)]
+        return [*(through if self._balls_through is not None else []), *super()._plots()]
+
     def _spins(self, velocity: FloatArray) -> FloatArray:
         """Return angular velocities in space [rad/s], shape (n, 3); in the plane (x, z) from x to z, thus about −y."""
         spins = np.zeros((self._system.n_balls, 3))
@@ -180,4 +191,5 @@ def funnel_recorder(scene: Funnel, file: Path, force: bool = False, every: int =
     """Return the recorder of a funnel scene; see ``StepRecorder``."""
     gravity = sum(effect.acceleration for effect in scene.effects if isinstance(effect, Gravity))
     title = f"funnel, {scene.n_balls} {'discs' if scene.is_planar else 'balls'}"
-    return BallRecorder(scene.system(), file, title, gravity, force, every)
+    through = scene.balls_through if scene.outlet_radius else None
+    return BallRecorder(scene.system(), file, title, gravity, force, every, through)

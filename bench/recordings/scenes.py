@@ -26,5 +26,6 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
     if isinstance(scene.system, BallSystem):
         options = scene.options
         title = f"{scene.name}, {options['balls']} {'discs' if options['planar'] else 'balls'}"
-        return BallRecorder(scene.system, file, title, float(options["gravity"] or 0.0), force, every)
+        gravity = float(options["gravity"] or 0.0)
+        return BallRecorder(scene.system, file, title, gravity, force, every, scene.balls_through)
     raise BenchError(f"there is no recorder for the scene {scene.name!r}; leave --record out.")

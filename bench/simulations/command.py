@@ -32,13 +32,16 @@ _OPTIONS = (
 )
 """Options of scenes that the command line passes on under their own name."""
 
-_NUMBERS = ("step_size", "solver", "tolerance", "max_iterations")
+_NUMBERS = ("step_size", "stepper", "solver", "tolerance", "max_iterations")
 
 
 def simulate(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(help="funnel, pile or woodpecker; with --resume it may be left out.")] = "",
     step_size: Annotated[float | None, typer.Option(help=f"Time step [s]. {_NUMBER}")] = None,
+    stepper: Annotated[
+        str | None, typer.Option(help="Moreau (fixed step), Extrapolated(tolerance=1e-8) or StepDoubling. " + _NUMBER)
+    ] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time [s]; with --resume, a longer one.")] = None,
     solver: Annotated[str | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5).")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Judged residual that each step shall reach.")] = None,
@@ -70,9 +73,13 @@ def simulate(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
     progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
 ) -> int:
-    """Simulate a scene step by step; print a table per 0.1 s, and store every step in a file that can be resumed."""
+    """Simulate a scene step by step; print a table per 0.1 s, or of the switching incidents where the step is variable.
+
+    Every step is stored in a file that can be resumed.
+    """
     from rich.console import Console
 
+    from ..variable.command import Request, run_variable, wants_variable
     from .interrupts import deferred_interrupts
     from .live import LiveSummary
     from .plan import make_simulation_plan
@@ -81,6 +88,10 @@ def simulate(
 
     options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
+    if wants_variable(scene, numbers, resume):
+        asked = Request(scene, options, numbers, duration, output, force, resume, record, chart)
+        return run_variable(asked, as_json, progress)
+    numbers.pop("stepper", None)
     on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
     if resume is not None:
         given = {**({"scene": scene} if scene else {}), **numbers, **options}

@@ -8,7 +8,6 @@ Every write replaces the whole file, so whatever happens, the last complete one 
 """
 
 import json
-import zipfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.archive import ArchiveError, read_arrays
 from ...problems.errors import ProxbenchError
 from ...problems.files import replacing
 from ...problems.moreau import State
@@ -75,11 +75,11 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     Raises:
         BenchError: if the file is missing, damaged, or no result file of a simulation.
     """
-    content = _content(path)
+    content = stored_arrays(path)
     try:
         about = json.loads(content["about"].tobytes().decode())
         is_ours = about["kind"] == KIND
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         is_ours = False
     if not is_ours:
         raise BenchError(f"{path} is no result file of a simulation; name a file that proxbench simulate wrote.")
@@ -91,13 +91,17 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         simulation.restore(_steps(content, len(simulation.statuses)), _state(content, plan))
     except ProxbenchError as error:
         raise BenchError(f"cannot go on from {path}: {error}") from None
-    except (KeyError, TypeError, ValueError):
-        raise _damaged(path) from None
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
+        raise damaged(path) from None
     return simulation
 
 
-def _content(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of any .npz file; zip holds a checksum of each, which reading compares."""
+def stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of any .npz file; zip holds a checksum of each, which reading compares.
+
+    Raises:
+        BenchError: if the file is missing, cannot be read, or is damaged.
+    """
     try:
         with path.open("rb") as file:
             if file.read(2) != b"PK":
@@ -105,17 +109,17 @@ def _content(path: Path) -> dict[str, NDArray[Any]]:
                     f"{path} is no result file of a simulation; name a file that proxbench simulate wrote."
                 )
             file.seek(0)
-            with np.load(file, allow_pickle=False) as arrays:
-                return {key: arrays[key] for key in arrays.files}
+            return read_arrays(file)
     except FileNotFoundError:
         raise BenchError(f"there is no result file {path}.") from None
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
-        raise _damaged(path) from None
+    except ArchiveError:
+        raise damaged(path) from None
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror or error}.") from None
 
 
-def _damaged(path: Path) -> BenchError:
+def damaged(path: Path) -> BenchError:
+    """Return the error for a file that is not what was written."""
     return BenchError(f"{path} is damaged; remove it and simulate anew.")
 
 

@@ -2,13 +2,12 @@
 
 import time
 from types import TracebackType
+from typing import Any, Self
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.text import Text
-
-from .simulation import Simulation
 
 REDRAW_SECONDS = 0.2
 """Wall time between two drawings; one takes about a millisecond."""
@@ -30,7 +29,7 @@ class LiveSummary:
         self._unsolved = 0
         self._counted = 0
 
-    def __enter__(self) -> "LiveSummary":
+    def __enter__(self) -> Self:
         if self._console.is_terminal and not self._hidden:
             self._live.start()
         return self
@@ -40,7 +39,7 @@ class LiveSummary:
     ) -> None:
         self._live.stop()
 
-    def __call__(self, simulation: Simulation) -> None:
+    def __call__(self, simulation: Any) -> None:
         """Show the simulation, if the last time is long enough ago."""
         now = time.perf_counter()
         if self._hidden or now < self._next:
@@ -50,12 +49,17 @@ class LiveSummary:
         if not self._console.is_terminal:
             self._console.print(f"{first}  {second}", soft_wrap=True, highlight=False)
             return
-        done = min(simulation.n_steps / simulation.plan.n_steps, 1.0)
-        bar = ProgressBar(total=1.0, completed=done, width=min(self._console.width - 1, 78))
+        bar = ProgressBar(
+            total=1.0, completed=min(self._share(simulation), 1.0), width=min(self._console.width - 1, 78)
+        )
         style = "red" if self._unsolved else "dim"
         self._live.update(Group(Text(first, no_wrap=True), Text(second, style=style, no_wrap=True), bar), refresh=True)
 
-    def _lines(self, simulation: Simulation, now: float) -> tuple[str, str]:
+    def _share(self, simulation: Any) -> float:
+        """Return how much of the simulation is done, from 0 to 1."""
+        return float(simulation.n_steps / simulation.plan.n_steps)
+
+    def _lines(self, simulation: Any, now: float) -> tuple[str, str]:
         """Return how far and how fast it is, and what the last step looked like, each within 80 columns."""
         plan, last = simulation.plan, simulation.steps[-1]
         # only steps not counted yet are looked at: counting all would cost more from redraw to redraw

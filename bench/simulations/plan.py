@@ -21,6 +21,12 @@ class _Default(NamedTuple):
 _MANY_CONTACTS = _Default("SORprox(relaxation=1.1, form='factors', momentum=0.8)", 1e-4, 20_000)
 """The fastest way to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
 
+_OTHERS = (
+    "SORprox(relaxation=0.9, form='factors', momentum=0.9)",
+    "SORprox(relaxation=0.7, form='factors', momentum=0.5)",
+)
+"""What solves most of the steps that this does not, and what solves most of the rest, slowly."""
+
 _DEFAULTS = {"woodpecker": _Default("SORprox", 1e-10, 5000)}
 """Scenes with few contacts afford more accuracy, and need no relaxation above 1."""
 
@@ -54,6 +60,13 @@ class SimulationPlan:
     def stop(self) -> Stop:
         """The stop criterion of each step; a limit of time would make the motion depend on how busy the machine is."""
         return Stop(self.tolerance, self.max_iterations, math.inf)
+
+    @property
+    def others(self) -> tuple[Solver, ...]:
+        """Solvers for steps in which the solver falls short; one that somebody has chosen is asked alone."""
+        if self.solver.name != create(_MANY_CONTACTS.solver).name:
+            return ()
+        return tuple(create(name) for name in _OTHERS)
 
     def stepper(self, solver: ContactSolver | None = None) -> Moreau:
         """Return what takes the steps, with ``solver`` in place of the plan's."""
@@ -105,15 +118,23 @@ def make_simulation_plan(
     return plan
 
 
-def prolonged(plan: SimulationPlan, duration: float) -> SimulationPlan:
-    """Return ``plan`` with another duration [s].
+def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
+    """Return ``plan`` with other values: duration [s], solver, tolerance, max_iterations.
 
     Raises:
-        BenchError: if it is out of range.
+        SolverError: for an unknown solver or option of it.
+        BenchError: if a number is out of range.
     """
-    longer = replace(plan, duration=duration)
-    _check_numbers(longer)
-    return longer
+    solver = changes.get("solver")
+    if isinstance(solver, str):
+        changes["solver"] = create(solver)
+    other = replace(plan, **changes)
+    _check_numbers(other)
+    return other
+
+
+REPLACEABLE = ("solver", "tolerance", "max_iterations")
+"""What a resumed simulation may take other values of: how steps are solved, not what is simulated."""
 
 
 def check_agreement(plan: SimulationPlan, given: Mapping[str, object], source: str) -> None:
@@ -131,9 +152,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, object], source: s
     stored = {**plan.document(), **plan.scene.options}
     for name, value in given.items():
         asked = value
-        if name == "solver":
-            asked = create(value).name if isinstance(value, str) else getattr(value, "name", value)
-        elif name not in plan.document():
+        if name not in plan.document():
             options = SCENES[plan.scene.name].options
             if name in options:
                 asked = options[name].checked(name, value)

@@ -17,6 +17,7 @@ from .options import Option, OptionValue, complete
 from .woodpecker import (
     FRICTION,
     GRAVITY,
+    OVERLAP,
     POLE_RADIUS,
     RESTITUTION,
     kinetic_energy,
@@ -135,7 +136,7 @@ def _woodpecker(name: str, options: Mapping[str, Any]) -> Scene:
         name,
         options,
         woodpecker(options["friction"], options["restitution"] or 0.0, gravity),
-        published_start() if options["start"] == "published" else section_start(),
+        published_start() if options["start"] == "published" else section_start(OVERLAP),
         length=POLE_RADIUS,
         step_size=2e-5,
         duration=1.0,
@@ -157,7 +158,7 @@ _BALLS: dict[str, Option] = {
     "drag": Option(None, "linear drag on each centre [kg/s]", can_be_off=True),
     "spring": Option(None, "spring from each centre to the middle of the cone's top [N/m]", can_be_off=True),
     "projection": Option(
-        0.01, "penetration [ball radii] to which positions are projected", lowest=1e-3, highest=1.0, can_be_off=True
+        0.02, "penetration [ball radii] to which positions are projected", lowest=1e-3, highest=1.0, can_be_off=True
     ),
     "planar": Option(False, "discs in a vertical plane instead of balls"),
 }

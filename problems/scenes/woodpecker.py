@@ -25,6 +25,24 @@ PERIOD = 0.14597606514375183
 DESCENT = 0.019445379284716507
 """Descent in one limit cycle [m]."""
 
+INCIDENTS = (
+    (-0.03959340699934294, "friction", 1, "slip", "stick"),
+    (0.0, "friction", 1, "stick", "slip"),
+    (0.005820757234809802, "unilateral", 1, "closed", "open"),
+    (0.016709825280643503, "unilateral", 2, "open", "closed"),
+    (0.016709825280643503, "unilateral", 2, "closed", "open"),
+    (0.019811178939636433, "unilateral", 0, "open", "closed"),
+    (0.019811178939636433, "unilateral", 0, "closed", "open"),
+    (0.020390700477988667, "unilateral", 2, "open", "closed"),
+    (0.022245391272032778, "unilateral", 2, "closed", "open"),
+    (0.05753380196015821, "unilateral", 1, "open", "closed"),
+    (0.05753380196015821, "unilateral", 1, "closed", "open"),
+    (0.06026253599142089, "unilateral", 1, "open", "closed"),
+)
+"""Switching incidents of one limit cycle in the order of table 1 of Studer & Glocker (2005): time after the section
+[s], computed event by event in 45-digit arithmetic; law, key of the contact (0 beak, 1 lower, 2 upper edge of the
+sleeve), before, after."""
+
 OVERLAP = 1e-12
 """Depth [m] at which a start in contact is taken for closed; it turns the sleeve by 2e-10 rad."""
 

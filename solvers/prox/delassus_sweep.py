@@ -53,7 +53,11 @@ class DelassusSweep:
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
-        return with_momentum(DelassusIterates(self, self.layout.pad(start).reshape(-1)), momentum)
+        return with_momentum(self.over_padded(self.layout.pad(start).reshape(-1)), momentum)
+
+    def over_padded(self, padded: FloatArray) -> "DelassusIterates":
+        """Return the iterates that live in ``padded``, Λ padded and flat."""
+        return DelassusIterates(self, padded)
 
 
 class DelassusIterates:

@@ -62,6 +62,11 @@ class Monitor:
         """Take ``seconds`` spent outside the solver off its clock."""
         self._deadline += seconds
 
+    @property
+    def is_late(self) -> bool:
+        """Whether the time is up."""
+        return time.perf_counter() > self._deadline
+
     def look(self, iteration: int, residual: float, impulses: FloatArray) -> tuple[Status, str] | None:
         """Note the residual after ``iteration`` sweeps; return status and reason if the solve is over."""
         if not self._history:
@@ -79,7 +84,7 @@ class Monitor:
             return Status.DIVERGED, f"the residual grew to {residual:.1e} within {iteration} sweeps"
         if iteration >= self.stop.max_iterations:
             return Status.ITERATION_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
-        if time.perf_counter() > self._deadline:
+        if self.is_late:
             return Status.TIME_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
         if iteration >= STALL_SWEEPS and self.best_residual > STALL_PROGRESS * self._best_at(iteration // 4):
             return Status.STALLED, f"the residual stays at {self.best_residual:.1e} since sweep {iteration // 4}"

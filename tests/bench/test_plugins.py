@@ -223,7 +223,7 @@ def test_a_problem_that_cannot_be_built_is_told_before_anything_is_measured(
         assert not results.exists()
 
 
-def test_resume_finds_the_file_again_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
+def test_resume_asks_for_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
     path = written(GOOD)
     folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path])
     recorded = load(folder).info["plugins"]
@@ -235,22 +235,32 @@ def test_resume_finds_the_file_again_and_refuses_another_version(written: Callab
 
     lost = next(iter((folder / "cases").glob("*Filed*")))
     lost.unlink()
-    assert resume(folder) == folder
+    with pytest.raises(BenchError, match=r"add --plugin .*mine\.py"):
+        resume(folder)
+    assert resume(folder, plugins=[path]) == folder
     assert len(load(folder).cases) == 2
 
     path.write_text(GOOD + "# edited\n")
     with pytest.raises(BenchError, match=r"mine\.py has changed since the run began; put the old version back"):
-        resume(folder)
+        resume(folder, plugins=[path])
+    for file in registered():
+        forget(file)
     path.unlink()
     with pytest.raises(BenchError, match=r"plugin file .*mine\.py, which is gone; put it back"):
         resume(folder)
 
 
-def test_resume_takes_plugins_from_the_stored_run_alone(
+def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert run_command(["run", "--resume", str(tmp_path), "--plugin", str(written(GOOD))]) == 2
-    assert "--plugin is stored with the run" in capsys.readouterr().err
+    path = written(GOOD)
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    for file in registered():
+        forget(file)
+    assert run_command(["run", "--resume", str(folder)]) == 2
+    assert f"add --plugin {path}" in capsys.readouterr().err
+    assert registered() == []
+    assert run_command(["run", "--resume", str(folder), "--plugin", str(path)]) == 0
 
 
 def test_a_generated_problem_is_found_without_the_plugin(

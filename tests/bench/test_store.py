@@ -10,7 +10,25 @@ from hypothesis import strategies as st
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store import Store, plain_name
 
-CASE = {"problem": "a/../b", "solver": "S(x='y')", "value": 1.5, "infinite": float("inf")}
+CASE = {
+    "problem": "a/../b",
+    "digest": "0",
+    "solver": "S(x='y')",
+    "model": "Coulomb",
+    "has_iterates": True,
+    "n_rows": 3,
+    "n_contacts": 1,
+    "outcome": "crashed",
+    "reason": "",
+    "traceback": "",
+    "stderr": "",
+    "wall_seconds": 0.1,
+    "peak_memory_bytes": 1,
+    "curve": {"iteration": [], "residual": []},
+    "points": [],
+    "value": 1.5,
+    "infinite": float("inf"),
+}
 
 
 @pytest.fixture
@@ -87,8 +105,20 @@ def test_an_interrupted_write_leaves_the_old_file_and_no_stray_one(
 
 
 def test_an_existing_run_is_not_overwritten(store: Store) -> None:
+    store.write_info({"run_id": "run"})
     with pytest.raises(BenchError, match="exists already"):
         Store.create(store.folder)
+
+
+def test_a_folder_in_which_a_run_was_killed_before_it_began_is_taken(store: Store) -> None:
+    (store.folder / ".run.json-x.part").write_text("{")
+    with Store.create(store.folder).alone():
+        assert [entry.name for entry in store.folder.iterdir()] == ["cases"]
+
+
+def test_two_writers_are_kept_apart(store: Store) -> None:
+    with store.alone(), pytest.raises(BenchError, match="another process is writing"), store.alone():
+        pass
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

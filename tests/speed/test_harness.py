@@ -6,7 +6,6 @@ The charged time is read from what the harness reports, through a case's own pro
 
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -27,12 +26,12 @@ Start = Callable[[Solver], Worker]
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Start]:
+def start() -> Iterator[Start]:
     """Start a case's process; it is ended after the test."""
     data, workers = problem_bytes(funnel_step("funnel-1000")), []
 
     def started(solver: Solver) -> Worker:
-        workers.append(Worker(MeasuringTask(data, solver), LIMITS.case_seconds, LIMITS.memory_bytes, tmp_path))
+        workers.append(Worker(MeasuringTask(data, solver), LIMITS.case_seconds, LIMITS.memory_bytes))
         workers[-1].ask("warm_up", STOP)
         return workers[-1]
 

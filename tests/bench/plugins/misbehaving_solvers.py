@@ -1,11 +1,20 @@
 """Solvers that break every rule, each in its own way, to be run in a child process."""
 
+import contextlib
 import ctypes
+import gc
+import hashlib
 import os
+import random
 import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
 import time
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from proxbench.problems import ContactProblem
@@ -14,9 +23,10 @@ from proxbench.solvers import Model, Solution, Status, Stop, create
 
 @dataclass(frozen=True)
 class Misbehaving:
-    """Solves as SORprox does, after having done what ``deed`` names."""
+    """Solves as SORprox does, after having done what ``deed`` names; with ``only``, one problem alone."""
 
     deed: str
+    only: str = ""
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = False
@@ -26,10 +36,26 @@ class Misbehaving:
         return f"Misbehaving({self.deed})"
 
     def supports(self, problem: ContactProblem) -> str | None:
+        if self.only and problem.name != self.only:
+            return f"it misbehaves on {self.only} alone"
+        if self.deed == "refuse badly":
+            raise RuntimeError("nobody knows")
         return None
 
     def prepare(self, problem: ContactProblem) -> "_Prepared":
         return _Prepared(problem, self.deed)
+
+
+_ONCE = {"print gigabytes", "start threads", "start processes", "run away", "return twice", "move", "litter"}
+"""Deeds that stay done, so that doing them in every solve would only take time."""
+
+_done: set[str] = set()
+"""Deeds done by this process."""
+
+
+class BadlyToldError(Exception):
+    def __str__(self) -> str:
+        raise ValueError("it cannot be told")
 
 
 @dataclass
@@ -39,30 +65,27 @@ class _Prepared:
 
     def solve(self, stop: Stop, start: object = None, observe: object = None) -> object:
         solution = create("SORprox").prepare(self.problem).solve(stop)
-        return getattr(self, f"do_{self.deed}")(solution)
+        if self.deed in _ONCE and self.deed in _done:
+            return solution
+        _done.add(self.deed)
+        return getattr(self, f"do_{self.deed.replace(' ', '_')}")(solution)
+
+    # what it returns
 
     def do_raise(self, solution: Solution) -> object:
         raise RuntimeError("the plugin gave up")
 
-    def do_exit(self, solution: Solution) -> object:
-        os._exit(7)
+    def do_raise_badly(self, solution: Solution) -> object:
+        raise BadlyToldError
 
-    def do_segfault(self, solution: Solution) -> object:
-        return ctypes.string_at(0)
+    def do_interrupt(self, solution: Solution) -> object:
+        raise KeyboardInterrupt
 
-    def do_sleep(self, solution: Solution) -> object:
-        time.sleep(1000)
-        return solution
+    def do_leave(self, solution: Solution) -> object:
+        sys.exit("enough")
 
-    def do_spin(self, solution: Solution) -> object:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        while True:
-            pass
-
-    def do_allocate(self, solution: Solution) -> object:
-        held = []
-        while True:
-            held.append(np.ones(2**24))
+    def do_recur(self, solution: Solution) -> object:
+        return self.do_recur(solution)
 
     def do_none(self, solution: Solution) -> object:
         return None
@@ -70,11 +93,47 @@ class _Prepared:
     def do_shape(self, solution: Solution) -> object:
         return Solution(np.zeros(1), Status.SOLVED, 1)
 
+    def do_type(self, solution: Solution) -> object:
+        return Solution(np.array(["impulse"] * self.problem.n_rows), Status.SOLVED, 1)  # type: ignore[arg-type]
+
+    def do_status(self, solution: Solution) -> object:
+        return Solution(solution.impulses, "perfect", 1)  # type: ignore[arg-type]
+
     def do_nan(self, solution: Solution) -> object:
         return Solution(np.full(self.problem.n_rows, np.nan), Status.SOLVED, 1)
 
     def do_lie(self, solution: Solution) -> object:
         return Solution(np.zeros(self.problem.n_rows), Status.SOLVED, 1)
+
+    def do_talk(self, solution: Solution) -> object:
+        return Solution(solution.impulses, solution.status, solution.iterations, "m" * 2**25)
+
+    # what it does to its own process
+
+    def do_exit(self, solution: Solution) -> object:
+        os._exit(7)
+
+    def do_segfault(self, solution: Solution) -> object:
+        return ctypes.string_at(0)
+
+    def do_abort(self, solution: Solution) -> object:
+        os.abort()
+
+    def do_sleep(self, solution: Solution) -> object:
+        time.sleep(1000)
+        return solution
+
+    def do_spin(self, solution: Solution) -> object:
+        for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
+            signal.signal(number, signal.SIG_IGN)
+        signal.pthread_sigmask(signal.SIG_BLOCK, set(signal.Signals))
+        while True:
+            pass
+
+    def do_allocate(self, solution: Solution) -> object:
+        held = []
+        while True:
+            held.append(np.ones(2**24))
 
     def do_write(self, solution: Solution) -> object:
         values = self.problem.free_velocity
@@ -86,8 +145,124 @@ class _Prepared:
         print("noise " * 1000)
         raise RuntimeError("after much noise")
 
-    def do_patch(self, solution: Solution) -> object:
-        from proxbench.problems import judge as judging
+    def do_print_gigabytes(self, solution: Solution) -> object:
+        for _ in range(4096):
+            with contextlib.suppress(OSError):
+                os.write(1, b"noise " * 2**18)
+        return solution
 
-        judging.__dict__.clear() if hasattr(judging, "__dict__") else None
+    def do_patch(self, solution: Solution) -> object:
+        patch_everything()
         return self.do_lie(solution)
+
+    def do_move(self, solution: Solution) -> object:
+        os.chdir(tempfile.mkdtemp())
+        os.rmdir(os.getcwd())
+        return solution
+
+    def do_unsettle(self, solution: Solution) -> object:
+        unsettle()
+        return solution
+
+    def do_close(self, solution: Solution) -> object:
+        os.closerange(0, 1000)
+        return solution
+
+    def do_litter(self, solution: Solution) -> object:
+        tempfile.mkdtemp()
+        tempfile.mkstemp()
+        return solution
+
+    # what it does to others
+
+    def do_start_threads(self, solution: Solution) -> object:
+        for _ in range(4):  # a computation that lets other threads of Python work, and never ends
+            threading.Thread(target=hashlib.pbkdf2_hmac, args=("sha256", b"", b"", 2**31 - 1)).start()
+        return solution
+
+    def do_start_processes(self, solution: Solution) -> object:
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
+        _forked(lambda: time.sleep(1000))
+        _forked(lambda: _forked(_spin_deaf))  # its parent is gone at once
+        return solution
+
+    def do_return_twice(self, solution: Solution) -> object:
+        os.fork()
+        return solution
+
+    def do_run_away(self, solution: Solution) -> object:
+        """Leave a process that is never the same: each one forks the next and is gone."""
+        _forked(_run_away)
+        return solution
+
+    def do_kill_its_keeper(self, solution: Solution) -> object:
+        _forked(_spin_deaf)
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(1000)
+        return solution
+
+    def do_stop_its_keeper(self, solution: Solution) -> object:
+        _forked(_spin_deaf)
+        os.kill(os.getppid(), signal.SIGSTOP)
+        time.sleep(1000)
+        return solution
+
+    def do_forge(self, solution: Solution) -> object:
+        """Write what it likes into every connection that it finds."""
+        for descriptor in range(3, 100):
+            with contextlib.suppress(OSError):
+                socket.socket(fileno=os.dup(descriptor)).send(b"\x00" * 7 + b"\x04null" * 100)
+        return solution
+
+
+def patch_everything() -> None:
+    """Replace the judge, the store, the clock and the random numbers by what suits a solver."""
+    import proxbench.bench.case
+    import proxbench.bench.outcome
+    import proxbench.bench.store
+    import proxbench.problems
+    from proxbench.problems import judge as judging
+
+    flatter: Any = lambda *arguments, **options: judging  # noqa: E731
+    for module in (proxbench.bench.case, proxbench.bench.outcome, proxbench.bench.store, proxbench.problems):
+        for name in ("judge", "point_outcome", "_write", "Residual"):
+            if hasattr(module, name):
+                setattr(module, name, flatter)
+    time.time = time.monotonic = time.perf_counter = lambda: 0.0
+
+
+def unsettle() -> None:
+    """Change what a process has one of: random state, numpy's error state, garbage collection, environment."""
+    np.random.seed(0)  # noqa: NPY002
+    random.seed(0)
+    np.seterr(all="raise")
+    gc.disable()
+    os.environ.clear()
+    sys.setrecursionlimit(60)
+    os.umask(0o777)
+
+
+def _forked(act: Any) -> None:
+    if os.fork() == 0:
+        act()
+        os._exit(0)
+
+
+def _spin() -> None:
+    while True:
+        pass
+
+
+def _spin_deaf() -> None:
+    os.setsid()
+    signal.pthread_sigmask(signal.SIG_BLOCK, set(signal.Signals))
+    _spin()
+
+
+def _run_away() -> None:
+    end = time.monotonic() + 100.0
+    while time.monotonic() < end:
+        time.sleep(1e-3)
+        if os.fork():
+            os._exit(0)
+        os.setsid()

@@ -131,3 +131,16 @@ def test_a_recorder_is_started_before_it_is_called(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match="every"):
         funnel_recorder(scene, tmp_path / "a.rrd", every=0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_balls_through_the_outlet_have_a_curve_where_there_is_one(
+    tmp_path: Path, read_back: Callable[[Path], Any]
+) -> None:
+    system, state = rolling_ball(3)
+    stepper = Moreau(system, create("SORprox"), Stop(1e-12, 1000), DT)
+    for name, count in (("open", lambda position: 3), ("closed", None)):
+        with BallRecorder(system, tmp_path / f"{name}.rrd", balls_through=count) as recorder:
+            recorder.start(state)
+            recorder(stepper.step(state))
+    assert set(read_back(tmp_path / "open.rrd").curve("/curves/through").values()) == {3.0}
+    assert not any(entity == "/curves/through" for entity, _ in read_back(tmp_path / "closed.rrd").logged)

@@ -1,0 +1,82 @@
+"""All processes that come from one: finding, stopping and killing them."""
+
+import contextlib
+import os
+import signal
+from collections.abc import Iterable
+from pathlib import Path
+
+import psutil
+
+_PASSES = 100
+"""Attempts at stopping processes that go on starting others, before they are killed as they are."""
+
+
+def descendants(ancestor: int) -> list[int]:
+    """Return the process ids of all that come from ``ancestor``, parents before children."""
+    found: list[int] = []
+    waiting = [ancestor]
+    while waiting:
+        children = _children(waiting.pop())
+        found += children
+        waiting += children
+    return found
+
+
+def send(number: signal.Signals, processes: Iterable[int]) -> None:
+    """Send a signal to processes, as far as they still live."""
+    for process in processes:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.kill(process, number)
+
+
+def kill_all(case: int, status: int) -> int:
+    """Kill all descendants of this process until there is none.
+
+    Args:
+        case: the child that matters.
+        status: its wait status if it has ended before.
+
+    Returns:
+        The wait status of ``case``.
+    """
+    stopped: set[int] = set()
+    for _ in range(_PASSES):  # what is stopped cannot start others while it waits to be killed
+        left = set(descendants(os.getpid())) - stopped
+        if not left:
+            break
+        send(signal.SIGSTOP, left)
+        stopped |= left
+    while True:
+        send(signal.SIGKILL, descendants(os.getpid()))
+        try:
+            ended, its_status = os.waitpid(-1, 0)
+        except ChildProcessError:
+            return status
+        if ended == case:
+            status = its_status
+
+
+def writers(descriptor: int) -> list[int]:
+    """Return the processes, this one left out, whose standard output or standard error is the open ``descriptor``."""
+    file = os.fstat(descriptor)
+    return [pid for pid in psutil.pids() if pid != os.getpid() and any(_is(pid, stream, file) for stream in (1, 2))]
+
+
+def _is(process: int, stream: int, file: os.stat_result) -> bool:
+    try:
+        found = os.stat(f"/proc/{process}/fd/{stream}")
+    except OSError:
+        return False
+    return (found.st_dev, found.st_ino) == (file.st_dev, file.st_ino)
+
+
+def _children(process: int) -> list[int]:
+    threads = Path(f"/proc/{process}/task")
+    try:
+        return [int(child) for thread in threads.iterdir() for child in (thread / "children").read_text().split()]
+    except OSError:
+        pass
+    with contextlib.suppress(psutil.Error):
+        return [child.pid for child in psutil.Process(process).children()]
+    return []

@@ -1,0 +1,96 @@
+"""Messages to and from a case's process; what comes from it is read within a time and a size, whoever wrote it.
+
+What such a process writes may be anything, and may stop in the middle: reading never waits past its deadline, takes
+no more memory than has arrived, and never makes objects that could run code.
+"""
+
+import json
+import math
+import os
+import select
+import struct
+import time
+from typing import Any
+
+_HEADER = struct.Struct("!Q")
+
+_CHUNK = 2**20
+
+
+class NoMessageError(Exception):
+    """What came is no message; the text says why."""
+
+
+def write_message(descriptor: int, content: bytes) -> None:
+    """Write one message, as a whole.
+
+    Raises:
+        OSError: if nobody reads any more.
+    """
+    waiting = memoryview(_HEADER.pack(len(content)) + content)
+    while waiting:
+        waiting = waiting[os.write(descriptor, waiting) :]
+
+
+def read_message(
+    descriptor: int, largest: int = 2**63, deadline: float = math.inf, lifeline: int | None = None
+) -> bytes:
+    """Read one message.
+
+    Args:
+        descriptor: where from.
+        largest: number of bytes it may have.
+        deadline: reading of ``time.monotonic`` at which waiting ends.
+        lifeline: a descriptor that becomes readable when the writer is gone for certain: the descriptor itself may be
+            held open by what the writer has started.
+
+    Raises:
+        TimeoutError: if it is not complete by then.
+        EOFError: if the writer is gone before it is complete.
+        NoMessageError: if it would be larger.
+    """
+    (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline, lifeline))
+    if length > largest:
+        raise NoMessageError(f"a message of {length} bytes where at most {largest} have a meaning")
+    return _read(descriptor, length, deadline, lifeline)
+
+
+def read_object(descriptor: int, largest: int, deadline: float, lifeline: int | None = None) -> dict[str, Any]:
+    """Read one message that is a JSON object; arguments and errors as in ``read_message``."""
+    content = read_message(descriptor, largest, deadline, lifeline)
+    try:
+        found = json.loads(content)
+    except (ValueError, RecursionError):
+        raise NoMessageError("a message that is no JSON") from None
+    if not isinstance(found, dict):
+        raise NoMessageError("a message that is no JSON object")
+    return found
+
+
+def is_readable(descriptor: int, seconds: float) -> bool:
+    """Wait up to ``seconds`` until there is something to read, or the writer is gone; return whether it is so."""
+    return descriptor in _readable([descriptor], seconds)
+
+
+def _readable(descriptors: list[int], seconds: float) -> list[int]:
+    poll = select.poll()
+    for descriptor in descriptors:
+        poll.register(descriptor, select.POLLIN)
+    milliseconds = None if math.isinf(seconds) else max(seconds, 0.0) * 1e3
+    return [descriptor for descriptor, _ in poll.poll(milliseconds)]
+
+
+def _read(descriptor: int, length: int, deadline: float, lifeline: int | None) -> bytes:
+    watched = [descriptor] if lifeline is None else [descriptor, lifeline]
+    content = bytearray()
+    while len(content) < length:
+        ready = _readable(watched, deadline - time.monotonic())
+        if not ready:
+            raise TimeoutError
+        if descriptor not in ready:
+            raise EOFError
+        chunk = os.read(descriptor, min(length - len(content), _CHUNK))
+        if not chunk:
+            raise EOFError
+        content += chunk
+    return bytes(content)

@@ -1,0 +1,142 @@
+"""Steppers of variable step size by name, as the command line and result files write them."""
+
+import inspect
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ...problems.adaptive import VariableStep
+from ...problems.errors import ProblemError, suggestion
+from ...problems.moreau import ContactSolver
+from ...problems.smooth_step import Extrapolation
+from ...problems.smooth_step import StepDoubling as DoublingScheme
+from ...problems.switch_search import Anticipating, LastStepOnly, NestedIntervals, Search
+from ...problems.system import System
+from ...solvers.interface import SolverError, Stop, described
+from ...solvers.registry import parse
+from ..errors import BenchError
+
+SEARCHES: dict[str, type[Search]] = {"anticipating": Anticipating, "nested": NestedIntervals, "last": LastStepOnly}
+"""Searches for switching points by name."""
+
+
+class Stepper(Protocol):
+    """A stepper with its options; a frozen dataclass, so that ``described`` writes its name."""
+
+    tolerance: float
+    min_step: float
+    max_step: float | None
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        ...
+
+    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
+        """Return what takes the steps; ``max_step`` [s] is the scene's, which an own one replaces."""
+        ...
+
+
+@dataclass(frozen=True)
+class Extrapolated:
+    """Moreau's rule, extrapolated between switching points.
+
+    Attributes:
+        tolerance: relative error of one step.
+        min_step: to which switching points are located [s].
+        max_step: longest step [s]; the scene's if None.
+        levels: most sequences of one extrapolation.
+        search: how switching points are located: "anticipating", "nested" intervals or "last" step only.
+    """
+
+    tolerance: float = 1e-7
+    min_step: float = 1e-9
+    max_step: float | None = None
+    levels: int = 4
+    search: str = "anticipating"
+
+    def __post_init__(self) -> None:
+        _check_search(self.search)
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        return described(self)
+
+    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
+        """Return what takes the steps.
+
+        Raises:
+            ProblemError: for an option out of range.
+        """
+        longest, search = self.max_step or max_step, SEARCHES[self.search]
+        scheme = Extrapolation(self.levels)
+        return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, scheme, search)
+
+
+@dataclass(frozen=True)
+class StepDoubling:
+    """The paper's stepper: one step against two halves, and nested intervals.
+
+    Attributes:
+        tolerance: relative error of one step.
+        min_step: to which switching points are located [s].
+        max_step: longest step [s]; the scene's if None.
+        search: how switching points are located, as in ``Extrapolated``.
+    """
+
+    tolerance: float = 1e-5
+    min_step: float = 1e-7
+    max_step: float | None = None
+    search: str = "nested"
+
+    def __post_init__(self) -> None:
+        _check_search(self.search)
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        return described(self)
+
+    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
+        """Return what takes the steps.
+
+        Raises:
+            ProblemError: for an option out of range.
+        """
+        longest, search = self.max_step or max_step, SEARCHES[self.search]
+        return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, DoublingScheme(), search)
+
+
+STEPPERS: dict[str, type[Any]] = {"Extrapolated": Extrapolated, "StepDoubling": StepDoubling}
+"""Variable steppers by name."""
+
+
+def make_stepper(text: str) -> Stepper:
+    """Return a stepper: ``make_stepper("Extrapolated(tolerance=1e-8)")``.
+
+    Raises:
+        BenchError: for an unknown name or option, with the nearest one, or a value of the wrong kind.
+    """
+    try:
+        name, options = parse(text)
+    except SolverError:
+        raise BenchError(
+            f"cannot read {text!r} as a stepper; write a name, or a name with options: Extrapolated(tolerance=1e-8)."
+        ) from None
+    if name not in STEPPERS:
+        raise BenchError(f"there is no stepper {name!r}{suggestion(name, STEPPERS)}")
+    known = list(inspect.signature(STEPPERS[name]).parameters)
+    for option, value in options.items():
+        if option not in known:
+            raise BenchError(f"{name} has no option {option!r}{suggestion(option, known)}")
+        wanted = str if option == "search" else int if option == "levels" else float
+        if not isinstance(value, (int, float) if wanted is float else wanted) or isinstance(value, bool):
+            kind = {str: "a name", int: "a whole number", float: "a number"}[wanted]
+            raise BenchError(f"{option} of {name} must be {kind}, got {value!r}.")
+    stepper: Stepper = STEPPERS[name](**options)
+    return stepper
+
+
+def _check_search(search: str) -> None:
+    if search not in SEARCHES:
+        raise ProblemError(f"there is no search {search!r}{suggestion(search, SEARCHES)}")

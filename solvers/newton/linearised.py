@@ -1,0 +1,135 @@
+"""The projection equations of a contact problem, linearised at one Λ: the system of a semismooth Newton step.
+
+With r = 1/α the inclusion of law i reads Λ_i = prox_{C_i}(x_i), x_i = Λ_i − ξ_i/α_i (α_i the largest diagonal entry of
+its block, as in the judge). Which piece of the prox x_i lies on is the state of the law (Alart & Curnier, A mixed
+formulation for frictional contact problems prone to Newton like solution methods, 1991), b = a + μΛ_N its bound:
+
+    open    x_N ≤ 0         Λ_N = 0
+    closed  x_N > 0         ξ_N = 0
+    stick   ‖x_T‖ ≤ b       ξ_T = 0
+    slip    ‖x_T‖ > b       Λ_T = b t,  t = x_T/‖x_T‖
+    idle    b = 0           Λ_T = 0
+
+Open and idle rows leave the system. For the others the step δ obeys ξ + Gδ = 0 where the law is closed or sticks, and,
+times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
+
+    P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            where it slips.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray, IntArray, LawKind
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The system of one Newton step from ``base``: Λ = base + δ on the rows ``active``, δ = 0 elsewhere.
+
+    Attributes:
+        base: Λ with open and idle rows set to zero [N s], shape (n_rows,).
+        active: the rows that stay, shape (n_active,).
+        matrix: the Jacobian over active rows [1/kg], shape (n_active, n_active).
+        right: what δ has to make up for [m/s], shape (n_active,).
+    """
+
+    base: FloatArray
+    active: IntArray
+    matrix: sp.csr_array
+    right: FloatArray
+
+
+class Equations:
+    """The projection equations of one problem.
+
+    Attributes:
+        row_alpha: α of the law that each row belongs to [1/kg], shape (n_rows,).
+    """
+
+    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
+        laws = problem.laws
+        self._delassus, self._free = problem.delassus(), problem.free_velocity
+        self.row_alpha: FloatArray = np.zeros(problem.n_rows)
+        self.row_alpha[laws.first_row] = residual.alpha
+        spatial = laws.kind == LawKind.SPATIAL_FRICTION
+        self.row_alpha[laws.first_row[spatial] + 1] = residual.alpha[spatial]
+        partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
+        self._laws = (laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, partner_row)
+        self._alpha = residual.alpha
+
+    def velocity(self, impulses: FloatArray) -> FloatArray:
+        """Return ξ = GΛ + c over rows."""
+        return np.asarray(self._delassus @ impulses + self._free)
+
+    def linearised(self, impulses: FloatArray) -> Linearised:
+        """Return the system of the Newton step from Λ, shape (n_rows,)."""
+        n_rows = len(self._free)
+        base, right = impulses.copy(), np.zeros(n_rows)
+        is_active, slips = np.zeros(n_rows, dtype=np.bool_), np.zeros(n_rows, dtype=np.bool_)
+        places, weights = np.empty((2, 4 * n_rows), dtype=np.int64), np.empty((2, 4 * n_rows))
+        count = _linearise(
+            *self._laws, self._alpha, self.velocity(impulses), base, right, is_active, slips, places, weights
+        )
+        active = np.flatnonzero(is_active)
+        matrix = sp.csr_array(self._delassus[active][:, active])
+        right = np.where(slips, right, -self.velocity(base))[active]
+        if count > 0:
+            column = np.full(n_rows, -1)
+            column[active] = np.arange(len(active))
+            rows, columns = column[places[0, :count]], column[places[1, :count]]
+            shape = matrix.shape
+            of_velocity = sp.csr_array((weights[0, :count], (rows, columns)), shape=shape)
+            of_impulse = sp.csr_array((weights[1, :count], (rows, columns)), shape=shape)
+            kept = sp.diags_array(np.where(slips[active], 0.0, 1.0))
+            matrix = sp.csr_array((of_velocity + kept) @ matrix + of_impulse)
+        return Linearised(base, active, matrix, right)
+
+
+@njit(cache=True)
+def _linearise(  # type: ignore[no-untyped-def]
+    kind, first_row, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
+):
+    """Find the states; write Λ of open and idle rows, and right side and weights (P, and what stands on δ) of slip."""
+    for law in range(len(kind)):
+        if kind[law] == 0:
+            i = first_row[law]
+            is_active[i] = alpha[law] * base[i] > velocity[i] and alpha[law] > 0.0
+            if not is_active[i]:
+                base[i] = 0.0
+    count = 0
+    for law in range(len(kind)):
+        if kind[law] == 0:
+            continue
+        i, n, width = first_row[law], partner_row[law], 2 if kind[law] == 2 else 1
+        mu = friction[law] if n >= 0 and is_active[n] else 0.0
+        bound = fixed[law] + (mu * max(base[n], 0.0) if n >= 0 else 0.0)
+        if bound <= 0.0 and mu == 0.0:
+            base[i : i + width] = 0.0
+            continue
+        if alpha[law] <= 0.0:
+            continue  # no impulse of this law moves anything: it stays
+        is_active[i : i + width] = True
+        argument = base[i : i + width] - velocity[i : i + width] / alpha[law]
+        length = np.sqrt((argument**2).sum())
+        if length <= bound:
+            continue
+        along, kappa = argument / length, bound / length
+        for row in range(width):
+            slips[i + row] = True
+            right[i + row] = alpha[law] * (bound * along[row] - base[i + row])
+            for lane in range(width):
+                same = 1.0 if row == lane else 0.0
+                across = kappa * (same - along[row] * along[lane])
+                places[0, count], places[1, count] = i + row, i + lane
+                weights[0, count], weights[1, count] = across, alpha[law] * (same - across)
+                count += 1
+            if mu > 0.0:
+                places[0, count], places[1, count] = i + row, n
+                weights[0, count], weights[1, count] = 0.0, -alpha[law] * mu * along[row]
+                count += 1
+    return count

@@ -1,0 +1,274 @@
+"""One contact with everything else held still, solved to rounding.
+
+A contact of block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and free velocity q, the rest of the impulses included, asks for
+
+    0 ≤ Λ_N ⊥ ξ_N ≥ 0,      −ξ_T ∈ N_D(Λ_T),  D = {‖x‖ ≤ a + μΛ_N},      ξ = GΛ + q.
+
+Its states are tried in turn: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
+Λ_T against ξ_T). A contact that bore an impulse prefers to go on: stick, slip, open; one that bore none stays open if
+it can. So where several solutions exist (Painlevé) the answer depends on the past, and nowhere else. A block without
+rank leaves part of Λ_T free; that part stays as it was, or moves as little as the cone asks for.
+
+Where no state fits (a singular block may have no solution, and rounding may shut out two neighbouring states) the
+answer is the candidate that violates the laws least, by the judge's measure.
+"""
+
+import numpy as np
+from numba import njit
+
+from .slip_angle import refined_angle, slip_angles, slip_polynomial
+
+SINGULAR = 1e-12
+"""A curvature below this fraction of the largest in its block is taken for zero: it is rounding."""
+
+STRAY = 1e-13
+"""Relative velocity along the wrong side of a bound, and excess over a bound, that passes as rounding."""
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def solve_frictionless(g, q):  # type: ignore[no-untyped-def]
+    """Return Λ_N ≥ 0 with ξ_N = g Λ_N + q ≥ 0 and one of them zero; 0 where nothing moves (g = 0)."""
+    return max(-q / g, 0.0) if g > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def planar_violation(nn, nt, tn, tt, qn, qt, mu, a, n, t):  # type: ignore[no-untyped-def]
+    """Return the larger violation of both laws [m/s], as the judge measures it."""
+    xi_n, xi_t = nn * n + nt * t + qn, tn * n + tt * t + qt
+    normal = abs(nn * n - max(nn * n - xi_n, 0.0))
+    bound = tt * (a + mu * max(n, 0.0))
+    return max(normal, abs(tt * t - min(max(tt * t - xi_t, -bound), bound)))
+
+
+@njit(cache=True, error_model="numpy")
+def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[no-untyped-def]
+    """Return (Λ_N, Λ_T) of a planar contact, or of a lone friction law (nn = nt = tn = qn = 0)."""
+    # open
+    open_t = min(max(-qt / tt, -a), a) if tt > 0.0 else min(max(old_t, -a), a)
+    gap = qn + nt * open_t
+    if nn <= 0.0 or (old_n <= 0.0 and gap >= 0.0):
+        return 0.0, open_t
+    # stick: s Λ_T + r = 0, Λ_N = n0 − h Λ_T
+    n0, h = -qn / nn, nt / nn
+    s, r = tt - tn * h, qt + tn * n0
+    speed = STRAY * (abs(qt) + abs(tn * n0))
+    if abs(s) > SINGULAR * tt:
+        t = -r / s
+        n = n0 - h * t
+        if n >= 0.0 and abs(t) <= a + mu * n:
+            return n, t
+    elif abs(r) <= speed:  # any Λ_T within its bounds
+        t, fits = _free_tangent(n0, h, mu, a, old_t)
+        if fits:
+            return n0 - h * t, t
+    # slip at either bound, the present one first
+    best_n, best_t = 0.0, open_t
+    least = planar_violation(nn, nt, tn, tt, qn, qt, mu, a, 0.0, open_t)
+    side = 1.0 if old_t >= 0.0 else -1.0
+    for _ in range(2):
+        denominator = 1.0 + side * mu * h
+        if denominator != 0.0:
+            n = (n0 - side * h * a) / denominator
+            t = side * (a + mu * n)
+            if n >= 0.0:
+                if side * (s * t + r) <= 0.0:
+                    return n, t
+                violation = planar_violation(nn, nt, tn, tt, qn, qt, mu, a, n, t)
+                if violation < least:
+                    best_n, best_t, least = n, t, violation
+        side = -side
+    if gap >= 0.0:
+        return 0.0, open_t
+    held_n = max(n0 - h * old_t, 0.0)
+    held_t = min(max(old_t, -a - mu * held_n), a + mu * held_n)
+    if planar_violation(nn, nt, tn, tt, qn, qt, mu, a, held_n, held_t) < least:
+        return held_n, held_t
+    return best_n, best_t
+
+
+@njit(cache=True, error_model="numpy")
+def _free_tangent(n0, h, mu, a, old):  # type: ignore[no-untyped-def]
+    """Return the Λ_T next to ``old`` with |Λ_T| ≤ a + μ(n0 − hΛ_T) and n0 − hΛ_T ≥ 0, and whether there is one."""
+    low, high, fits = -np.inf, np.inf, True
+    for slope, room in ((1.0 + mu * h, a + mu * n0), (-1.0 + mu * h, a + mu * n0), (h, n0)):  # slope · Λ_T ≤ room
+        if slope > 0.0:
+            high = min(high, room / slope)
+        elif slope < 0.0:
+            low = max(low, room / slope)
+        elif room < 0.0:
+            fits = False
+    return min(max(old, low), high), fits and low <= high
+
+
+@njit(cache=True, error_model="numpy")
+def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-def]
+    """Return the larger violation of both laws [m/s], as the judge measures it; ``g`` is the block, flat."""
+    xi_n = g[0] * n + g[1] * t1 + g[2] * t2 + qn
+    xi_1 = g[3] * n + g[4] * t1 + g[5] * t2 + q1
+    xi_2 = g[6] * n + g[7] * t1 + g[8] * t2 + q2
+    normal = abs(g[0] * n - max(g[0] * n - xi_n, 0.0))
+    alpha = max(g[4], g[8])
+    bound = alpha * (a + mu * max(n, 0.0))
+    x, y = alpha * t1 - xi_1, alpha * t2 - xi_2
+    length = np.sqrt(x * x + y * y)
+    if length > bound:
+        x, y = x * bound / length, y * bound / length
+    return max(normal, np.sqrt((alpha * t1 - x) ** 2 + (alpha * t2 - y) ** 2))
+
+
+@njit(cache=True, error_model="numpy")
+def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ignore[no-untyped-def]
+    """Return (Λ_N, Λ_T1, Λ_T2) of a spatial contact, or of a lone spatial friction law (first row and column zero).
+
+    ``g`` is the block, flat; ``qn``, ``q1``, ``q2`` the velocity without the contact's own impulse, ``old_n``,
+    ``old_1``, ``old_2`` the present impulse; the friction bound is a + μΛ_N; ``work`` has room for
+    ``slip_angle.WORKSPACE`` numbers.
+    """
+    nn, scale = g[0], max(g[4], g[8])
+    if nn <= 0.0:
+        _, t1, t2, _ = _on_disc(g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0, old_1, old_2, work)
+        return 0.0, t1, t2
+    open_1, open_2 = 0.0, 0.0
+    if old_n <= 0.0:
+        if a > 0.0:
+            _, open_1, open_2, _ = _on_disc(
+                g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0, old_1, old_2, work
+            )
+        if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
+            return 0.0, open_1, open_2
+    n0, h1, h2 = -qn / nn, g[1] / nn, g[2] / nn
+    s11, s12, s21, s22 = g[4] - g[3] * h1, g[5] - g[3] * h2, g[7] - g[6] * h1, g[8] - g[6] * h2
+    r1, r2 = q1 + g[3] * n0, q2 + g[6] * n0
+    noise = STRAY * max(abs(q1) + abs(g[3] * n0), abs(q2) + abs(g[6] * n0))
+    n, t1, t2, fits = _on_disc(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2, work)
+    if fits:
+        return n, t1, t2
+    if old_n > 0.0:
+        if a > 0.0:
+            _, open_1, open_2, _ = _on_disc(
+                g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0, old_1, old_2, work
+            )
+        if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
+            return 0.0, open_1, open_2
+    # nothing fits: the least violation among what was found, open, and the present friction
+    least = spatial_violation(g, qn, q1, q2, mu, a, 0.0, open_1, open_2)
+    held_n = max(n0 - h1 * old_1 - h2 * old_2, 0.0)
+    bound, length = a + mu * held_n, np.sqrt(old_1 * old_1 + old_2 * old_2)
+    shrink = bound / length if length > bound else 1.0
+    held = spatial_violation(g, qn, q1, q2, mu, a, held_n, old_1 * shrink, old_2 * shrink)
+    if n >= 0.0 and spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2) < min(least, held):
+        return n, t1, t2
+    if held < least:
+        return held_n, old_1 * shrink, old_2 * shrink
+    return 0.0, open_1, open_2
+
+
+@njit(cache=True, error_model="numpy")
+def _on_disc(  # type: ignore[no-untyped-def]
+    s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2, work
+):
+    """Return stick or slip of ξ_T = S Λ_T + r with Λ_N = n0 − hᵀΛ_T, and whether it fits; see ``slip_angle``."""
+    t1, t2, fits = _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2)
+    if fits:
+        return n0 - h1 * t1 - h2 * t2, t1, t2, True
+    b0 = a + mu * n0
+    c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, b0)
+    length = np.sqrt(old_1 * old_1 + old_2 * old_2)
+    speed = np.sqrt(r1 * r1 + r2 * r2)
+    x, y = 1.0, 0.0
+    if length > 0.0:
+        x, y = old_1 / length, old_2 / length
+    elif speed > 0.0:
+        x, y = -r1 / speed, -r2 / speed
+    u, v, arrived = refined_angle(c0, c1, c2, c3, c4, x, y)
+    if arrived:
+        n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
+        if wrong <= 0.0:
+            return n, t1, t2, True
+    count = slip_angles(c0, c1, c2, c3, c4, work)
+    best_n, best_1, best_2, nearest, found = -1.0, 0.0, 0.0, -2.0, False
+    least = np.inf
+    for k in range(count):
+        u, v, arrived = refined_angle(c0, c1, c2, c3, c4, work[2 * k], work[2 * k + 1])
+        n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
+        fits = arrived and wrong <= 0.0
+        if (fits and (not found or u * x + v * y > nearest)) or (not found and wrong < least):
+            best_n, best_1, best_2, nearest, least = n, t1, t2, u * x + v * y, wrong
+            found = found or fits
+    return best_n, best_1, best_2, found
+
+
+@njit(cache=True, error_model="numpy")
+def _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v):  # type: ignore[no-untyped-def]
+    """Return Λ of slip with Λ_T along (u, v), and its velocity along or across the impulse [m/s], inf if Λ_N < 0."""
+    denominator = 1.0 + mu * (h1 * u + h2 * v)
+    if denominator == 0.0:
+        return -1.0, 0.0, 0.0, np.inf
+    bound = (a + mu * n0) / denominator
+    t1, t2 = bound * u, bound * v
+    n = n0 - h1 * t1 - h2 * t2
+    if not (bound >= 0.0 and n >= 0.0):
+        return n, t1, t2, np.inf
+    x, y = s11 * t1 + s12 * t2, s21 * t1 + s22 * t2
+    along = (x + r1) * u + (y + r2) * v
+    across = abs((y + r2) * u - (x + r1) * v)
+    size = abs(x) + abs(y) + abs(r1) + abs(r2)
+    return n, t1, t2, max(along, across) - STRAY * size
+
+
+@njit(cache=True, error_model="numpy")
+def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2):  # type: ignore[no-untyped-def]
+    """Return Λ_T with S Λ_T + r = 0, and whether there is one with Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N."""
+    size = max(max(abs(s11), abs(s12)), max(abs(s21), abs(s22)))
+    determinant = s11 * s22 - s12 * s21
+    t1, t2 = old_1, old_2
+    if size <= SINGULAR * scale:  # no friction impulse moves anything
+        if max(abs(r1), abs(r2)) > noise:
+            return 0.0, 0.0, False
+        if n0 < 0.0:
+            return 0.0, 0.0, False
+        shrink, along = 1.0, h1 * t1 + h2 * t2  # towards zero, until Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N
+        growth = np.sqrt(t1 * t1 + t2 * t2) + mu * along
+        if growth > a + mu * n0:
+            shrink = (a + mu * n0) / growth
+        if shrink * along > n0:
+            shrink = n0 / along
+        return shrink * t1, shrink * t2, True
+    if abs(determinant) > SINGULAR * scale * size:
+        t1, t2 = (s12 * r2 - s22 * r1) / determinant, (s21 * r1 - s11 * r2) / determinant
+        n = n0 - h1 * t1 - h2 * t2
+        bound = a + mu * n
+        return t1, t2, n >= 0.0 and t1 * t1 + t2 * t2 <= bound * bound
+    return _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2)
+
+
+@njit(cache=True, error_model="numpy")
+def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2):  # type: ignore[no-untyped-def]
+    """As ``_stick`` for S of rank one: Λ_T = x u + y v with S v = 0, of which only x is determined."""
+    if abs(s11) + abs(s12) >= abs(s21) + abs(s22):
+        u1, u2 = s11, s12
+    else:
+        u1, u2 = s21, s22
+    length = np.sqrt(u1 * u1 + u2 * u2)
+    u1, u2 = u1 / length, u2 / length
+    v1, v2 = -u2, u1
+    w1, w2 = s11 * u1 + s12 * u2, s21 * u1 + s22 * u2
+    x = -(w1 * r1 + w2 * r2) / (w1 * w1 + w2 * w2)
+    if max(abs(r1 + w1 * x), abs(r2 + w2 * x)) > SINGULAR * max(abs(r1), abs(r2)):
+        return 0.0, 0.0, False
+    slope = -mu * (h1 * v1 + h2 * v2)  # of the bound along v
+    y, step = old_1 * v1 + old_2 * v2, 0.0
+    for attempt in range(64):
+        t1, t2 = x * u1 + y * v1, x * u2 + y * v2
+        n = n0 - h1 * t1 - h2 * t2
+        bound = a + mu * n
+        if n >= 0.0 and bound >= 0.0 and x * x + y * y <= bound * bound * (1.0 + STRAY):
+            return t1, t2, True
+        if abs(slope) < 1.0:  # the bound exceeds ‖Λ_T‖ most here, if anywhere
+            if attempt > 0:
+                break
+            y = abs(x) * slope / np.sqrt(1.0 - slope * slope)
+        else:  # it grows faster than ‖Λ_T‖: far enough out every impulse fits
+            step = max(2.0 * step, abs(x) + abs(n0) + a)
+            y = step if slope > 0.0 else -step
+    return 0.0, 0.0, False

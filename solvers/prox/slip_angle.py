@@ -1,0 +1,159 @@
+"""The directions in which one spatial contact can slip, all of them.
+
+With Λ_N eliminated by ξ_N = 0 (or open), the tangential velocity of a contact is ξ_T = S Λ_T + r and its friction bound
+b = a + μ(n_0 − hᵀΛ_T). Slip at Λ_T = b t, t = (cos θ, sin θ), makes b = b_0/(1 + μhᵀt) with b_0 = a + μn_0, and ξ_T is
+parallel to t where (x × y the scalar cross product)
+
+    f(θ) = b_0 t × S t + (1 + μhᵀt) t × r = A cos²θ + B cosθ sinθ + C sin²θ + D cosθ + E sinθ = 0,
+
+which has at most four solutions: a quartic in tan(θ/2) (Bonnefon & Daviet, Quartic formulation of Coulomb 3D frictional
+contact, 2011). Newton's method from the present direction finds the one wanted almost always; where it does not, the
+quartic is taken apart by bracketing it between the zeros of its derivatives, which misses none.
+"""
+
+import numpy as np
+from numba import njit
+
+NEWTON_STEPS = 12
+"""Steps from the present direction; it takes three or four near a solution."""
+
+POLES = 8
+"""Directions tried for the pole of tan(θ/2); |f| is the leading coefficient there, so the largest is best."""
+
+BRACKET_STEPS = 120
+"""Most steps of one bracketed search; bisection alone needs fewer to reach rounding."""
+
+WORKSPACE = 16
+"""Numbers that ``slip_angles`` needs to work on."""
+
+
+@njit(cache=True, inline="always")
+def slip_polynomial(s11, s12, s21, s22, r1, r2, m1, m2, b0):  # type: ignore[no-untyped-def]
+    """Return A, B, C, D, E of f, with m = μh."""
+    return (
+        b0 * s21 + m1 * r2,
+        b0 * (s22 - s11) + m2 * r2 - m1 * r1,
+        -b0 * s12 - m2 * r1,
+        r2,
+        -r1,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def refined_angle(a, b, c, d, e, x, y):  # type: ignore[no-untyped-def]
+    """Return the unit vector (x, y) moved to a zero of f by Newton's method, and whether it has arrived."""
+    arrived = False
+    size = abs(a) + abs(b) + abs(c) + abs(d) + abs(e)
+    for _ in range(NEWTON_STEPS):
+        f = (a * x + b * y + d) * x + (c * y + e) * y
+        slope = 2.0 * (c - a) * x * y + b * (x * x - y * y) + e * x - d * y
+        if abs(f) <= 4e-16 * size:
+            arrived = True
+            break
+        if not abs(f) < 0.5 * abs(slope):
+            break
+        turn = -f / slope
+        x, y = x - turn * y, y + turn * x
+        scale = 1.0 / np.sqrt(x * x + y * y)
+        x *= scale
+        y *= scale
+        if abs(turn) <= 1e-15:
+            arrived = True
+            break
+    return x, y, arrived
+
+
+@njit(cache=True, error_model="numpy")
+def slip_angles(a, b, c, d, e, work):  # type: ignore[no-untyped-def]
+    """Write cosine and sine of every direction where f vanishes, or comes closest to it; return their number.
+
+    They stand in ``work[0], work[1]``, ``work[2], work[3]``, …: at most seven pairs.
+    """
+    cos_pole, sin_pole, best = 1.0, 0.0, -1.0
+    for k in range(POLES):
+        x, y = np.cos(2.0 * np.pi * k / POLES), np.sin(2.0 * np.pi * k / POLES)
+        value = abs((a * x + b * y + d) * x + (c * y + e) * y)
+        if value > best:
+            cos_pole, sin_pole, best = x, y, value
+    if best == 0.0:
+        return 0
+    # in axes turned so that the pole is their θ = π: x = u p + v q with p = −pole, q the direction left of p
+    p, q = -cos_pole, -sin_pole
+    ta = a * p * p + b * p * q + c * q * q
+    tb = -2.0 * a * p * q + b * (p * p - q * q) + 2.0 * c * p * q
+    tc = a * q * q - b * p * q + c * p * p
+    td = d * p + e * q
+    te = -d * q + e * p
+    p0, p1, p2, p3, p4 = ta + td, 2.0 * (tb + te), 4.0 * tc - 2.0 * ta, 2.0 * (te - tb), ta - td
+    n = _quartic_roots(p0 / p4, p1 / p4, p2 / p4, p3 / p4, work)
+    for k in range(n - 1, -1, -1):  # from the last, because a pair takes the room of two roots
+        t = work[k]
+        u, v = (1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t)
+        work[2 * k], work[2 * k + 1] = u * p - v * q, u * q + v * p
+    return n
+
+
+@njit(cache=True, error_model="numpy")
+def _quartic_roots(p0, p1, p2, p3, work):  # type: ignore[no-untyped-def]
+    """Write the real zeros of x⁴ + p3 x³ + p2 x² + p1 x + p0 and of its derivative to ``work``; return their number."""
+    bound = 1.0 + max(max(abs(p0), abs(p1)), max(abs(p2), abs(p3)))
+    # the inflection points, zeros of 6x² + 3 p3 x + p2
+    discriminant = 9.0 * p3 * p3 - 24.0 * p2
+    n_ends = 0
+    if discriminant > 0.0:
+        root = np.sqrt(discriminant)
+        work[8], work[9] = (-3.0 * p3 - root) / 12.0, (-3.0 * p3 + root) / 12.0
+        n_ends = 2
+    # the extrema, between inflection points
+    n_extrema = 0
+    low = -bound
+    for k in range(n_ends + 1):
+        high = work[8 + k] if k < n_ends else bound
+        found, x = _zero_between(p1, 2.0 * p2, 3.0 * p3, 4.0, 0.0, low, high)
+        if found:
+            work[10 + n_extrema] = x
+            n_extrema += 1
+        low = high
+    # the zeros, between extrema
+    n = 0
+    low = -bound
+    for k in range(n_extrema + 1):
+        high = work[10 + k] if k < n_extrema else bound
+        found, x = _zero_between(p0, p1, p2, p3, 1.0, low, high)
+        if found:
+            work[n] = x
+            n += 1
+        low = high
+    for k in range(n_extrema):
+        work[n] = work[10 + k]
+        n += 1
+    return n
+
+
+@njit(cache=True, error_model="numpy")
+def _zero_between(p0, p1, p2, p3, p4, low, high):  # type: ignore[no-untyped-def]
+    """Return whether p4 x⁴ + … + p0 changes its sign between two numbers, and where: Newton's method within bounds."""
+    at_low = (((p4 * low + p3) * low + p2) * low + p1) * low + p0
+    at_high = (((p4 * high + p3) * high + p2) * high + p1) * high + p0
+    if at_low == 0.0:
+        return True, low
+    if not at_low * at_high < 0.0:
+        return False, 0.0
+    rises = at_high > 0.0
+    x = 0.5 * (low + high)
+    for _ in range(BRACKET_STEPS):
+        value = (((p4 * x + p3) * x + p2) * x + p1) * x + p0
+        if value == 0.0:
+            break
+        if (value > 0.0) == rises:
+            high = x
+        else:
+            low = x
+        slope = ((4.0 * p4 * x + 3.0 * p3) * x + 2.0 * p2) * x + p1
+        guess = x - value / slope if slope != 0.0 else low
+        if not low < guess < high:
+            guess = 0.5 * (low + high)
+        if guess == x or high - low <= 4e-16 * max(abs(low), abs(high)):
+            break
+        x = guess
+    return True, x

@@ -1,0 +1,132 @@
+"""Simulations with variable steps: what is noted, stored, resumed, and what happens when a step fails."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.variable.file import is_variable, read_variable
+from proxbench.bench.variable.plan import VariablePlan, make_variable_plan
+from proxbench.bench.variable.running import advance_variable, begun_variable, one_steps, simulate_variable
+from proxbench.problems import ContactProblem, Model
+from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
+from proxbench.solvers import create
+from proxbench.solvers.interface import Prepared
+
+QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
+
+
+def plan(duration: float = 0.03, **options: object) -> VariablePlan:
+    return make_variable_plan("woodpecker", {"start": "cycle"}, duration=duration, stepper=QUICK, **options)  # type: ignore[arg-type]
+
+
+def test_rows_describe_the_accepted_steps() -> None:
+    taken = []
+    simulation = simulate_variable(plan(), on_step=[taken.append])
+    steps = simulation.steps
+    assert len(steps) == len(taken) == simulation.n_steps
+    assert steps["time"] == pytest.approx([step.end.time for step in taken])
+    assert np.cumsum(steps["length"])[-1] == pytest.approx(0.03, abs=1e-9)
+    assert steps["solves"].sum() == taken[-1].solves
+    assert steps["rejected"].sum() == taken[-1].rejected
+    assert (steps["residual"] <= 1.001e-12).all()
+    assert len(simulation.switches) == sum(len(step.switches) for step in taken)
+    last = simulation.trajectory[-1]
+    assert steps["potential_energy"][-1] == pytest.approx(potential_energy(last[:3]), rel=1e-12)
+
+
+def test_no_energy_is_gained(tmp_path: Path) -> None:
+    steps = simulate_variable(plan(PERIOD)).steps
+    energy = steps["kinetic_energy"] + steps["potential_energy"]
+    assert np.diff(energy).max() <= 1e-4 * np.abs(energy).max()
+    assert energy[-1] < energy[0]
+
+
+def test_what_is_stored_is_what_was_simulated(tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    simulation = simulate_variable(plan(), file)
+    stored = read_variable(file)
+    assert is_variable(file)
+    assert stored.is_finished
+    assert stored.plan.document() == simulation.plan.document()
+    for name in ("steps", "switches", "trajectory"):
+        np.testing.assert_array_equal(getattr(stored, name), getattr(simulation, name))
+
+
+def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_path: Path) -> None:
+    whole = simulate_variable(plan())
+    file = tmp_path / "toy.npz"
+    part = simulate_variable(plan(), file, stop_asked=iter([False] * 30 + [True]).__next__)
+    assert part.n_steps == 31
+    again = begun_variable(file)
+    advance_variable(again)
+    assert again.is_finished
+    assert again.trajectory[-1] == pytest.approx(whole.trajectory[-1], rel=2e-3, abs=2e-3)
+    assert [tuple(row)[2:] for row in again.switches] == [tuple(row)[2:] for row in whole.switches]
+
+
+class Tiring:
+    """SORprox that gives up after thirty steps with contacts."""
+
+    name, model, has_iterates = "SORprox", Model.COULOMB, False
+
+    def __init__(self) -> None:
+        self._solver, self._left = create("SORprox"), 30
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return self._solver.supports(problem)
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        self._left -= 1
+        if self._left < 0:
+            raise RuntimeError("no more")
+        return self._solver.prepare(problem)
+
+
+def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_another(tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    with pytest.raises(
+        BenchError, match=r"step \d+ of the woodpecker with SORprox: .* from t = .* --resume .*toy\.npz"
+    ):
+        simulate_variable(replace(plan(), solver=Tiring()), file)
+    kept = read_variable(file)
+    assert kept.n_steps > 0
+    again = begun_variable(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
+    advance_variable(again)
+    assert again.is_finished
+    assert again.steps["time"][kept.n_steps - 1] == kept.state.time
+
+
+def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    simulate_variable(plan(0.01), file)
+    longer = begun_variable(file, duration=0.02)
+    advance_variable(longer)
+    assert longer.steps["time"][-1] == pytest.approx(0.02)
+    with pytest.raises(BenchError, match="scene funnel contradicts"):
+        begun_variable(file, {"scene": "funnel"})
+    with pytest.raises(BenchError, match="has come to"):
+        begun_variable(file, duration=0.005)
+
+
+def test_one_steps_end_where_the_accepted_step_ends() -> None:
+    taken = []
+    simulate_variable(plan(), on_step=[taken.append])
+    for step in taken:
+        assert one_steps(step)[-1].state is step.end
+
+
+def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    simulate_variable(plan(0.01), file)
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(BenchError, match=r"cut\.npz is damaged"):
+        read_variable(cut)
+    other = tmp_path / "other.npz"
+    np.savez(other, about=np.zeros(3, dtype=np.uint8))
+    with pytest.raises(BenchError, match="holds no simulation with variable steps"):
+        read_variable(other)
+    with pytest.raises(BenchError, match="there is no result file"):
+        is_variable(tmp_path / "none.npz")

@@ -1,0 +1,100 @@
+"""Runs in processes of their own, and what they leave behind: processes, temporary files, verdicts."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import psutil
+from proxbench.bench.store import Store
+
+PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
+
+HEAD = """
+from misbehaving_solvers import Misbehaving
+from proxbench.bench import run
+from proxbench.bench.plan import Limits
+from proxbench.bench.runner import resume
+"""
+
+
+class Sandbox:
+    """A folder with results and temporary files of its own, and a mark by which its processes are known."""
+
+    def __init__(self, folder: Path) -> None:
+        self.results, self.temporary = folder / "results", folder / "temporary"
+        for path in (self.results, self.temporary):
+            path.mkdir(parents=True)
+        self._mark = f"PROXBENCH_TEST_MARK={uuid.uuid4()}"
+        name, _, value = self._mark.partition("=")
+        path = os.pathsep.join([str(PLUGINS), *filter(None, [os.environ.get("PYTHONPATH")])])
+        self.environment = {**os.environ, name: value, "TMPDIR": str(self.temporary), "PYTHONPATH": path}
+
+    def start(self, code: str, before: Callable[[], None] | None = None) -> subprocess.Popen[str]:
+        """Start a process that runs ``code``, after what it does ``before`` that."""
+        return subprocess.Popen(
+            [sys.executable, "-c", HEAD + code],
+            env=self.environment,
+            cwd=self.temporary.parent,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=before,
+        )
+
+    def run(self, code: str, before: Callable[[], None] | None = None) -> "subprocess.CompletedProcess[str]":
+        """Run ``code`` to its end; a process that hangs is an error."""
+        process = self.start(code, before)
+        output, errors = process.communicate(timeout=300)
+        return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
+
+    def processes(self) -> list[psutil.Process]:
+        """Return the living processes that come from this sandbox."""
+        found = []
+        for process in psutil.process_iter():
+            try:
+                marks = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
+                if self._mark.encode() in marks and process.status() != psutil.STATUS_ZOMBIE:
+                    found.append(process)
+            except (OSError, psutil.Error):
+                continue
+        return found
+
+    def left_behind(self, patience: float = 5.0) -> list[str]:
+        """Return processes and temporary files that are left after a moment of patience."""
+        deadline = time.monotonic() + patience
+        while True:
+            left = [str(process) for process in self.processes()] + [str(file) for file in self._stray_files()]
+            if not left or time.monotonic() > deadline:
+                return left
+            time.sleep(0.05)
+
+    def _stray_files(self) -> list[Path]:
+        parts = [file for file in self.results.rglob("*") if file.is_file() and file.suffix != ".json"]
+        return [*self.temporary.iterdir(), *parts]
+
+
+def verdicts(run: Path) -> dict[tuple[str, str], Any]:
+    """Return all that the judge and the solver said of each case, without what a clock said."""
+    cases, damaged = Store.open(run).read_cases()
+    assert damaged == []
+    return {(case["problem"], case["solver"]): _untimed(case) for case in cases}
+
+
+def _untimed(case: dict[str, Any]) -> Any:
+    points = [
+        {key: value for key, value in point.items() if not key.endswith("_seconds") and key != "repeats"}
+        for point in case["points"]
+    ]
+    return json.loads(json.dumps([case["digest"], case["outcome"], case["curve"], points]))
+
+
+def without(found: dict[tuple[str, str], Any], solvers: Iterable[str]) -> dict[tuple[str, str], Any]:
+    """Return the verdicts of all other solvers."""
+    left_out = set(solvers)
+    return {key: verdict for key, verdict in found.items() if key[1] not in left_out}

@@ -1,0 +1,146 @@
+"""Files and names from elsewhere run no code, write nowhere else, and say nothing to a terminal or a browser."""
+
+import ast
+import io
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import proxbench.bench
+import pytest
+from proxbench.bench import load, run
+from proxbench.bench.charts import write_charts
+from proxbench.bench.errors import BenchError
+from proxbench.bench.runner import resume
+from proxbench.bench.store import LARGEST_FILE, Store
+from proxbench.bench.tables import print_tables, write_tables
+from proxbench.problems import load as load_problem
+from rich.console import Console
+
+HOSTILE = "../../<script>alert(1)</script>|\x1b]0;owned\x07 \u202e'=cmd()"
+
+PACKAGES = Path(proxbench.bench.__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    problem = load_problem("funnel-30").renamed(HOSTILE)
+    return run([problem], ["SORprox"], results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=[1e-1, 1e-2])
+
+
+@pytest.fixture
+def copied(stored: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(stored, tmp_path / "deep" / "it"))
+
+
+def changed(folder: Path, **changes: Any) -> None:
+    """Write a case again with changes and a right checksum, as somebody might who means harm."""
+    (case,), _ = Store.open(folder).read_cases()
+    for file in (folder / "cases").iterdir():
+        file.unlink()
+    Store(folder).write_case({**case, **changes})
+
+
+def test_a_hostile_name_stays_in_its_folder_and_is_shown_harmlessly(copied: Path) -> None:
+    before = set(copied.parents[1].rglob("*"))
+    frames = load(copied)
+    assert frames.damaged == []
+    text = io.StringIO()
+    print_tables(frames, Console(file=text, width=120))
+    files = [*write_tables(frames, copied), *write_charts(frames, copied)]
+    assert set(copied.parents[1].rglob("*")) - before == set(files)
+    for file in files:
+        assert file.parent == copied
+    pages = [file.read_text() for file in files if file.suffix in (".md", ".svg")]
+    assert len(pages) == 4
+    for page in (*pages, text.getvalue()):
+        assert not set("\x1b\x07\u202e") & set(page)
+    for page in pages:
+        assert "<script" not in page
+
+
+def test_a_case_under_another_name_does_not_leave_the_folder(copied: Path) -> None:
+    changed(copied, problem="/etc/passwd", solver="../../../run")
+    assert [file.parent for file in copied.rglob("*etc*")] == [copied / "cases"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"points": [{"tolerance": "0.1"}]},
+        {"points": [[]]},
+        {"points": None},
+        {"curve": {"iteration": [1], "residual": []}},
+        {"curve": {"iteration": ["1"], "residual": ["__import__('os')"]}},
+        {"outcome": {"measured": 1}},
+        {"wall_seconds": 10**400},
+        {"n_rows": -1},
+        {"stderr": 3},
+    ],
+)
+def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str, Any]) -> None:
+    changed(copied, **changes)
+    frames = load(copied)
+    assert len(frames.cases) == 0
+    assert len(frames.damaged) == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plan": {}},
+        {"plan": None},
+        {"plugins": [{"file": ["/tmp/evil.py"]}]},
+        {"calibration_seconds": "long"},
+    ],
+)
+def test_a_plan_that_makes_no_sense_is_refused(copied: Path, changes: dict[str, Any]) -> None:
+    store = Store.open(copied)
+    store.write_info({**store.read_info(), **changes})
+    for act in (load, resume):
+        with pytest.raises(BenchError, match="makes no sense"):
+            act(copied)
+
+
+def test_a_run_from_elsewhere_runs_no_plugin(copied: Path) -> None:
+    trap, sprung = copied / "trap.py", copied / "sprung"
+    trap.write_text(f"open({str(sprung)!r}, 'w')\nSOLVERS = []\n")
+    store = Store.open(copied)
+    entry = {"kind": "solver", "name": "Trap", "source": "", "file": str(trap), "sha256": "0"}
+    store.write_info({**store.read_info(), "plugins": [entry]})
+    with pytest.raises(BenchError, match="add --plugin"):
+        resume(copied)
+    load(copied)
+    assert not sprung.exists()
+
+
+def test_a_file_that_is_none_or_absurd_is_left_out(copied: Path) -> None:
+    cases = copied / "cases"
+    os.mkfifo(cases / "pipe.json")
+    (cases / "folder.json").mkdir()
+    (cases / "deep.json").write_text("[" * 200_000)
+    (cases / "digits.json").write_text("9" * 100_000)
+    (cases / "bytes.json").write_bytes(b"\xff\xfe\x00")
+    (cases / "device.json").symlink_to("/dev/zero")
+    with (cases / "huge.json").open("wb") as file:
+        file.truncate(LARGEST_FILE + 1)
+    frames = load(copied)
+    assert len(frames.cases) == 1
+    assert len(frames.damaged) == 7
+    assert all("\n" not in sentence for sentence in frames.damaged)
+
+
+def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
+    """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
+    pickling = {"worker.py", "fork_server.py", "case_process.py", "solver_checks.py"}
+    for package in ("bench", "problems", "solvers"):
+        for file in (PACKAGES / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.Import) and any(name.name in ("pickle", "shelve") for name in node.names):
+                    assert file.name in pickling
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec"):
+                    assert file.name == "plugin_files.py"
+                if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                    assert json.loads(ast.unparse(node.value).lower()) is False

@@ -1,0 +1,110 @@
+"""A run survives kill -9 of any of its processes at any moment, and can be finished after kill -9 of itself.
+
+PROXBENCH_KILLS is the number of kills of each kind; without it there are a few, as continuous integration needs them.
+"""
+
+import os
+import random
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from sandbox import Sandbox, verdicts
+
+KILLS = int(os.environ.get("PROXBENCH_KILLS", "4"))
+
+PLAN = """
+    ["hard-sticking-box", "funnel-30", "hard-tresca-joint"],
+    ["SORprox", "JORprox(relaxation=0.5)", "ClarabelSOCP", "PyramidPGS(sides=8)"],
+    tolerances=[1e-1, 1e-3],
+    limits=Limits(solve_seconds=30.0, case_seconds=120.0),
+"""
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], Any]:
+    sandbox = Sandbox(tmp_path_factory.mktemp("undisturbed"))
+    return verdicts(begun(sandbox, "it"))
+
+
+def begun(sandbox: Sandbox, name: str) -> Path:
+    done = sandbox.run(f"run({PLAN} results={str(sandbox.results)!r}, run_id={name!r})")
+    assert done.returncode == 0, done.stderr
+    return sandbox.results / name
+
+
+def resumed(folder: Path, retry: bool) -> str:
+    return f"resume({str(folder)!r}, retry_failed={retry})"
+
+
+def test_killing_workers_costs_their_own_cases(sandbox: Sandbox, undisturbed: dict[tuple[str, str], Any]) -> None:
+    chance, kills, runs = random.Random(5), 0, 0
+    while kills < KILLS:
+        runs += 1
+        folder = sandbox.results / f"run-{runs}"
+        process = sandbox.start(f"run({PLAN} results={str(sandbox.results)!r}, run_id={folder.name!r})")
+        while process.poll() is None:
+            time.sleep(chance.uniform(0.0, 0.6))
+            kills += killed_one(sandbox, process.pid, chance)
+        _, errors = process.communicate()
+        assert process.returncode == 0, errors
+        found = verdicts(folder)
+        assert found.keys() == undisturbed.keys()
+        for case, verdict in found.items():
+            assert verdict == undisturbed[case] or verdict[1] == "crashed"
+        assert sandbox.left_behind() == []
+        done = sandbox.run(resumed(folder, retry=True))
+        assert done.returncode == 0, done.stderr
+        assert verdicts(folder) == undisturbed
+    assert sandbox.left_behind() == []
+
+
+def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
+    """Kill a server, a keeper or a case of a run, whichever it hits; return whether there was one."""
+    workers = sorted(process.pid for process in sandbox.processes() if process.pid != run)
+    if not workers:
+        return False
+    try:
+        psutil.Process(chance.choice(workers)).kill()
+    except psutil.NoSuchProcess:
+        return False
+    return True
+
+
+def test_a_killed_run_leaves_nothing_behind_and_is_finished_later(
+    sandbox: Sandbox, undisturbed: dict[tuple[str, str], Any]
+) -> None:
+    chance, kills, runs = random.Random(7), 0, 0
+    while kills < KILLS:
+        runs += 1
+        folder = sandbox.results / f"run-{runs}"
+        code = f"run({PLAN} results={str(sandbox.results)!r}, run_id={folder.name!r})"
+        while True:
+            process = sandbox.start(code)
+            if kills < KILLS:
+                wait_for_server(sandbox, process)
+                time.sleep(chance.uniform(0.0, 2.0))
+                kills += process.poll() is None
+                process.kill()
+            _, errors = process.communicate()
+            if process.returncode == 0:
+                break
+            assert process.returncode == -9, errors
+            assert left_by_a_killed_run(sandbox) == []
+            if (folder / "run.json").exists():
+                code = resumed(folder, retry=False)
+        assert verdicts(folder) == undisturbed
+    assert sandbox.left_behind() == []
+
+
+def wait_for_server(sandbox: Sandbox, process: Any) -> None:
+    """Wait until the run has started its first process, so that kills do not only hit imports."""
+    while process.poll() is None and len(sandbox.processes()) < 2:
+        time.sleep(0.01)
+
+
+def left_by_a_killed_run(sandbox: Sandbox) -> list[str]:
+    """Return what a killed run leaves, but for the file it was writing, which goes when the run is resumed."""
+    return [left for left in sandbox.left_behind(patience=10.0) if not left.endswith(".part")]

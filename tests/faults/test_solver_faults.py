@@ -1,0 +1,109 @@
+"""Whatever solvers do, the run ends, the others' results are those of an undisturbed run, and nothing is left over."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+from proxbench.bench.store import Store
+from sandbox import Sandbox, verdicts, without
+
+MEASURED, CRASHED, MISBEHAVED, TIMEOUT = "measured", "crashed", "misbehaved", "timeout"
+
+DEEDS = {
+    "raise": (CRASHED, "RuntimeError: the plugin gave up"),
+    "raise badly": (CRASHED, "BadlyToldError"),
+    "refuse badly": (CRASHED, "nobody knows"),
+    "interrupt": (CRASHED, "KeyboardInterrupt"),
+    "leave": (CRASHED, "SystemExit: enough"),
+    "recur": (CRASHED, "RecursionError"),
+    "none": (MISBEHAVED, "NoneType"),
+    "shape": (MISBEHAVED, "shape (1,)"),
+    "type": (MISBEHAVED, "of type <U7"),
+    "status": (MISBEHAVED, "'perfect'"),
+    "nan": (MISBEHAVED, "not finite"),
+    "lie": (MEASURED, "wrong"),
+    "talk": (MISBEHAVED, "no answer"),
+    "exit": (CRASHED, "exit code 7"),
+    "segfault": (CRASHED, "SIGSEGV"),
+    "abort": (CRASHED, "SIGABRT"),
+    "sleep": (TIMEOUT, "4 s"),
+    "spin": (TIMEOUT, "4 s"),
+    "allocate": ("out of memory", "256 MB"),
+    "write": (MISBEHAVED, "changed the numbers"),
+    "print": (CRASHED, "after much noise"),
+    "print gigabytes": (MEASURED, ""),
+    "patch": (MEASURED, "wrong"),
+    "move": (MEASURED, ""),
+    "unsettle": (MEASURED, ""),
+    "close": (CRASHED, "exit code 1"),
+    "litter": (MEASURED, ""),
+    "start threads": (MEASURED, ""),
+    "start processes": (MEASURED, ""),
+    "return twice": (MEASURED, ""),
+    "run away": (MEASURED, ""),
+    "kill its keeper": (CRASHED, "together with its keeper"),
+    "stop its keeper": (TIMEOUT, "4 s"),
+    "forge": (MISBEHAVED, "no answer"),
+}
+"""What comes of each deed, and words that tell it: the reason of a failed case, the outcome of a measured point."""
+
+RUN = """
+run(
+    ["hard-sticking-box", "funnel-30", "hard-tresca-joint"],
+    ["SORprox", *(Misbehaving(deed, only="funnel-30") for deed in {deeds!r}), "ClarabelSOCP", "PyramidPGS(sides=8)"],
+    results={results!r},
+    run_id="it",
+    tolerances=[1e-1, 1e-3],
+    limits=Limits(solve_seconds=10.0, case_seconds=4.0, memory_bytes=2**28),
+)
+"""
+
+
+@dataclass
+class Disturbance:
+    """An undisturbed run, the same disturbed by every deed at once, and what that left behind."""
+
+    quiet: dict[tuple[str, str], Any]
+    disturbed: dict[tuple[str, str], Any]
+    cases: dict[str, dict[str, Any]]
+    left_behind: list[str]
+
+
+@pytest.fixture(scope="module")
+def disturbance(tmp_path_factory: pytest.TempPathFactory) -> Disturbance:
+    sandboxes = [Sandbox(tmp_path_factory.mktemp(name)) for name in ("quiet", "disturbed")]
+    for sandbox, deeds in zip(sandboxes, ([], list(DEEDS)), strict=True):
+        done = sandbox.run(RUN.format(deeds=deeds, results=str(sandbox.results)))
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == ""
+    cases, _ = Store.open(sandboxes[1].results / "it").read_cases()
+    quiet, disturbed = (verdicts(sandbox.results / "it") for sandbox in sandboxes)
+    on_funnel = {case["solver"]: case for case in cases if case["problem"] == "funnel-30"}
+    return Disturbance(quiet, disturbed, on_funnel, sandboxes[1].left_behind())
+
+
+def test_the_others_are_complete_and_judged_as_if_nothing_had_happened(disturbance: Disturbance) -> None:
+    culprits = [f"Misbehaving({deed})" for deed in DEEDS]
+    assert len(disturbance.quiet) == 9
+    assert without(disturbance.disturbed, culprits) == disturbance.quiet
+    assert len(disturbance.disturbed) == 9 + 3 * len(DEEDS)
+
+
+def test_no_process_and_no_temporary_file_is_left(disturbance: Disturbance) -> None:
+    assert disturbance.left_behind == []
+
+
+@pytest.mark.parametrize("deed", DEEDS)
+def test_the_culprit_is_told_for_what_it_did(disturbance: Disturbance, deed: str) -> None:
+    case, (outcome, words) = disturbance.cases[f"Misbehaving({deed})"], DEEDS[deed]
+    assert case["outcome"] == outcome, case["reason"] + case["traceback"] + case["stderr"]
+    if outcome == MEASURED:
+        assert [point["outcome"] for point in case["points"]][-1:] == [words or "solved"]
+    else:
+        assert words in case["reason"]
+
+
+def test_what_a_culprit_does_in_private_changes_no_number_of_its_own(disturbance: Disturbance) -> None:
+    honest = disturbance.disturbed["funnel-30", "SORprox"][-1]
+    for deed in ("unsettle", "move", "start threads", "start processes", "run away", "print gigabytes"):
+        assert disturbance.disturbed["funnel-30", f"Misbehaving({deed})"][-1] == honest

@@ -1,0 +1,91 @@
+"""The system of a Newton step is the derivative of the projection equations."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems import ContactProblem, LawKind, Laws
+from proxbench.problems.judge import Residual
+from proxbench.solvers.newton.linearised import Equations
+
+KIND = np.array([0, 0, 1, 0, 2, 2, 0, 1])
+"""Lone unilateral, planar and spatial contacts, a joint of fixed bound, and friction apart from its partner."""
+
+FIRST_ROW = np.array([0, 1, 2, 3, 4, 6, 8, 9])
+PARTNER = np.array([-1, -1, 1, -1, 3, -1, -1, 0])
+
+
+def mixed_problem(seed: int, impulses: np.ndarray) -> ContactProblem:
+    """Every unilateral law is closed at ``impulses``; friction sticks or slips, by chance."""
+    rng = np.random.default_rng(seed)
+    friction = np.array([0, 0, 0.4, 0, 0.3, 0, 0, 0.5])
+    fixed = np.array([0, 0, 0, 0, 0.01, 0.2, 0, 0])
+    laws = Laws(KIND, FIRST_ROW, friction, fixed, PARTNER)
+    root = rng.normal(size=(30, 10))
+    delassus, velocity = root.T @ root, rng.normal(size=10) * np.abs(impulses).max() * rng.choice([3.0, 30.0])
+    normal = FIRST_ROW[KIND == LawKind.UNILATERAL]
+    velocity[normal] = delassus.diagonal()[normal] * impulses[normal] * rng.uniform(-1.0, 0.9, len(normal))
+    return ContactProblem.from_delassus(delassus, velocity - delassus @ impulses, laws=laws)
+
+
+def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) -> np.ndarray:
+    """prox(Λ − ξ/α) over rows, law by law."""
+    laws, velocity = problem.laws, problem.relative_velocity(impulses)
+    result = np.empty_like(impulses)
+    for law, kind in enumerate(laws.kind):
+        size = 2 if kind == LawKind.SPATIAL_FRICTION else 1
+        rows = slice(laws.first_row[law], laws.first_row[law] + size)
+        argument = impulses[rows] - velocity[rows] / alpha[law]
+        if kind == LawKind.UNILATERAL:
+            result[rows] = np.maximum(argument, 0.0)
+            continue
+        bound = laws.fixed_bound[law]
+        if laws.partner[law] >= 0:
+            bound += laws.friction_coefficient[law] * impulses[laws.first_row[laws.partner[law]]]
+        length = np.linalg.norm(argument)
+        result[rows] = argument if length <= bound else argument * bound / length
+    return result
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]))
+def test_it_is_the_derivative_by_differences(seed: int, size: float) -> None:
+    impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=10) * size
+    problem = mixed_problem(seed, impulses)
+    residual = Residual(problem)
+    system = Equations(problem, residual).linearised(impulses)
+    alpha, base, active = residual.alpha, system.base, system.active
+    row_alpha = np.zeros(10)
+    for law, kind in enumerate(KIND):
+        row_alpha[FIRST_ROW[law] : FIRST_ROW[law] + (2 if kind == 2 else 1)] = alpha[law]
+    assert np.array_equal(base, impulses)
+    assert len(active) == 10
+    step, columns = 1e-7 * size, []
+    for row in active:
+        nudge = np.zeros(10)
+        nudge[row] = step
+        ahead, behind = base + nudge, base - nudge
+        difference = (ahead - projected(problem, alpha, ahead)) - (behind - projected(problem, alpha, behind))
+        columns.append((row_alpha * difference / (2 * step))[active])
+    expected = np.array(columns).T
+    right = (row_alpha * (projected(problem, alpha, base) - base))[active]
+    scale = np.abs(expected).max()
+    assert np.abs(system.matrix.toarray() - expected).max() <= 1e-5 * scale
+    assert np.abs(system.right - right).max() <= 1e-12 * max(1.0, np.abs(right).max())
+
+
+def test_open_contacts_and_their_friction_leave_the_system() -> None:
+    delassus = np.eye(4)
+    problem = ContactProblem.from_delassus(delassus, (-1.0, 0.5, 2.0, 0.5), 0.3, dim=2)
+    system = Equations(problem, Residual(problem)).linearised(np.array([0.5, 0.1, 0.5, 0.1]))
+    assert system.active.tolist() == [0, 1]
+    assert system.base.tolist() == [0.5, 0.1, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("free", [0.1, -0.1])
+def test_a_law_that_nothing_moves_leaves_the_system(free: float) -> None:
+    laws = Laws(np.array([1, 1]), np.array([0, 1]), np.zeros(2), np.array([0.2, 0.2]), np.array([-1, -1]))
+    problem = ContactProblem.from_delassus(np.diag([1.0, 0.0]), (free, 0.0), laws=laws)
+    system = Equations(problem, Residual(problem)).linearised(np.array([0.0, 0.05]))
+    assert system.active.tolist() == [0]
+    assert system.base.tolist() == [0.0, 0.05]
