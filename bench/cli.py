@@ -100,7 +100,7 @@ def _root(
     return 0
 
 
-@app.command("list")
+@app.command("list", short_help="List solvers, problems, suites and scenes.")
 def list_names(
     what: Annotated[str, typer.Argument(help="problems, solvers, suites or scenes; all if left out.")] = "",
     plugin: PluginFiles = None,
@@ -116,7 +116,7 @@ def list_names(
         print_listing(names)
 
 
-@app.command()
+@app.command(short_help="Remake problems from their scenes.")
 def generate(
     names: Annotated[list[str] | None, typer.Argument(help="Problems to remake from their scenes.")] = None,
     suite: Annotated[str, typer.Option(help="Remake all members of a suite that come from scenes.")] = "",
@@ -146,7 +146,7 @@ def generate(
             print(f"{digest[:16]}  {file}")
 
 
-@app.command()
+@app.command(short_help="Measure solvers on problems.")
 def run(
     context: typer.Context,
     suite: Annotated[str, typer.Option(help="Suite of problems.")] = "quick",
@@ -190,7 +190,7 @@ def run(
     return _report(folder, as_json)
 
 
-@app.command()
+@app.command(short_help="Record solvers iterating side by side.")
 def record(
     problem: Annotated[str, typer.Argument(help="Problem to solve.")],
     solver: Annotated[
@@ -253,11 +253,11 @@ def _refuse_contradictions(context: typer.Context) -> None:
         raise BenchError("--suite and --problem exclude each other; give one of them.")
 
 
-app.command()(simulate)
-app.command()(matrix)
+app.command(short_help="Simulate a scene, every step judged; resumable.")(simulate)
+app.command(short_help="Hold every solver against every hard case.")(matrix)
 
 
-@app.command()
+@app.command(short_help="Hold solvers and problems to what they owe.")
 def check(
     target: Annotated[
         str, typer.Argument(help="Solver (with options) or problem, or a plugin file.", metavar="NAME|FILE")
@@ -277,7 +277,7 @@ def check(
     return int(not all(subject["passed"] for subject in subjects))
 
 
-@app.command()
+@app.command(short_help="Print tables and draw charts of a stored run.")
 def report(
     run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run.")],
     as_json: Json = False,

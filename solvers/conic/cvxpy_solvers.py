@@ -14,7 +14,7 @@ from ...problems.model import Model
 from ..interface import SolverError, described
 from .clarabel_socp import obstacle
 from .convex import PreparedConvex
-from .cvxpy_program import CvxpyProgram, check_solver
+from .cvxpy_program import CvxpyProgram, check_solver, takes_cones
 from .fixed_point import PreparedFixedPoint, check_memory
 
 
@@ -78,8 +78,11 @@ class CvxpySOCP:
 class CvxpyCoulomb:
     """Exact Coulomb friction by De Saxcé's fixed point over the convex model in cvxpy.
 
+    Planar friction is a quadratic program in each outer iteration, which quadratic solvers take as well; spatial
+    friction needs second-order cones.
+
     Attributes:
-        solver: a conic solver that cvxpy has installed.
+        solver: a conic or quadratic solver that cvxpy has installed.
         memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
 
     Raises:
@@ -93,7 +96,7 @@ class CvxpyCoulomb:
     has_iterates: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        check_solver(self.solver, cones=True)
+        check_solver(self.solver, cones=False)
         check_memory(self.memory)
 
     @property
@@ -103,6 +106,8 @@ class CvxpyCoulomb:
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
+        if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any() and not takes_cones(self.solver):
+            return f"it has spatial friction, and {self.solver} does not take second-order cones"
         return _obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:

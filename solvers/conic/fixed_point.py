@@ -36,6 +36,9 @@ PROGRESS = 0.9
 RISE = 10.0
 """The pairs of the acceleration are forgotten when the residual exceeds its best value by this factor."""
 
+INNER_ITERATIONS = 1_000_000
+"""Limit of iterations of one cone program, which each conic solver lowers to what makes sense for it."""
+
 PATIENCE = 25
 """Outer iterations without a new best residual after which the iteration is called stalled."""
 
@@ -72,7 +75,7 @@ class PreparedFixedPoint:
         accuracy = max(TIGHTEST, stop.tolerance**2)
         iteration, since_best, inner = 0, 0, 0
         while iteration < stop.max_iterations:
-            result = self.program.run(shift, accuracy, stop.max_iterations, deadline - time.perf_counter())
+            result = self.program.run(shift, accuracy, INNER_ITERATIONS, deadline - time.perf_counter())
             iteration, inner = iteration + 1, inner + result.iterations
             if not np.isfinite(result.impulses).all():
                 status = Status.TIME_LIMIT if self._is_late(result, deadline) else Status.STALLED
