@@ -16,8 +16,12 @@ from .study import Study
 
 WIDTH, HEIGHT = 330, 250
 
-WORK = {"wall": "wall time [s]", "solves": "one-step solves"}
-"""What stands on the horizontal axes."""
+AXES = {
+    "wall": alt.X("wall:Q", title="wall time [s]").axis(format="~g", labelOverlap=True),
+    "solves": alt.X("solves:Q", title="one-step solves").axis(format="~s", labelOverlap=True),
+    "tolerance": alt.X("tolerance:Q", title="tolerance of the solver").axis(format=".0e", labelOverlap=True),
+}
+"""What may stand on the horizontal axes."""
 
 PARTS = {"steppers": "steppers, over step size or tolerance", "solvers": "solvers, over their tolerance"}
 
@@ -66,12 +70,12 @@ def _title(study: Study) -> alt.TitleParams:
         seeds = next(len(case.members) for case in plan.cases)
         size = next(case.step_size for case in plan.cases if case.part == REFERENCE)
         subtitle = [
-            f"{plan.options['balls']} balls, {plan.duration:g} s: mean deviation from Δt {size:g} s over {seeds} seeds, "
-            "with its standard error as a bar;",
+            f"{plan.options['balls']} balls, {plan.duration:g} s: mean deviation over {seeds} seeds from Δt {size:g} s, "
+            "standard error as a bar;",
             "dashed: standard error over seeds of the reference itself",
         ]
     return alt.TitleParams(
-        f"{plan.scene.capitalize()}: what accuracy costs", subtitle=subtitle, anchor="start", fontSize=16
+        f"{plan.scene.capitalize()}: what accuracy costs", subtitle=subtitle, anchor="start", fontSize=16, offset=14
     )
 
 
@@ -82,7 +86,9 @@ def _row(frame: pd.DataFrame, study: Study, key: str, by_part: bool) -> alt.HCon
     if floor:
         domain = [min(domain[0], 0.6 * floor), max(domain[1], 1.6 * floor)]
     title = f"error of {key}, relative" if not by_part else "error"
-    panels = [_panel(frame, work, title, domain, series, floor) for work in WORK]
+    # tolerances of solvers hardly change the number of solves
+    works = ("wall", "tolerance") if by_part and key == "solvers" else ("wall", "solves")
+    panels = [_panel(frame, work, title, domain, series, floor) for work in works]
     row: alt.HConcatChart = alt.hconcat(*panels, spacing=10)
     if by_part:
         row = row.properties(title=alt.TitleParams(PARTS[key], anchor="start", fontSize=12, fontWeight="normal"))
@@ -100,7 +106,7 @@ def _panel(
     scale: dict[str, Any] = {"type": "log", "nice": False, "domain": domain}
     spread = [float(0.8 * frame[work].min()), float(1.25 * frame[work].max())]
     base = alt.Chart(shown, width=WIDTH, height=HEIGHT).encode(
-        x=alt.X(f"{work}:Q", title=WORK[work]).scale(type="log", nice=False, domain=spread).axis(format="~s"),
+        x=AXES[work].scale(type="log", nice=False, domain=spread),
         y=alt.Y("error:Q", title=title).scale(**scale).axis(format=".0e", tickCount=6),
         color=colour,
     )

@@ -47,20 +47,26 @@ def advance_study(
     """
     study.store()  # finds out now that nothing can be written
     warm: set[tuple[str, str]] = set()
-    for number, case in enumerate(study.plan.cases):
-        for place, member in enumerate(case.members):
-            if (number, place) in study.measured:
-                continue
-            on_progress(study, case)
-            kind = (case.stepper.split("(")[0], case.solver)
-            if kind not in warm:
-                warm_up(study.plan, case, stop_asked)
-                warm.add(kind)
-            measured = measure(study.plan, case, member, stop_asked)
-            if measured is None:
-                return
-            study.measured[number, place] = measured
-            study.store()
+    for number, place in _order(study.plan):
+        if (number, place) in study.measured:
+            continue
+        case = study.plan.cases[number]
+        on_progress(study, case)
+        kind = (case.stepper.split("(")[0], case.solver)
+        if kind not in warm:
+            warm_up(study.plan, case, stop_asked)
+            warm.add(kind)
+        measured = measure(study.plan, case, case.members[place], stop_asked)
+        if measured is None:
+            return
+        study.measured[number, place] = measured
+        study.store()
+
+
+def _order(plan: StudyPlan) -> list[tuple[int, int]]:
+    """Return case and member in rounds: a machine that is slow for a while is so for one member of every case."""
+    runs = [(number, place) for number, case in enumerate(plan.cases) for place in range(len(case.members))]
+    return sorted(runs, key=lambda run: (run[1], run[0]))
 
 
 def points(study: Study) -> list[Point]:

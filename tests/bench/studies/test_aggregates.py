@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from proxbench.bench.studies.aggregates import ENERGY, FLOW, HEIGHT, Watch
-from proxbench.bench.studies.cases import REFERENCE, StudyPlan
+from proxbench.bench.studies.cases import StudyPlan
 from proxbench.bench.studies.measuring import Measured
 from proxbench.bench.studies.points import aggregate_points, seed_spreads
 from proxbench.bench.studies.running import points, run_study, spreads
@@ -75,11 +75,12 @@ def test_seeds_that_failed_are_left_out_and_counted() -> None:
 def test_aggregates_of_a_small_pour_have_a_spread_and_the_reference_has_no_error(pour_plan: StudyPlan) -> None:
     same = replace(pour_plan.cases[0], part="steppers")
     study = run_study(replace(pour_plan, cases=(*pour_plan.cases, same)))
-    assert pour_plan.cases[0].part == REFERENCE
     assert set(spreads(study)) == {FLOW, HEIGHT, ENERGY}
-    assert all(spread > 0.0 for _, spread in spreads(study).values())
-    found = points(study)
-    assert len(found) == 9
-    assert all(point.error == 0.0 for point in found[6:])
-    assert all(0.0 < point.error < 1.0 for point in found[:6] if point.quantity != FLOW)
-    assert [point.solves for point in found[::3]] == [75, 150, 300]
+    assert all(spreads(study)[quantity][1] > 0.0 for quantity in (HEIGHT, ENERGY))
+    found = {(point.setting, point.quantity): point for point in points(study)}
+    for quantity in (HEIGHT, ENERGY):
+        assert found["Δt 0.001 s", quantity].error == 0.0
+        assert 0.0 < found["Δt 0.004 s", quantity].error < 1.0
+        assert found["Δt 0.004 s", quantity].high > found["Δt 0.004 s", quantity].error
+    coarse, middle, fine = (found[f"Δt {size:g} s", HEIGHT].solves for size in (4e-3, 2e-3, 1e-3))
+    assert 1.8 * coarse < middle < fine / 1.8
