@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | report | record | generate | simulate | list | check``.
+"""The command line: ``proxbench run | report | record | generate | simulate | list | check | matrix``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import TyperException
 
+from .matrix_command import matrix
 from .plugin_option import PluginFiles
 from .simulations.command import simulate
 
@@ -99,7 +100,7 @@ def _root(
     return 0
 
 
-@app.command("list")
+@app.command("list", short_help="List solvers, problems, suites and scenes.")
 def list_names(
     what: Annotated[str, typer.Argument(help="problems, solvers, suites or scenes; all if left out.")] = "",
     plugin: PluginFiles = None,
@@ -115,7 +116,7 @@ def list_names(
         print_listing(names)
 
 
-@app.command()
+@app.command(short_help="Remake problems from their scenes.")
 def generate(
     names: Annotated[list[str] | None, typer.Argument(help="Problems to remake from their scenes.")] = None,
     suite: Annotated[str, typer.Option(help="Remake all members of a suite that come from scenes.")] = "",
@@ -145,7 +146,7 @@ def generate(
             print(f"{digest[:16]}  {file}")
 
 
-@app.command()
+@app.command(short_help="Measure solvers on problems.")
 def run(
     context: typer.Context,
     suite: Annotated[str, typer.Option(help="Suite of problems.")] = "quick",
@@ -189,7 +190,7 @@ def run(
     return _report(folder, as_json)
 
 
-@app.command()
+@app.command(short_help="Record solvers iterating side by side.")
 def record(
     problem: Annotated[str, typer.Argument(help="Problem to solve.")],
     solver: Annotated[
@@ -252,10 +253,11 @@ def _refuse_contradictions(context: typer.Context) -> None:
         raise BenchError("--suite and --problem exclude each other; give one of them.")
 
 
-app.command()(simulate)
+app.command(short_help="Simulate a scene, every step judged; resumable.")(simulate)
+app.command(short_help="Hold every solver against every hard case.")(matrix)
 
 
-@app.command()
+@app.command(short_help="Hold solvers and problems to what they owe.")
 def check(
     target: Annotated[
         str, typer.Argument(help="Solver (with options) or problem, or a plugin file.", metavar="NAME|FILE")
@@ -275,7 +277,7 @@ def check(
     return int(not all(subject["passed"] for subject in subjects))
 
 
-@app.command()
+@app.command(short_help="Print tables and draw charts of a stored run.")
 def report(
     run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run.")],
     as_json: Json = False,

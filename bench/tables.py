@@ -13,13 +13,15 @@ from rich.text import Text
 
 from .errors import BenchError
 from .frames import RunFrames
+from .matrix import Cell
+from .matrix_page import matrix_page
 from .outcome import Outcome
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Judged residuals that tables give the time to."""
+"""Judged residuals that tables give the time to, if more tolerances than these were asked for."""
 
 SUMMARY_ACCURACIES = (1e-4, 1e-6)
-"""Judged residuals of the summary."""
+"""Those of them that the summary is about."""
 
 SHIFT_SECONDS = 1e-3
 """Shift of the geometric mean, so that microseconds on tiny problems do not outweigh seconds on large ones."""
@@ -27,22 +29,42 @@ SHIFT_SECONDS = 1e-3
 
 _CASE_COLUMNS = ("problem", "n_contacts", "solver", "model")
 
-_RESULT_COLUMNS = (
-    *_CASE_COLUMNS,
-    *(f"time_to_{accuracy:.0e}" for accuracy in ACCURACIES),
-    "residual",
-    "iterations",
-    "outcome",
-    "reason",
-)
+_TIME = "time_to_"
+"""What the keys of the time columns begin with; an accuracy follows."""
 
-_SUMMARY_COLUMNS = (
-    "solver",
-    "model",
-    "problems",
-    *(f"{kind}_{accuracy:.0e}" for accuracy in SUMMARY_ACCURACIES for kind in ("success", "correct", "mean_time")),
-    "wrong",
-)
+
+def accuracies(frames: RunFrames) -> tuple[float, ...]:
+    """Return the judged residuals that the tables of a run give the time to, from coarse to fine.
+
+    They are the tolerances of the run where these are as few as ``ACCURACIES``, else those of ``ACCURACIES`` that were
+    asked for: what nobody asked for would be counted as a failure.
+    """
+    ladder = _ladder(frames)
+    if len(ladder) <= len(ACCURACIES):
+        return ladder
+    return _within(ACCURACIES, ladder) or ladder[-1:]
+
+
+def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
+    """Return the judged residuals of the summary, at most two of ``accuracies``."""
+    ladder = _ladder(frames)
+    if len(ladder) <= len(ACCURACIES):
+        return ladder[-2:]
+    return _within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
+
+
+def _ladder(frames: RunFrames) -> tuple[float, ...]:
+    return tuple(sorted(map(float, frames.info["plan"]["tolerances"]), reverse=True))
+
+
+def _within(wanted: tuple[float, ...], ladder: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(accuracy for accuracy in wanted if accuracy >= ladder[-1] * (1.0 - 1e-9))
+
+
+def _tag(accuracy: float) -> str:
+    """Return how columns call an accuracy, with the digits that it has: ``"1e-04"``, ``"2.5e-04"``."""
+    written = (f"{accuracy:.{digits}e}" for digits in range(16))
+    return next((text for text in written if np.isclose(float(text), accuracy, rtol=1e-9, atol=0.0)), f"{accuracy:e}")
 
 
 def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
@@ -59,27 +81,31 @@ def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a case: time to each accuracy [s], the best judged residual, its iterations, how it ended and why.
 
-    Columns: problem, n_contacts, solver, model, ``time_to_1e-02`` …, residual, iterations, outcome, reason.
+    Columns: problem, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
+    outcome, reason.
     """
+    shown = accuracies(frames)
+    keys = [_TIME + _tag(accuracy) for accuracy in shown]
     rows = []
     for case in frames.cases.to_dict("records"):
         points = _points_of(frames, case)
         measured = points[points["total_seconds"].notna()] if len(points) else points
         row = {key: case[key] for key in _CASE_COLUMNS}
-        row |= {f"time_to_{accuracy:.0e}": time_to_accuracy(measured, accuracy) for accuracy in ACCURACIES}
+        row |= {key: time_to_accuracy(measured, accuracy) for key, accuracy in zip(keys, shown, strict=True)}
         row |= _best(measured)
         row["outcome"], row["reason"] = _ending(case, measured)
         rows.append(row)
-    return pd.DataFrame(rows, columns=list(_RESULT_COLUMNS))
+    return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *keys, "residual", "iterations", "outcome", "reason"])
 
 
 def summary_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a solver over all problems of the run.
 
-    Columns: solver, model, problems (that it supports), and for each of two accuracies the share that the solver says
-    it solved (success), the share that the judge confirms (correct), and the shifted geometric mean of the time [s]
-    with failures at the time limit of a solve; then the number of wrong claims.
+    Columns: solver, model, problems (that it supports), and for each of ``summary_accuracies`` the share that the
+    solver says it solved (success), the share that the judge confirms (correct), and the shifted geometric mean of the
+    time [s] with failures at the time limit of a solve; then the number of wrong claims.
     """
+    shown = summary_accuracies(frames)
     limit = float(frames.info["plan"]["limits"]["solve_seconds"])
     rows = []
     for solver in frames.info["plan"]["solvers"]:
@@ -88,20 +114,21 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
             continue
         row: dict[str, Any] = {"solver": solver, "model": cases["model"].iloc[0], "problems": len(cases)}
         of_cases = [_points_of(frames, case) for case in cases.to_dict("records")]
-        for accuracy in SUMMARY_ACCURACIES:
+        for accuracy in shown:
             claims = [_claims(points, accuracy) for points in of_cases]
             times = np.array([time_to_accuracy(points, accuracy) for points in of_cases])
             filled = np.where(np.isnan(times), limit, np.minimum(times, limit))
-            row[f"success_{accuracy:.0e}"] = float(np.mean(claims))
-            row[f"correct_{accuracy:.0e}"] = float(np.mean(~np.isnan(times)))
-            row[f"mean_time_{accuracy:.0e}"] = float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
+            row[f"success_{_tag(accuracy)}"] = float(np.mean(claims))
+            row[f"correct_{_tag(accuracy)}"] = float(np.mean(~np.isnan(times)))
+            row[f"mean_time_{_tag(accuracy)}"] = float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
         row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in of_cases if len(points)))
         rows.append(row)
-    return pd.DataFrame(rows, columns=list(_SUMMARY_COLUMNS))
+    of_accuracies = [f"{kind}_{_tag(accuracy)}" for accuracy in shown for kind in ("success", "correct", "mean_time")]
+    return pd.DataFrame(rows, columns=["solver", "model", "problems", *of_accuracies, "wrong"])
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
-    """Write both tables as CSV, Parquet and Markdown; return the files.
+    """Write both tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
 
     Raises:
         BenchError: if the folder cannot be written.
@@ -117,9 +144,27 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
             frame.to_parquet(folder / f"{name}.parquet", index=False)
             (folder / f"{name}.md").write_text(_markdown(shown(frame)), encoding="utf-8")
             files += [folder / f"{name}.{kind}" for kind in ("csv", "parquet", "md")]
+        (folder / "matrix.md").write_text(matrix_of_run(frames), encoding="utf-8")
+        files.append(folder / "matrix.md")
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
     return files
+
+
+def matrix_of_run(frames: RunFrames) -> str:
+    """Return the matrix of solvers and problems of a run as a Markdown page, with the reason of every failure."""
+    cells = [
+        Cell(
+            row["problem"],
+            row["solver"],
+            Outcome(row["outcome"]),
+            row["residual"],
+            reason="" if row["outcome"] == Outcome.SOLVED else row["reason"],
+        )
+        for row in results_table(frames).to_dict("records")
+    ]
+    finest = min(frames.info["plan"]["tolerances"])
+    return matrix_page(cells, finest, f"proxbench report {frames.info['run_id']}")
 
 
 def print_tables(frames: RunFrames, console: Console) -> None:
@@ -131,7 +176,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     for problem, rows in results.groupby("problem", sort=False):
         contacts = int(rows["n_contacts"].iloc[0])
         shown = _shown_results(rows).drop(columns=["problem", "contacts", "why"])
-        best = {head: rows[key].idxmin() for head, key in _TIMES.items() if rows[key].notna().any()}
+        best = {head: rows[key].idxmin() for head, key in _times(rows).items() if rows[key].notna().any()}
         _print(console, f"{problem} · {contacts} contact{'s' if contacts != 1 else ''}", shown, best)
         for row in rows.to_dict("records"):
             if row["outcome"] != Outcome.SOLVED:
@@ -141,7 +186,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if len(summary):
         count = results["problem"].nunique()
         _print(console, f"all {count} problems" if count > 1 else "summary", _shown_summary(summary), {})
-    console.print(Text(_LEGEND, style="dim"))
+    console.print(Text(_legend(list(_times(results))), style="dim"))
 
 
 def _points_of(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
@@ -184,15 +229,18 @@ def _claims(points: pd.DataFrame, accuracy: float) -> bool:
     return bool((asked["status"] == Outcome.SOLVED).any())
 
 
-_TIMES = {f"{accuracy:.0e}": f"time_to_{accuracy:.0e}" for accuracy in ACCURACIES}
-"""Heads of the time columns, and their keys."""
+def _times(results: pd.DataFrame) -> dict[str, str]:
+    """Return the heads of the time columns, and their keys."""
+    return {key.removeprefix(_TIME): key for key in results.columns if key.startswith(_TIME)}
 
-_LEGEND = (
-    "Columns 1e-02 to 1e-08 give the least median time, preparing included, to that judged residual; "
-    "– means never reached.\n"
-    "cases: problems that the solver supports, which its rates and its mean are over; says: share that the solver "
-    "claims; true: share that the judge confirms; mean: shifted geometric mean time."
-)
+
+def _legend(heads: list[str]) -> str:
+    columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
+    return (
+        f"{columns} the least median time, preparing included, to that judged residual; – means never reached.\n"
+        "cases: problems that the solver supports, which its rates and its mean are over; says: share that the solver "
+        "claims; true: share that the judge confirms; mean: shifted geometric mean time."
+    )
 
 
 NARROW = 100
@@ -216,7 +264,7 @@ def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
     shown = pd.DataFrame({"problem": results["problem"], "contacts": results["n_contacts"]})
     shown["solver"] = results["solver"]
     shown["model"] = results["model"]
-    for head, key in _TIMES.items():
+    for head, key in _times(results).items():
         shown[head] = results[key].map(duration)
     shown["residual"] = [f"{value:.0e}" if np.isfinite(value) else "–" for value in results["residual"]]
     shown["iter."] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in results["iterations"]]
@@ -228,8 +276,7 @@ def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
 def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
     shown = pd.DataFrame({key: summary[key] for key in ("solver", "model")})
     shown["cases"] = summary["problems"]
-    for accuracy in SUMMARY_ACCURACIES:
-        tag = f"{accuracy:.0e}"
+    for tag in (key.removeprefix("success_") for key in summary.columns if key.startswith("success_")):
         shown[f"says\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"success_{tag}"]]
         shown[f"true\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"correct_{tag}"]]
         shown[f"mean\n{tag}"] = summary[f"mean_time_{tag}"].map(duration)

@@ -170,9 +170,7 @@ class BallSystem:
         key = np.concatenate(keys)
         order = np.argsort(key, kind="stable")  # merges runs that are sorted already
         key = key[order]
-        first = key // stride
-        second = key - stride * first
-        second[second >= n] = -1
+        first, second = _bodies(key, stride, n)
         return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
 
     def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
@@ -184,6 +182,18 @@ class BallSystem:
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
+
+
+@njit(cache=True)
+def _bodies(keys, stride, n):  # type: ignore[no-untyped-def]
+    """Return the first and the second ball of each key, −1 for a surface."""
+    first, second = np.empty_like(keys), np.empty_like(keys)
+    for k in range(len(keys)):
+        first[k] = keys[k] // stride
+        second[k] = keys[k] - stride * first[k]
+        if second[k] >= n:
+            second[k] = -1
+    return first, second
 
 
 @njit(cache=True)

@@ -30,6 +30,9 @@ from .pieces import Pieces
 SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
 
+SINGLE_SYMMETRY_TOLERANCE = 1e-5
+"""The same for a matrix given in single precision, which is then made symmetric."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem:
@@ -84,7 +87,8 @@ class ContactProblem:
         """Return the problem with Delassus matrix G.
 
         Args:
-            delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows), symmetric positive semidefinite.
+            delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows), symmetric positive semidefinite. One of
+                float32 may miss symmetry by its rounding and is replaced by (G + Gᵀ)/2.
             free_velocity: c [m/s], shape (n_rows,).
             friction: μ, one number or one for each contact.
             dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
@@ -255,7 +259,9 @@ def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) ->
 
 def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array:
     """Return G as a canonical read-only CSR array, or raise ``ProblemError``."""
-    matrix: sp.csr_array[Any] = sp.csr_array(as_sparse_input(given, "G"), dtype=np.float64, copy=True)
+    sparse = as_sparse_input(given, "G")
+    is_single = sparse.dtype == np.float32
+    matrix: sp.csr_array[Any] = sp.csr_array(sparse, dtype=np.float64, copy=True)
     if matrix.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {matrix.shape}.")
     matrix.sum_duplicates()
@@ -270,16 +276,18 @@ def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_a
         row = int(negative[0])
         raise ProblemError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
     if not allow_asymmetric:
-        _check_symmetry(matrix)
+        _check_symmetry(matrix, SINGLE_SYMMETRY_TOLERANCE if is_single else SYMMETRY_TOLERANCE)
+        if is_single:
+            matrix = sp.csr_array(0.5 * (matrix + matrix.T))
     for array in (matrix.data, matrix.indices, matrix.indptr):
         array.setflags(write=False)
     return matrix
 
 
-def _check_symmetry(matrix: sp.csr_array) -> None:
+def _check_symmetry(matrix: sp.csr_array, tolerance: float) -> None:
     difference = abs(matrix - matrix.T).tocoo()
     largest = abs(matrix.data).max(initial=0.0)
-    if difference.nnz and difference.data.max() > SYMMETRY_TOLERANCE * largest:
+    if difference.nnz and difference.data.max() > tolerance * largest:
         worst = int(np.argmax(difference.data))
         row, column = int(difference.row[worst]), int(difference.col[worst])
         raise ProblemError(

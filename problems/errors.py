@@ -16,11 +16,17 @@ class PluginError(ProxbenchError, ValueError):
     """A plugin cannot be found, does not import, takes a name that is not free, or breaks its contract."""
 
 
+MOST_NAMES = 12
+"""Known names that a sentence lists; of more it says how many there are, and where they stand."""
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or the list of known names."""
+    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or else the known names if few."""
     names = sorted(known)
     lowered = {candidate.lower(): candidate for candidate in names}
     close = get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
     if close:
         return f"; did you mean {lowered[close[0]]!r}?"
+    if len(names) > MOST_NAMES:
+        return f"; {len(names)} are known, and proxbench list names them."
     return f"; known are {', '.join(names)}." if names else "; none are known."

@@ -7,6 +7,9 @@ For law i with α_i = the largest diagonal entry of its block of G, and the prox
 the largest velocity by which a law is violated, relative to the largest free velocity of a law. It depends on no
 solver's step size, on no unit, on no choice of tangents and not on the number of contacts, and it holds across mass
 ratios, where an impulse error relative to max|Λ| does not.
+
+A unilateral law whose own α is zero moves nothing, but the friction that it bounds may: it takes the largest α of those
+friction laws, so that Λ_N > 0 at an opening contact is a violation as soon as it buys friction.
 """
 
 from dataclasses import dataclass
@@ -60,7 +63,7 @@ class Residual:
     """The judge's residual of one problem, prepared once for many impulses (solvers stop on it).
 
     Attributes:
-        alpha: α_i of each law [1/kg], shape (n_laws,).
+        alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
         speeds: ‖c_i‖ of each law [m/s], shape (n_laws,).
         scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
         infeasible: whether some unilateral law has α_i = 0 and c_i < 0.
@@ -68,7 +71,9 @@ class Residual:
 
     def __init__(self, problem: "ContactProblem") -> None:
         laws, free_velocity = problem.laws, problem.free_velocity
-        alpha, speeds, stuck = _scales(laws.kind, laws.first_row, problem.delassus_diagonal, free_velocity)
+        alpha, speeds, stuck = _scales(
+            laws.kind, laws.first_row, laws.partner, problem.delassus_diagonal, free_velocity
+        )
         self.alpha: FloatArray = alpha
         self.speeds: FloatArray = speeds
         self.scale = float(speeds.max(initial=0.0))
@@ -271,7 +276,7 @@ def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def _scales(kind, first_row, diagonal, free_velocity):  # type: ignore[no-untyped-def]
+def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[no-untyped-def]
     """Return α_i and ‖c_i‖ of every law, and a unilateral law with α_i = 0 and c_i < 0, −1 if there is none."""
     alpha, speeds = np.empty(len(kind)), np.empty(len(kind))
     stuck = -1
@@ -283,6 +288,10 @@ def _scales(kind, first_row, diagonal, free_velocity):  # type: ignore[no-untype
             speeds[law] = np.hypot(speeds[law], free_velocity[row + 1])
         if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
             stuck = law
+    for law in range(len(kind)):
+        normal = partner[law]
+        if normal >= 0 and diagonal[first_row[normal]] == 0.0:
+            alpha[normal] = max(alpha[normal], alpha[law])
     return alpha, speeds, stuck
 
 

@@ -80,12 +80,16 @@ class PluginFile:
         """Return what it offers as solvers, by name.
 
         Raises:
-            PluginError: if SOLVERS is no list of classes.
+            PluginError: if SOLVERS is no list of classes, or two of them have one name.
         """
         offered = getattr(self.module(), "SOLVERS", [])
         if not isinstance(offered, list | tuple) or not all(callable(one) for one in offered):
             raise PluginError(f"{self.source}: SOLVERS must be a list of solver classes, SOLVERS = [MySolver].")
-        return {getattr(one, "__name__", repr(one)): one for one in offered}
+        names = [getattr(one, "__name__", repr(one)) for one in offered]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise PluginError(f"{self.source}: SOLVERS offers the name {twice!r} twice; rename or remove one of them.")
+        return dict(zip(names, offered, strict=True))
 
     def problems(self) -> dict[str, Callable[..., Any]]:
         """Return what it offers as problems, by name.

@@ -103,7 +103,8 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
         arrays["answer.solvable"] = np.array(answer.solvable)
         if answer.impulses:
             arrays["answer.impulses"] = np.array(answer.impulses)
-        for key in ("velocity", "functionals", "values"):
+        arrays["answer.sensitivity"] = np.array(answer.sensitivity)
+        for key in ("velocity", "functionals", "values", "witness"):
             if getattr(answer, key) is not None:
                 arrays[f"answer.{key}"] = getattr(answer, key)
     return arrays
@@ -168,4 +169,6 @@ def _answer(content: dict[str, Any]) -> Answer | None:
         functionals=content.get("answer.functionals"),
         values=content.get("answer.values"),
         solvable=bool(content["answer.solvable"]),
+        witness=content.get("answer.witness"),
+        sensitivity=float(content.get("answer.sensitivity", Answer.sensitivity)),
     )

@@ -11,11 +11,17 @@ FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((RO
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
 RECORDED_WITH_RERUN = ("annotations", "balls", "file", "layouts", "solves", "steps", "woodpecker")
 AT_HOME = {
-    "altair": {"bench/charts.py"},
-    "vl_convert": {"bench/charts.py"},
+    "altair": {"bench/charts.py", "bench/simulations/chart.py", "bench/variable/figure.py"},
+    "vl_convert": {"bench/charts.py", "bench/simulations/chart.py"},
     "clarabel": {"solvers/conic/programs.py"},
-    "pandas": {"bench/frames.py", "bench/tables.py", "bench/charts.py"},
-    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/simulations/command.py"},
+    "pandas": {
+        "bench/frames.py",
+        "bench/tables.py",
+        "bench/charts.py",
+        "bench/simulations/chart.py",
+        "bench/variable/figure.py",
+    },
+    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/matrix_command.py", "bench/simulations/command.py"},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/machine.py", "bench/case_process.py", "bench/descendants.py"},
 }

@@ -15,6 +15,12 @@ _HARD = (
     "hard-counterexample",
     "hard-tresca-joint",
     "hard-mixed-laws",
+    "hard-remote-partner",
+    "hard-zero-directions",
+    "hard-touching",
+    "hard-groove-mu10",
+    "hard-painleve-jam",
+    "hard-tower-in-um-mg",
 )
 
 

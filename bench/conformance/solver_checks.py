@@ -1,6 +1,7 @@
 """The promises of a solver, each as a test on small problems.
 
 A test looks at the problems that the solver says it ``supports``; one that supports none of them has nothing to show.
+The tests on hard cases and on problems put otherwise have files of their own and join the list at the end of this one.
 """
 
 import ctypes
@@ -24,6 +25,8 @@ from ...solvers.interface import Prepared, Solution, Solver, Status, Stop, shows
 from ..measure import solution_fault
 from ..outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation
+from .hard_checks import HARD_CHECKS
+from .invariance_checks import INVARIANCE_CHECKS
 from .samples import at_rest, empty, infeasible, random_contacts, samples
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
@@ -297,6 +300,8 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     _check("iteration limit", obeys_iteration_limit),
     _check("time limit", obeys_time_limit),
     _check("silent", is_silent),
+    *INVARIANCE_CHECKS,
+    *HARD_CHECKS,
 )
 """All tests of a solver, in the order in which they are best read."""
 

@@ -105,9 +105,10 @@ class StepRecorder:
 
     def _note(self, state: State, step: Step | None, states: States | None = None) -> None:
         """Keep the numbers of one instant for the curves."""
+        values = {"step_size": np.log10(state.time - self._times[-1]) if self._times else np.nan}
         self._times.append(state.time)
         counts = np.zeros(len(ContactState), dtype=np.int64) if states is None else count_states(states)
-        values = {f"contacts/{kind.name.lower()}": float(counts[kind]) for kind in ContactState}
+        values |= {f"contacts/{kind.name.lower()}": float(counts[kind]) for kind in ContactState}
         values["iterations"] = float(step.iterations) if step is not None else 0.0
         values["residual"] = np.log10(max(step_residual(step), SMALLEST)) if step is not None else np.nan
         kinetic, potential = self._energies(state)

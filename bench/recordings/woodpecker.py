@@ -55,7 +55,12 @@ class WoodpeckerRecorder(StepRecorder):
         height = float(state.position[0])
         camera = Camera((0.012, -0.12, height + 0.012), (0.012, 0.0, height - 0.004))
         views = [space_view("woodpecker", camera, ["/scene/**"], tracking=f"/{BODIES}/sleeve")]
-        return simulation_blueprint(views, [plot("angles [rad]", "/curves/angles"), *self._plots()], self._every)
+        plots = [
+            plot("angles [rad]", "/curves/angles"),
+            *self._plots(),
+            plot("log₁₀ step size [s]", "/curves/step_size", legend=False),
+        ]
+        return simulation_blueprint(views, plots, self._every)
 
     def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
         self._lowest = self._highest = float(state.position[0])

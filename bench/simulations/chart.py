@@ -1,7 +1,7 @@
 """The chart of a simulation: what happens over time, one curve below the other, as SVG and PNG."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import altair as alt
 import numpy as np
@@ -20,18 +20,25 @@ WIDTH, HEIGHT = 620, 105
 
 
 def simulation_chart(simulation: Simulation) -> alt.VConcatChart:
-    """Return balls through the outlet, active contacts, iterations, penetration and energy over simulated time."""
+    """Return balls through the outlet, active contacts, iterations, penetration and energy over simulated time.
+
+    Balls that have left fall for ever: their kinetic and potential energy, which cancel, would hide the total.
+    """
     curves = _curves(simulation)
     plan, scene = simulation.plan, simulation.plan.scene
+    energies = {"energy": "total"}
+    if scene.balls_through is None:
+        energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
     panels = [
         _panel(curves, "contacts", {"contacts": "active contacts"}),
-        _panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}),
+        _panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}, "sqrt"),
         _panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
-        _panel(curves, "energy [J]", {"energy": "total", "potential_energy": "potential", "kinetic_energy": "kinetic"}),
+        _panel(curves, "energy [J]", energies),
     ]
     if scene.balls_through is not None:
         panels.insert(0, _panel(curves, "balls through", {"balls_through": "through the outlet"}))
-    panels[-1] = panels[-1].encode(x=alt.X("time:Q", title="simulated time [s]").scale(nice=False))
+    panels[-1].encoding.x.title = "simulated time [s]"
+    panels[-1].encoding.x.axis = alt.Axis()
     balls = f", {scene.n_balls} balls" if scene.n_balls else ""
     title = alt.TitleParams(
         f"{scene.name.capitalize()}{balls}: what happens over time",
@@ -93,7 +100,9 @@ def _curves(simulation: Simulation) -> pd.DataFrame:
     return gathered
 
 
-def _panel(curves: pd.DataFrame, title: str, names: dict[str, str]) -> alt.Chart:
+def _panel(
+    curves: pd.DataFrame, title: str, names: dict[str, str], scale: Literal["linear", "sqrt"] = "linear"
+) -> alt.Chart:
     """Return one panel of curves, by column and what the legend calls it."""
     long = curves.melt("time", list(names), "column", "value")
     long["curve"] = long["column"].map(names)
@@ -104,8 +113,8 @@ def _panel(curves: pd.DataFrame, title: str, names: dict[str, str]) -> alt.Chart
         alt.Chart(long[["time", "value", "curve"]], width=WIDTH, height=HEIGHT)
         .mark_line(strokeWidth=1.5)
         .encode(
-            x=alt.X("time:Q", title=None).axis(labels=True).scale(nice=False),
-            y=alt.Y("value:Q", title=title),
+            x=alt.X("time:Q", title=None).axis(labels=False, ticks=False).scale(nice=False),
+            y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4),
             color=alt.Color("curve:N", sort=order, scale=colours, title=None),
             strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
         )

@@ -118,15 +118,23 @@ def make_simulation_plan(
     return plan
 
 
-def prolonged(plan: SimulationPlan, duration: float) -> SimulationPlan:
-    """Return ``plan`` with another duration [s].
+def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
+    """Return ``plan`` with other values: duration [s], solver, tolerance, max_iterations.
 
     Raises:
-        BenchError: if it is out of range.
+        SolverError: for an unknown solver or option of it.
+        BenchError: if a number is out of range.
     """
-    longer = replace(plan, duration=duration)
-    _check_numbers(longer)
-    return longer
+    solver = changes.get("solver")
+    if isinstance(solver, str):
+        changes["solver"] = create(solver)
+    other = replace(plan, **changes)
+    _check_numbers(other)
+    return other
+
+
+REPLACEABLE = ("solver", "tolerance", "max_iterations")
+"""What a resumed simulation may take other values of: how steps are solved, not what is simulated."""
 
 
 def check_agreement(plan: SimulationPlan, given: Mapping[str, object], source: str) -> None:
@@ -144,9 +152,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, object], source: s
     stored = {**plan.document(), **plan.scene.options}
     for name, value in given.items():
         asked = value
-        if name == "solver":
-            asked = create(value).name if isinstance(value, str) else getattr(value, "name", value)
-        elif name not in plan.document():
+        if name not in plan.document():
             options = SCENES[plan.scene.name].options
             if name in options:
                 asked = options[name].checked(name, value)

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from ...problems.errors import ProxbenchError
 from ...problems.judge import Residual
@@ -13,7 +14,7 @@ from ...solvers.interface import Solver
 from ..errors import BenchError
 from .asking import Asked
 from .file import SUFFIX, read_simulation, write_simulation
-from .plan import SimulationPlan, check_agreement, prolonged
+from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
 from .simulation import NO_CONTACT, Simulation
 
 OnStep = Callable[[int, Step], None]
@@ -81,7 +82,8 @@ def resume_simulation(
 
     Args:
         file: its result file, which is written on.
-        given: what the caller believes of the simulation, see ``plan.check_agreement``.
+        given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance or
+            number of iterations is taken from here on, so that a simulation whose step failed can go on.
         duration: simulated time from the start [s], if it shall be another one than planned.
         solver: the solver, if ``create`` does not know it by its name.
         on_step: as in ``simulate``.
@@ -103,9 +105,12 @@ def begun_simulation(
 ) -> Simulation:
     """Return a stored simulation as far as it has come; arguments and errors as in ``resume_simulation``."""
     simulation = read_simulation(file, solver)
-    check_agreement(simulation.plan, given or {}, str(file))
+    asked = dict(given or {})
+    changes: dict[str, Any] = {name: asked.pop(name) for name in REPLACEABLE if name in asked}
+    check_agreement(simulation.plan, asked, str(file))
+    simulation.plan = changed(simulation.plan, **changes)
     if duration is not None:
-        simulation.plan = prolonged(simulation.plan, duration)
+        simulation.plan = changed(simulation.plan, duration=duration)
         if simulation.n_steps > simulation.plan.n_steps:
             raise BenchError(
                 f"{file} has come to {simulation.state.time:g} s already, past the duration of {duration:g} s; "
@@ -186,7 +191,11 @@ def _take_step(simulation: Simulation, stepper: Moreau, on_step: Sequence[OnStep
 
 
 def _failure(simulation: Simulation, what: str) -> BenchError:
-    kept = "" if simulation.file is None else f"; the steps before it are kept in {simulation.file}"
+    kept = (
+        ""
+        if simulation.file is None
+        else f"; the steps before it are kept: go on with --resume {simulation.file} and another --solver"
+    )
     return BenchError(
         f"step {simulation.n_steps + 1} of the {simulation.plan.scene.name}, from t = {simulation.state.time:.6g} s, "
         f"failed with {simulation.plan.solver.name}: {what.rstrip('.')}{kept}."

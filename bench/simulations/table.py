@@ -108,7 +108,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     console.print(Text(f"{scene.name} · {plan.solver.name} · Δt {plan.step_size:g} s", style="bold"))
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
     has_outlet = scene.balls_through is not None
-    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "impact/r", "E [J]"]
+    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "mid/r", "E [J]"]
     for head in [*heads, *(["through"] if has_outlet else [])]:
         table.add_column(Text(head), justify="right", no_wrap=True)  # a string would be read as markup
     for window in windows(simulation):
@@ -116,12 +116,16 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
             Text(f"{window.time:.3g}" if window.time < 100 else f"{window.time:.1f}"),
             Text(f"{window.contacts:.4g}" if window.contacts < 1e4 else f"{window.contacts:.0f}"),
             Text(f"{window.iterations:.1f}"),
-            Text(f"{window.step_milliseconds:.3g}"),
+            Text(
+                f"{window.step_milliseconds:.3g}"
+                if window.step_milliseconds < 1e3
+                else f"{window.step_milliseconds:.0f}"
+            ),
             Text(f"{window.residual:.0e}"),
             Text(str(window.unsolved or "–"), style="bold red" if window.unsolved else ""),
             Text(f"{window.penetration:.4f}"),
             Text(f"{window.impact_depth:.4f}"),
-            Text(f"{window.energy:.4g}"),
+            Text(f"{window.energy:.3g}" if window.energy < 0 else f"{window.energy:.4g}"),
         ]
         table.add_row(*cells, *([Text(str(window.balls_through))] if has_outlet else []))
     if console.measure(table, options=console.options.update(width=500)).maximum > console.width:

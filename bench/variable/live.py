@@ -17,6 +17,6 @@ class VariableLive(LiveSummary):
         first = f"{plan.scene.name}  {last['time']:.6f} of {plan.until:g} s  step {simulation.n_steps}"
         self._unsolved = int(last["residual"] > plan.tolerance)
         return first, (
-            f"step size {last['length']:.1e} s  closed contacts {last['contacts']}  switching points "
+            f"step size {last['length']:.1e} s  closed contacts {last['contacts']:.0f}  switching points "
             f"{simulation.n_switches}  residual {last['residual']:.0e}"
         )

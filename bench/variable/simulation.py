@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,33 @@ LAWS = ("unilateral", "friction")
 STATES = ("open", "closed", "stick", "slip")
 
 
+class Rows:
+    """Rows that are appended one by one, kept in one array that doubles when it is full.
+
+    Args:
+        begun: the rows so far, of the shape and type of all.
+    """
+
+    def __init__(self, begun: NDArray[Any]) -> None:
+        self._array, self._count = begun, len(begun)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, row: Any) -> None:
+        """Add one row."""
+        if self._count == len(self._array):
+            more = np.zeros((max(256, self._count), *self._array.shape[1:]), dtype=self._array.dtype)
+            self._array = np.concatenate([self._array, more])
+        self._array[self._count] = row
+        self._count += 1
+
+    @property
+    def all(self) -> NDArray[Any]:
+        """All rows."""
+        return self._array[: self._count]
+
+
 @dataclass(eq=False)
 class VariableSimulation:
     """A simulation as far as it has come.
@@ -60,12 +88,15 @@ class VariableSimulation:
     wall_seconds: float = 0.0
     state: State = field(init=False)
     states: LawStates | None = None
-    _rows: list[tuple[float, ...]] = field(default_factory=list, repr=False)
-    _switches: list[tuple[float, ...]] = field(default_factory=list, repr=False)
-    _states: list[FloatArray] = field(default_factory=list, repr=False)
+    _rows: Rows = field(init=False, repr=False)
+    _switches: Rows = field(init=False, repr=False)
+    _states: Rows = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.state = self.plan.scene.start
+        start = self.plan.scene.start
+        self.state = start
+        width = len(start.position) + len(start.velocity)
+        self._keep(np.zeros(0, dtype=STEP), np.zeros(0, dtype=SWITCH), np.zeros((0, width)))
 
     @property
     def n_steps(self) -> int:
@@ -80,24 +111,23 @@ class VariableSimulation:
     @property
     def last_row(self) -> dict[str, float]:
         """The last accepted step by the names of ``STEP``."""
-        return dict(zip(STEP.names or (), self._rows[-1], strict=True))
+        last = self._rows.all[-1]
+        return {name: float(last[name]) for name in STEP.names or ()}
 
     @property
     def steps(self) -> NDArray[np.void]:
         """The accepted steps, a structured array of dtype ``STEP``, shape (n_steps,)."""
-        return np.array(self._rows, dtype=STEP)
+        return self._rows.all
 
     @property
     def switches(self) -> NDArray[np.void]:
         """The switching points, a structured array of dtype ``SWITCH``."""
-        return np.array(self._switches, dtype=SWITCH)
+        return self._switches.all
 
     @property
     def trajectory(self) -> FloatArray:
         """(q, u) after every step, shape (n_steps, n_coordinates + n_dofs)."""
-        start = self.plan.scene.start
-        width = len(start.position) + len(start.velocity)
-        return np.array(self._states, dtype=np.float64).reshape(self.n_steps, width)
+        return self._states.all
 
     @property
     def is_finished(self) -> bool:
@@ -107,7 +137,8 @@ class VariableSimulation:
     def append(self, taken: VariableStepTaken, row: tuple[float, ...]) -> None:
         """Add one accepted step with its values in the order of ``STEP``."""
         self._states.append(np.concatenate([taken.end.position, taken.end.velocity]))
-        self._switches.extend(_switch_row(switch) for switch in taken.switches)
+        for switch in taken.switches:
+            self._switches.append(_switch_row(switch))
         self.state, self.states = taken.end, taken.states
         self._rows.append(row)
 
@@ -115,11 +146,13 @@ class VariableSimulation:
         self, steps: NDArray[np.void], switches: NDArray[np.void], trajectory: FloatArray, states: LawStates
     ) -> None:
         """Put what was stored in place of everything."""
-        self._rows, self._switches = steps.tolist(), switches.tolist()
-        self._states = list(trajectory)
-        if self._rows:
+        self._keep(steps, switches, trajectory)
+        if len(steps):
             position, velocity = np.split(trajectory[-1], [len(self.plan.scene.start.position)])
             self.state, self.states = State(float(steps["time"][-1]), position, velocity), states
+
+    def _keep(self, steps: NDArray[np.void], switches: NDArray[np.void], trajectory: FloatArray) -> None:
+        self._rows, self._switches, self._states = Rows(steps), Rows(switches), Rows(trajectory)
 
 
 def _switch_row(switch: SwitchingPoint) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from .options import Option, OptionValue, complete
 from .woodpecker import (
     FRICTION,
     GRAVITY,
+    OVERLAP,
     POLE_RADIUS,
     RESTITUTION,
     kinetic_energy,
@@ -135,7 +136,7 @@ def _woodpecker(name: str, options: Mapping[str, Any]) -> Scene:
         name,
         options,
         woodpecker(options["friction"], options["restitution"] or 0.0, gravity),
-        published_start() if options["start"] == "published" else section_start(),
+        published_start() if options["start"] == "published" else section_start(OVERLAP),
         length=POLE_RADIUS,
         step_size=2e-5,
         duration=1.0,

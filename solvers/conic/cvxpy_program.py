@@ -51,9 +51,20 @@ def check_solver(name: str, cones: bool) -> None:
     if name in (BUNDLED_CONIC, *([] if cones else [BUNDLED_QUADRATIC])):
         return  # without importing cvxpy
     known = installed(cones)
-    if name not in known:
-        what = "conic" if cones else "quadratic"
-        raise SolverError(f"cvxpy has no {what} solver {name!r} here; installed are {', '.join(known)}.")
+    if name in known:
+        return
+    cp, names = cvxpy(), ", ".join(known)
+    if name in cp.installed_solvers():
+        need = "second-order cones" if cones else "quadratic objectives"
+        raise SolverError(f"the solver {name!r} of cvxpy does not take {need}; {names} do.")
+    if name in cp.settings.SOLVERS:
+        raise SolverError(f"cvxpy knows the solver {name!r}, but it is not installed; install it, or take {names}.")
+    raise SolverError(f"cvxpy knows no solver {name!r}; installed are {names}.")
+
+
+def takes_cones(name: str) -> bool:
+    """Whether the installed solver ``name`` takes second-order cones."""
+    return name == BUNDLED_CONIC or name in installed(cones=True)
 
 
 def installed(cones: bool) -> list[str]:
@@ -63,8 +74,8 @@ def installed(cones: bool) -> list[str]:
     names = []
     for name in cp.installed_solvers():
         conic = defines.SOLVER_MAP_CONIC.get(name)
-        takes_cones = conic is not None and cp.SOC in conic.SUPPORTED_CONSTRAINTS
-        if takes_cones or (not cones and name in defines.SOLVER_MAP_QP):
+        has_cones = conic is not None and cp.SOC in conic.SUPPORTED_CONSTRAINTS
+        if has_cones or (not cones and name in defines.SOLVER_MAP_QP):
             names.append(name)
     return names
 

@@ -14,7 +14,7 @@ from ...problems.model import Model
 from ..interface import SolverError, described
 from .clarabel_socp import obstacle
 from .convex import PreparedConvex
-from .cvxpy_program import CvxpyProgram, check_solver
+from .cvxpy_program import CvxpyProgram, check_solver, takes_cones
 from .fixed_point import PreparedFixedPoint, check_memory
 
 
@@ -28,6 +28,17 @@ def _prepared_convex(solver: "CvxpySOCP | CvxpyQP", problem: ContactProblem) -> 
     _refuse_unsupported(solver, problem)
     residual = ModelResidual(problem, Model.CONVEX)
     return PreparedConvex(problem, residual, CvxpyProgram(problem, residual, solver.solver))
+
+
+MOST_CONTACTS = 2500
+"""Contacts beyond which compiling takes gigabytes: 0.5 GB at 1000, 1.4 GB at 2000."""
+
+
+def _obstacle(problem: ContactProblem) -> str | None:
+    """Say why ``problem`` is no cone program, or too large a one to compile, or None."""
+    if problem.n_contacts > MOST_CONTACTS:
+        return f"it has {problem.n_contacts} contacts, and cvxpy takes gigabytes to compile more than {MOST_CONTACTS}"
+    return obstacle(problem, "delassus")
 
 
 @dataclass(frozen=True)
@@ -56,7 +67,7 @@ class CvxpySOCP:
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        return obstacle(problem, "delassus")
+        return _obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedConvex:
         """Compile the program."""
@@ -67,8 +78,11 @@ class CvxpySOCP:
 class CvxpyCoulomb:
     """Exact Coulomb friction by De Saxcé's fixed point over the convex model in cvxpy.
 
+    Planar friction is a quadratic program in each outer iteration, which quadratic solvers take as well; spatial
+    friction needs second-order cones.
+
     Attributes:
-        solver: a conic solver that cvxpy has installed.
+        solver: a conic or quadratic solver that cvxpy has installed.
         memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
 
     Raises:
@@ -82,7 +96,7 @@ class CvxpyCoulomb:
     has_iterates: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        check_solver(self.solver, cones=True)
+        check_solver(self.solver, cones=False)
         check_memory(self.memory)
 
     @property
@@ -92,7 +106,9 @@ class CvxpyCoulomb:
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        return obstacle(problem, "delassus")
+        if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any() and not takes_cones(self.solver):
+            return f"it has spatial friction, and {self.solver} does not take second-order cones"
+        return _obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
         """Compile the program, once for all outer iterations."""
@@ -134,7 +150,7 @@ class CvxpyQP:
             return "it has Coulomb friction, whose complementarity problem is not convex"
         if (laws.kind == LawKind.SPATIAL_FRICTION).any():
             return "it has spatial friction, whose disc is no set of a quadratic program"
-        return obstacle(problem, "delassus")
+        return _obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedConvex:
         """Compile the program."""

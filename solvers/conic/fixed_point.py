@@ -19,7 +19,7 @@ from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from .anderson import Anderson
-from .programs import ConicProgram, Ended
+from .programs import ConicProgram, ConicResult, Ended
 
 TIGHTEST = 1e-13
 """A conic solver's tolerance below which its factorisations begin to fail."""
@@ -35,6 +35,9 @@ PROGRESS = 0.9
 
 RISE = 10.0
 """The pairs of the acceleration are forgotten when the residual exceeds its best value by this factor."""
+
+INNER_ITERATIONS = 1_000_000
+"""Limit of iterations of one cone program, which each conic solver lowers to what makes sense for it."""
 
 PATIENCE = 25
 """Outer iterations without a new best residual after which the iteration is called stalled."""
@@ -72,11 +75,12 @@ class PreparedFixedPoint:
         accuracy = max(TIGHTEST, stop.tolerance**2)
         iteration, since_best, inner = 0, 0, 0
         while iteration < stop.max_iterations:
-            result = self.program.run(shift, accuracy, stop.max_iterations, deadline - time.perf_counter())
+            result = self.program.run(shift, accuracy, INNER_ITERATIONS, deadline - time.perf_counter())
             iteration, inner = iteration + 1, inner + result.iterations
             if not np.isfinite(result.impulses).all():
+                status = Status.TIME_LIMIT if self._is_late(result, deadline) else Status.STALLED
                 reason = f"the conic solver ended with {result.ended} at residual {best_residual:.1e}"
-                return Solution(best, Status.STALLED, iteration, reason)
+                return Solution(best, status, iteration, reason)
             velocity = self.problem.relative_velocity(result.impulses)
             residual = self.residual(result.impulses, velocity)
             if result.ended is not Ended.CONVERGED and residual > PROGRESS * best_residual and accuracy < LOOSEST:
@@ -92,7 +96,7 @@ class PreparedFixedPoint:
                 best, best_residual = result.impulses, residual
             if best_residual <= stop.tolerance:
                 return Solution(best, Status.SOLVED, iteration)
-            if time.perf_counter() > deadline:
+            if self._is_late(result, deadline):
                 reason = f"residual {best_residual:.1e} after {iteration} cone programs of {inner} steps"
                 return Solution(best, Status.TIME_LIMIT, iteration, reason)
             if since_best >= PATIENCE:
@@ -104,6 +108,11 @@ class PreparedFixedPoint:
             shift = np.maximum(anderson.next(shift, image), 0.0)
         reason = f"residual {best_residual:.1e} after {iteration} cone programs of {inner} steps"
         return Solution(best, Status.ITERATION_LIMIT, iteration, reason)
+
+    @staticmethod
+    def _is_late(result: ConicResult, deadline: float) -> bool:
+        """Whether the time is over, by this clock or by the conic solver's own."""
+        return result.ended is Ended.TIME_LIMIT or time.perf_counter() > deadline
 
     def _lift(self, velocity: FloatArray) -> FloatArray:
         """Return s = μ‖ξ_T‖ of each block [m/s]."""

@@ -25,6 +25,9 @@ MOST_CONTACTS = 6
 SINGULAR = 1e-12
 """Ratio of singular values below which a system counts as singular, and its solution of least norm is taken."""
 
+CLEARLY_NONE = 1e-3
+"""Residual above which the best of all states is no solution spoiled by rounding."""
+
 SAME = 1e-9
 """Impulses that differ by less, relative to the largest, are one solution."""
 
@@ -66,7 +69,7 @@ class PreparedEnumeration:
     residual: Residual
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Return the first solution; INFEASIBLE if all combinations are regular and none solves the problem.
+        """Return the first solution; INFEASIBLE if all combinations are regular and none comes near one.
 
         ``iterations`` counts combinations.
         """
@@ -92,6 +95,9 @@ class PreparedEnumeration:
                 return Solution(best, Status.TIME_LIMIT, tried, f"residual {best_residual:.1e} after {tried} states")
         if singular:
             reason = f"none of {tried} states solves it; {singular} are singular and were tried at least norm only"
+            return Solution(best, Status.STALLED, tried, reason)
+        if best_residual <= max(CLEARLY_NONE, stop.tolerance):
+            reason = f"rounding leaves the best of {tried} states at residual {best_residual:.1e}"
             return Solution(best, Status.STALLED, tried, reason)
         return Solution(best, Status.INFEASIBLE, tried, f"none of {tried} states solves it, and none is singular")
 

@@ -18,13 +18,10 @@ from ...problems.laws import FloatArray, IntArray
 from ...problems.model import Model
 from ..interface import Observer, Solution, SolverError, Status, Stop, described
 from .formulation import Complementarity, check_sides, complementarity
-from .pivoting import SMALLEST_PIVOT, Ending, Tableau
+from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 
 LARGEST_GROUP = 6000
 """Unknowns of one group beyond which the tableau takes too much memory (300 MB) and hours of pivoting."""
-
-SMALLEST_PIVOT_AFTER_RAY = 1e-12
-"""The smallest pivot of a second try after the path ended on a ray: where masses differ by 1e8 so do true pivots."""
 
 PIVOTS_BETWEEN_LOOKS = 20
 """Pivots between two looks at the clock."""
@@ -101,35 +98,37 @@ class PreparedLemke:
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
             return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
-        unknowns, pivots, rays = np.zeros(len(self.formulated.vector)), 0, 0
+        unknowns, pivots, rays, proofs = np.zeros(len(self.formulated.vector)), 0, 0, 0
         deadline = time.perf_counter() + stop.max_seconds
         limit: Status | None = None
         for group in self.groups:
-            for smallest in (SMALLEST_PIVOT, SMALLEST_PIVOT_AFTER_RAY):
-                matrix = self.formulated.matrix[group][:, group].toarray()
-                tableau = Tableau(matrix, self.formulated.vector[group], smallest)
+            matrix, vector = self.formulated.matrix[group][:, group].toarray(), self.formulated.vector[group]
+            for smallest in SMALLEST_PIVOTS:
+                tableau = Tableau(matrix, vector, smallest)
                 limit = _advance(tableau, stop.max_iterations - pivots, deadline)
                 pivots += tableau.pivots
-                if limit is not None or tableau.ending is not Ending.RAY:
+                if tableau.ending is not Ending.RAY or tableau.proves_infeasibility():
                     break
             if limit is not None:
                 break
-            rays += tableau.ending is Ending.RAY
-            if tableau.ending is Ending.SOLUTION:
+            if tableau.ending is Ending.RAY:
+                rays += 1
+                proofs += tableau.proves_infeasibility()
+            else:
                 unknowns[group] = tableau.solution()
         impulses = self.formulated.impulses(unknowns)
         residual = self.residual(impulses, self.problem.relative_velocity(impulses))
-        return Solution(impulses, *self._ended(stop, residual, limit, rays, pivots))
+        return Solution(impulses, *self._ended(stop, residual, limit, rays, proofs, pivots))
 
     def _ended(
-        self, stop: Stop, residual: float, limit: Status | None, rays: int, pivots: int
+        self, stop: Stop, residual: float, limit: Status | None, rays: int, proofs: int, pivots: int
     ) -> tuple[Status, int, str]:
         """Return status, pivots and reason."""
         if residual <= stop.tolerance:
             return Status.SOLVED, pivots, ""
         if limit is not None:
             return limit, pivots, f"residual {residual:.1e} after {pivots} pivots"
-        if rays and not self.problem.laws.friction_coefficient.any():
+        if proofs and not self.problem.laws.friction_coefficient.any():
             return Status.INFEASIBLE, pivots, "the path ends on a ray, which without Coulomb friction proves it"
         if rays:
             return Status.STALLED, pivots, f"the path ends on a ray after {pivots} pivots, residual {residual:.1e}"

@@ -16,8 +16,15 @@ from numba import njit
 
 from ...problems.laws import FloatArray, IntArray
 
-SMALLEST_PIVOT = 1e-8
-"""Entries of the entering column below this fraction of its largest count as zero."""
+SMALLEST_PIVOTS = (1e-8, 1e-11, 1e-14)
+"""Entries of the entering column below this fraction of its largest count as zero.
+
+The first keeps rounding out of the tableau; the others are for a path that ends on a ray, which masses far apart can
+make of a small pivot.
+"""
+
+RAY_ROUNDING = 1e-12
+"""A ray y ≥ 0 with Mᵀ y below this fraction of the largest entry of M is one to rounding."""
 
 TIE = 1e-13
 """Ratios that differ by less, relative to the largest of the tied ones or to 1, are tied."""
@@ -40,14 +47,14 @@ class Tableau:
     Attributes:
         matrix: M, dense, shape (n, n).
         vector: q, shape (n,).
-        smallest_pivot: entries of the entering column below this fraction of its largest count as zero.
+        smallest: entries of the entering column below this fraction of its largest count as zero.
         ending: how it stands.
         pivots: pivots done.
     """
 
     matrix: FloatArray
     vector: FloatArray
-    smallest_pivot: float = SMALLEST_PIVOT
+    smallest: float = SMALLEST_PIVOTS[0]
     ending: Ending = Ending.UNFINISHED
     pivots: int = 0
 
@@ -66,7 +73,7 @@ class Tableau:
         if self.ending is not Ending.UNFINISHED:
             return
         ending, done, entering = _pivot(
-            count, self._rows, self._values, self._basic, self._nonbasic, self._entering, self.smallest_pivot, TIE
+            count, self._rows, self._values, self._basic, self._nonbasic, self._entering, self.smallest, TIE
         )
         self.ending, self._entering = Ending(ending), entering
         self.pivots += done
@@ -88,6 +95,26 @@ class Tableau:
             found = np.linalg.lstsq(block, right, rcond=None)[0]
         unknowns[closed] = np.maximum(found, 0.0)
         return unknowns
+
+    def proves_infeasibility(self) -> bool:
+        """Whether the ray that the path has ended on is, to rounding, a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0.
+
+        Then yᵀ(M z + q) < 0 for every z ≥ 0, so that none keeps M z + q ≥ 0.
+        """
+        n, column = len(self.vector), int(np.flatnonzero(self._nonbasic == self._entering)[0])
+        direction = np.zeros(n)
+        is_unknown = (self._basic >= n) & (self._basic < 2 * n)
+        direction[self._basic[is_unknown] - n] = -self._rows[is_unknown, column]
+        if n <= self._entering < 2 * n:
+            direction[self._entering - n] = 1.0
+        direction = np.maximum(direction, 0.0)
+        largest = float(direction.max(initial=0.0))
+        if not 0.0 < largest < np.inf:
+            return False
+        direction /= largest
+        grows = float((direction @ self.matrix).max(initial=0.0))
+        falls = float(self.vector @ direction)
+        return grows <= RAY_ROUNDING * float(np.abs(self.matrix).max()) and falls < 0.0
 
     @property
     def basic(self) -> IntArray:

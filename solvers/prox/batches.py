@@ -56,9 +56,18 @@ def slots_in_batches(places: Any) -> IntArray:
 
     The lanes of a batch stand side by side: all its Λ_N, then all its Λ_T1, then all its Λ_T2.
     """
-    batch, lane = np.divmod(places, LANES)
-    slots: IntArray = (3 * LANES * batch + lane)[:, None] + LANES * np.arange(3)
-    return slots.reshape(-1)
+    slots: IntArray = _slots(places)
+    return slots
+
+
+@njit(cache=True)
+def _slots(places):  # type: ignore[no-untyped-def]
+    slots = np.empty(3 * len(places), dtype=np.int64)
+    for block in range(len(places)):
+        batch = places[block] // LANES
+        for k in range(3):
+            slots[3 * block + k] = 2 * LANES * batch + places[block] + LANES * k
+    return slots
 
 
 @njit(cache=True)

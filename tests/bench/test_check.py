@@ -73,7 +73,7 @@ def test_failures_are_told_in_a_table_and_by_the_exit_code(tmp_path: Path, capsy
     assert run_command(["check", plugin(tmp_path, "print('hello')", "True")]) == 1
     printed = capsys.readouterr().out
     assert "silent            failed          it printed 'hello'; say it in Solution.message." in printed
-    assert "15 passed, 1 failed" in printed
+    assert f"{len(SOLVER_CHECKS) - 1} passed, 1 failed" in printed
 
 
 def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:

@@ -116,6 +116,7 @@ OFFERED = "SOLVERS = [Mine]\n"
         (CLASS + MODEL + SUPPORTS + PREPARE + OFFERED, "it has no name, the text that tables show; add name = "),
         (CLASS + NAME + SUPPORTS + PREPARE + OFFERED, "it has no model, what it solves; add model = Model.COULOMB"),
         (CLASS + NAME + "    model = 'coulomb'\n" + SUPPORTS + PREPARE + OFFERED, "its model is a str, not"),
+        (CLASS + NAME + MODEL + SUPPORTS + PREPARE + "SOLVERS = [Mine, Mine]\n", "offers the name 'Mine' twice"),
         (CLASS + NAME + MODEL + PREPARE + OFFERED, "it has no method supports(problem)"),
         (CLASS + NAME + MODEL + SUPPORTS + OFFERED, "it has no method prepare(problem)"),
         (

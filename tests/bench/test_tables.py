@@ -51,6 +51,30 @@ def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run:
     assert np.isnan(float(table.loc[("funnel-30", "ClarabelSOCP"), "time_to_1e-02"]))
 
 
+@pytest.mark.parametrize(
+    ("tolerances", "columns", "summed"),
+    [
+        ([1e-1], ["1e-01"], ["1e-01"]),
+        ([2.5e-4, 1e-2], ["1e-02", "2.5e-04"], ["1e-02", "2.5e-04"]),
+        ([1e-2, 1e-4, 1e-6], ["1e-02", "1e-04", "1e-06"], ["1e-04", "1e-06"]),
+        ([10.0**-k for k in range(1, 11)], ["1e-02", "1e-04", "1e-06", "1e-08"], ["1e-04", "1e-06"]),
+        ([10.0**-k for k in range(1, 7)], ["1e-02", "1e-04", "1e-06"], ["1e-04", "1e-06"]),
+        ([0.9, 0.8, 0.7, 0.6, 0.5], ["5e-01"], ["5e-01"]),
+    ],
+)
+def test_columns_are_what_was_asked_for(
+    finished_run: Path, tolerances: list[float], columns: list[str], summed: list[str]
+) -> None:
+    frames = load(finished_run)
+    asked = replace(frames, info={**frames.info, "plan": {**frames.info["plan"], "tolerances": tolerances}})
+    results, summary = results_table(asked), summary_table(asked)
+    assert [key for key in results if key.startswith("time_to_")] == [f"time_to_{tag}" for tag in columns]
+    assert [key for key in summary if key.startswith("correct_")] == [f"correct_{tag}" for tag in summed]
+    shown = StringIO()
+    print_tables(asked, Console(file=shown, width=120))
+    assert all(tag in shown.getvalue() for tag in columns)
+
+
 def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
     summary = summary_table(load(finished_run)).set_index("solver")
     assert summary.loc["Misbehaving(lie)", "success_1e-04"] == 1.0

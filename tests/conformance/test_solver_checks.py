@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -13,6 +14,25 @@ from proxbench.solvers import Prepared, Solution, Status, Stop, create
 
 CHECKS = {check.name: check for check in SOLVER_CHECKS}
 OF_PROBLEMS = {check.name: check for check in PROBLEM_CHECKS}
+
+MISNAMED = {
+    ("blind to infeasibility", Status.INFEASIBLE): Status.ITERATION_LIMIT,
+    ("infeasible in doubt", Status.STALLED): Status.INFEASIBLE,
+    ("absolute", Status.STALLED): Status.SOLVED,
+    ("never oscillates", Status.OSCILLATING): Status.ITERATION_LIMIT,
+}
+"""What a faulty solver says instead of what is true."""
+
+SPOILED: dict[str, Callable[[Solution], Any]] = {
+    "nan": lambda solution: replace(solution, impulses=np.full_like(solution.impulses, np.nan), status=Status.DIVERGED),
+    "shape": lambda solution: replace(solution, impulses=np.zeros(len(solution.impulses) + 1)),
+    "None": lambda solution: None,
+    "count": lambda solution: replace(solution, iterations=1.5),
+    "gives up": lambda solution: Solution(np.zeros_like(solution.impulses), Status.STALLED, 0),
+    "zero": lambda solution: Solution(np.zeros_like(solution.impulses), Status.SOLVED, 0),
+    "unsupported": lambda solution: replace(solution, status=Status.UNSUPPORTED),
+}
+"""What a faulty solver returns whatever it has found."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +59,11 @@ class Faulty:
     def prepare(self, problem: ContactProblem) -> Any:
         if self.fault == "no solve":
             return 3
-        return _Faulty(self.fault, problem, create("SORprox", relaxation=0.5).prepare(problem))
+        return _Faulty(
+            self.fault,
+            problem,
+            create("SORprox", relaxation=1.0 if self.fault == "never oscillates" else 0.5).prepare(problem),
+        )
 
 
 @dataclass
@@ -74,28 +98,20 @@ class _Faulty:
             values = self.problem.free_velocity
             values.setflags(write=True)
             values[:1] += 1.0
-        if self.fault == "nan":
-            return replace(solution, impulses=np.full_like(impulses, np.nan), status=Status.DIVERGED)
-        if self.fault == "shape":
-            return replace(solution, impulses=np.zeros(len(impulses) + 1))
-        if self.fault == "None":
-            return None
-        if self.fault == "count":
-            return replace(solution, iterations=1.5)
+        if self.fault in SPOILED:
+            return SPOILED[self.fault](solution)
         if self.fault == "lies":
             return replace(solution, impulses=0.9 * impulses, status=Status.SOLVED)
-        if self.fault == "gives up":
-            return Solution(np.zeros_like(impulses), Status.STALLED, 0)
-        if self.fault == "zero":
-            return Solution(np.zeros_like(impulses), Status.SOLVED, 0)
-        if self.fault == "unsupported":
-            return replace(solution, status=Status.UNSUPPORTED)
-        if self.fault == "blind to infeasibility" and solution.status is Status.INFEASIBLE:
-            return replace(solution, status=Status.ITERATION_LIMIT)
+        if (self.fault, solution.status) in MISNAMED:
+            return replace(solution, status=MISNAMED[self.fault, solution.status])
         if self.fault == "never zero":
             return replace(solution, impulses=impulses + 1e-15)
         if self.fault == "forgetful":
             return replace(solution, impulses=impulses + 1e-9 * self.solves)
+        if self.fault == "knows metres only" and np.abs(self.problem.free_velocity).max(initial=0.0) > 1e3:
+            return replace(solution, status=Status.STALLED)
+        if self.fault == "returns the last" and stop.tolerance < 1e-7:
+            return replace(solution, impulses=0.5 * impulses, status=Status.ITERATION_LIMIT)
         if self.fault == "empty unsolved" and not len(impulses):
             return replace(solution, status=Status.STALLED)
         return solution
@@ -105,7 +121,7 @@ class _Faulty:
     ("fault", "check", "words"),
     [
         ("no solve", "interface", "returned an int, which has no method solve(stop, start=None, observe=None)"),
-        ("supports nothing", "useful", "refuses all 14 small problems, the first because it is Monday"),
+        ("supports nothing", "useful", "refuses all 20 small problems, the first because it is Monday"),
         ("supports True", "supports", "its supports returned True"),
         ("unsupported", "supports", "let supports say why"),
         ("None", "finite", "returned NoneType, not a Solution"),
@@ -116,7 +132,7 @@ class _Faulty:
         ("writes problem", "inputs untouched", "changed the numbers of 8 frictionless contacts"),
         ("forgetful", "deterministic", "on the same prepared problem"),
         ("lies", "truthful", "to 0.0001, but the judge of its model (coulomb) reads"),
-        ("gives up", "useful", "solves none of 14 problems to 0.001"),
+        ("gives up", "useful", "solves none of 20 problems to 0.001"),
         ("zero", "useful", "its best residual is 9.8e-03"),
         ("blind to infeasibility", "infeasible", "ends as iteration limit"),
         ("never zero", "at rest", "up to 1.0e-15 N s"),
@@ -126,6 +142,14 @@ class _Faulty:
         ("cold", "warm start", "begin from start"),
         ("no limit", "iteration limit", "where 1 were allowed"),
         ("late", "time limit", "took 1."),
+        ("knows metres only", "units", "but in micrometres and milligrams it ends as stalled"),
+        ("infeasible in doubt", "hard stacks", "has a solution, and ends as infeasible"),
+        ("absolute", "hard stacks", "claims to have solved hard-stack-"),
+        ("absolute", "hard degenerate", "hard-squeezed has no solution, and ends as solved"),
+        ("nan", "hard rods", "not finite, with status diverged"),
+        ("writes problem", "hard spheres", "changed the numbers of hard-incline"),
+        ("never oscillates", "cycles", "in a cycle of two, and it ends at the iteration limit"),
+        ("returns the last", "tolerances", "a tolerance of 1e-08 ends at a residual of"),
         ("prints", "silent", "'hello'"),
         ("prints below", "silent", "'hello from below'"),
     ],

@@ -96,9 +96,10 @@ def test_steps_of_a_jam_that_are_not_solved_are_few_and_told(jam: Simulation) ->
 def test_penetrations_do_not_last(flow: Simulation, jam: Simulation) -> None:
     allowed = float(jam.plan.scene.options["projection"] or 0.0)
     assert jam.steps["penetration"][-1] <= 1.11 * allowed
-    for simulation in (flow, jam):  # beside what may last, states hold fresh impacts: half a step at 3 m/s
-        fresh = 0.5 * simulation.plan.step_size * 3.0 / simulation.plan.scene.length
-        assert simulation.steps["penetration"].max() <= 1.11 * allowed + fresh
+    assert jam.steps["penetration"][jam.steps["time"] > 0.4].max() <= 0.03
+    # beside what may last, states of flowing balls hold fresh impacts: half a step at 3 m/s
+    fresh = 0.5 * flow.plan.step_size * 3.0 / flow.plan.scene.length
+    assert flow.steps["penetration"].max() <= 1.11 * allowed + fresh
 
 
 def test_without_projection_they_do() -> None:

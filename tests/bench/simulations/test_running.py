@@ -145,6 +145,16 @@ def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
     assert np.isfinite(kept.state.velocity).all()
 
 
+def test_another_solver_goes_on_from_where_the_first_one_was_stopped(pour: Pour, tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    simulate(pour(), file, stop_asked=iter([False] * 20 + [True]).__next__)
+    resumed = resume_simulation(file, {"solver": "SORprox", "tolerance": 1e-6, "max_iterations": 9000})
+    assert resumed.is_finished
+    stored = read_simulation(file)
+    assert (stored.plan.solver.name, stored.plan.tolerance, stored.plan.max_iterations) == ("SORprox", 1e-6, 9000)
+    assert (stored.steps["residual"][21:] <= 1.1e-6).all()
+
+
 def test_an_interruption_in_a_recorder_leaves_whole_steps_in_the_file(pour: Pour, tmp_path: Path) -> None:
     def interrupt(number: int, step: Step) -> None:
         if number == 7:

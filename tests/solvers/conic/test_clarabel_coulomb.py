@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, judge, load
-from proxbench.problems.hard import HARD_CASES
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 
 FORMS = ["delassus", "factors"]
@@ -77,18 +76,6 @@ def test_the_solution_as_a_start_ends_at_once() -> None:
     again = prepared.solve(Stop(1e-6, 200), start=solution.impulses)
     assert again.iterations == 0
     assert np.array_equal(again.impulses, solution.impulses)
-
-
-@pytest.mark.parametrize("name", sorted(HARD_CASES))
-def test_on_hard_cases_a_claim_is_true(name: str) -> None:
-    problem = load(name)
-    solution = solve(problem, "ClarabelCoulomb", tolerance=1e-6)
-    assert solution.impulses.shape == (problem.n_rows,)
-    assert np.isfinite(solution.impulses).all()
-    if solution.status is Status.SOLVED:
-        assert judge(problem, solution.impulses).residual <= 1e-6
-    if problem.answer is not None and not problem.answer.solvable:
-        assert solution.status is not Status.SOLVED
 
 
 def test_the_factor_form_says_why_it_cannot_take_fixed_bounds() -> None:

@@ -1,5 +1,6 @@
 """The formulations through cvxpy solve the problems that the direct ones solve."""
 
+import cvxpy
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, Model, judge, load
@@ -65,12 +66,29 @@ def test_friction_is_refused_by_the_quadratic_program_with_the_reason() -> None:
     assert "friction" in solution.message
 
 
+@pytest.mark.parametrize("name", ["hard-counterexample", "woodpecker-beak-impact", "hard-sliding-block"])
+def test_planar_coulomb_friction_is_a_fixed_point_over_quadratic_programs(name: str) -> None:
+    """The wedge |Λ_T| ≤ μ Λ_N is a set of linear inequalities."""
+    problem = load(name)
+    solution = create("CvxpyCoulomb", solver="OSQP").prepare(problem).solve(Stop(1e-6, 100, 60.0))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-6
+
+
+def test_spatial_friction_is_refused_to_a_quadratic_solver_with_the_reason() -> None:
+    reason = create("CvxpyCoulomb", solver="OSQP").supports(load("funnel-30-early"))
+    assert reason == "it has spatial friction, and OSQP does not take second-order cones"
+
+
 @pytest.mark.parametrize("name", ["CvxpySOCP", "CvxpyCoulomb", "CvxpyQP"])
-def test_a_solver_that_is_not_there_is_named_with_those_that_are(name: str) -> None:
-    with pytest.raises(SolverError, match=r"'NOSUCH'.*CLARABEL"):
+def test_a_solver_that_is_unknown_or_not_installed_is_named_with_those_that_are(name: str) -> None:
+    with pytest.raises(SolverError, match=r"knows no solver 'NOSUCH'; installed are .*CLARABEL"):
         create(name, solver="NOSUCH")
+    missing = next(one for one in cvxpy.settings.SOLVERS if one not in cvxpy.installed_solvers())
+    with pytest.raises(SolverError, match=rf"knows the solver '{missing}', but it is not installed; .*CLARABEL"):
+        create(name, solver=missing)
 
 
 def test_a_quadratic_solver_is_no_conic_solver() -> None:
-    with pytest.raises(SolverError, match=r"no conic solver 'OSQP'"):
+    with pytest.raises(SolverError, match=r"'OSQP' of cvxpy does not take second-order cones; CLARABEL"):
         create("CvxpySOCP", solver="OSQP")

@@ -1,0 +1,118 @@
+"""The promise that an answer does not depend on how the problem is put: units, order, tangents, a contact twice."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...problems.contact import ContactProblem
+from ...problems.errors import ProblemError
+from ...problems.transformations import Transformed, duplicated, in_units, permuted, rotated
+from ...solvers.interface import Solver, Status, Stop
+from ..outcome import WRONG_FACTOR
+from .checks import Check, NotApplicable, Violation
+from .samples import samples
+from .trial import Trial, own_residual, tried
+
+STOP = Stop(1e-6, max_iterations=5000, max_seconds=1.0)
+"""What is asked of a problem and of the same put otherwise."""
+
+UNITS = {
+    "micrometres and milligrams": {"mass": 1e-6, "length": 1e-6},
+    "kilometres and tonnes": {"mass": 1e3, "length": 1e3},
+    "microseconds": {"time": 1e-6},
+}
+"""Units [kg, m, s] that problems are put into."""
+
+
+def ignores_units(solver: Solver) -> None:
+    """In other units of mass, length and time the same problem has the same answer, and is solved as before."""
+    for trial in _solved(solver):
+        for name, units in UNITS.items():
+            other = in_units(trial.problem, **units)
+            again = _again(solver, trial, other, f"in {name}")
+            if again is not None and not again.is_solved:
+                status = again.solution.status
+                raise Violation(
+                    f"it solves {trial.problem.name} in {trial.solution.iterations} iterations, but in {name} it ends "
+                    f"as {status} at a residual of {again.residual:.1e}; scale impulses and velocities."
+                )
+
+
+def ignores_order(solver: Solver) -> None:
+    """With its contacts in another order a problem has the same answer, or one as good."""
+    for trial in _solved(solver):
+        n = trial.problem.n_contacts
+        for order in (np.arange(n)[::-1], np.random.default_rng(n).permutation(n)):
+            _again(solver, trial, permuted(trial.problem, order), "with its contacts in another order")
+
+
+def ignores_tangents(solver: Solver) -> None:
+    """With its tangents turned a problem has the same answer, or one as good."""
+    if solver.model.kind == "pyramid":
+        raise NotApplicable("the edges of a pyramid turn with the tangents")
+    for trial in _solved(solver):
+        laws = trial.problem.laws
+        angles = np.random.default_rng(laws.n_laws).uniform(-np.pi, np.pi, size=laws.n_laws)
+        _again(solver, trial, rotated(trial.problem, angles), "with its tangents turned")
+
+
+def ignores_copies(solver: Solver) -> None:
+    """With a contact written twice a problem has the same answer, or one as good, both copies together."""
+    for trial in _solved(solver):
+        for contact in {0, trial.problem.n_contacts - 1}:
+            try:
+                other = duplicated(trial.problem, contact)
+            except ProblemError:
+                continue
+            _again(solver, trial, other, f"with contact {contact} written twice")
+
+
+def _solved(solver: Solver) -> Iterator[Trial]:
+    """Yield what the solver solves of the small problems."""
+    tried_any = False
+    for problem in samples():
+        if solver.supports(problem) is not None:
+            continue
+        trial = tried(solver, problem, STOP)
+        if trial.is_solved:
+            tried_any = True
+            yield trial
+    if not tried_any:
+        raise NotApplicable(f"it solves none of the small problems to {STOP.tolerance:g}")
+
+
+def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
+    """Solve the same problem put otherwise; None if the solver does not support it, or its time is up.
+
+    Raises:
+        Violation: if what it calls a solution is none of the problem as it was.
+    """
+    if solver.supports(other.problem) is not None:
+        return None
+    again = tried(solver, _called(other.problem, f"{trial.problem.name} {how}"), STOP)
+    if again.solution.status is Status.TIME_LIMIT:
+        return None
+    if again.is_solved:
+        residual = own_residual(solver, trial.problem, other.impulses(again.solution.impulses))
+        if not residual <= WRONG_FACTOR * STOP.tolerance:
+            raise Violation(
+                f"{how} its solution of {trial.problem.name}, carried back, has a residual of {residual:.1e}; "
+                "let nothing depend on how a problem is put."
+            )
+    return again
+
+
+def _called(problem: ContactProblem, name: str) -> ContactProblem:
+    return problem.renamed(name)
+
+
+INVARIANCE_CHECKS: tuple[Check[Solver], ...] = tuple(
+    Check(name, (test.__doc__ or "").strip(), test)
+    for name, test in (
+        ("units", ignores_units),
+        ("order", ignores_order),
+        ("tangents", ignores_tangents),
+        ("copies", ignores_copies),
+    )
+)
+"""All tests of how a problem is put."""

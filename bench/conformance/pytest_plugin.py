@@ -1,0 +1,60 @@
+"""The conformance tests in pytest: one test for each promise, for every solver that is marked.
+
+Name this module in ``pytest_plugins`` of a ``conftest.py``, or load it with ``-p``, and mark a test with solvers or
+their names; it is run once for each of them and each promise::
+
+    @pytest.mark.proxbench(MySolver(), "MySolver(relaxation=0.5)")
+    def test_it_keeps_its_promises(proxbench_check):
+        proxbench_check()
+
+A promise that does not concern a solver is skipped with the reason, a broken one is told in a sentence.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from ...solvers.interface import Solver
+from ...solvers.registry import create
+from .checks import Check, NotApplicable, Violation
+from .solver_checks import SOLVER_CHECKS
+
+FIXTURE = "proxbench_check"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the mark known."""
+    config.addinivalue_line("markers", "proxbench(*solvers): hold solvers, or names of solvers, to what they owe.")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Make a test of each solver and promise."""
+    if FIXTURE not in metafunc.fixturenames:
+        return
+    solvers = [solver for mark in metafunc.definition.iter_markers("proxbench") for solver in mark.args]
+    if not solvers:
+        raise pytest.UsageError(
+            f"{metafunc.definition.nodeid} asks for {FIXTURE} without a solver; "
+            "mark it: @pytest.mark.proxbench(MySolver())"
+        )
+    pairs = [(solver, check) for solver in solvers for check in SOLVER_CHECKS]
+    names = [f"{getattr(solver, 'name', solver)}-{check}" for solver, check in pairs]
+    metafunc.parametrize(FIXTURE, pairs, ids=names, indirect=True)
+
+
+@pytest.fixture
+def proxbench_check(request: pytest.FixtureRequest) -> Callable[[], None]:
+    """Return the test of one promise of one solver, to be called without arguments."""
+    given, check = request.param
+    return lambda: _hold(given, check)
+
+
+def _hold(given: Any, check: Check[Solver]) -> None:
+    solver: Solver = create(given) if isinstance(given, str) else given
+    try:
+        check.run(solver)
+    except NotApplicable as reason:
+        pytest.skip(str(reason))
+    except Violation as violation:
+        pytest.fail(str(violation), pytrace=False)

@@ -1,0 +1,216 @@
+"""The cases of the suite ``hard`` by name, in groups of one kind."""
+
+from collections.abc import Callable
+from functools import partial
+from itertools import chain
+
+import numpy as np
+
+from ..contact import ContactProblem
+from ..transformations import in_units
+from . import degenerate, families, mixed, rods, spheres, stacks, supports, wedges
+from .families import Family
+
+Maker = Callable[[], ContactProblem]
+
+
+def _supports() -> dict[str, Maker]:
+    return {
+        **{f"hard-supports-{n}": partial(supports.block_on_supports, n) for n in (2, 4, 8, 32, 128, 512)},
+        **{f"hard-resting-block-{n}": partial(supports.resting_block, n, 0.5) for n in (2, 8, 64, 512)},
+        "hard-resting-block-mu10": partial(supports.resting_block, 8, 10.0),
+        "hard-identical-contacts": partial(supports.identical_contacts, 8),
+        "hard-identical-contacts-512": partial(supports.identical_contacts, 512),
+        "hard-duplicated-slider": supports.duplicated_slider,
+        "hard-duplicated-slider-100": partial(supports.duplicated_slider, 100),
+        "hard-duplicated-slider-mu10": partial(supports.duplicated_slider, 10, 10.0),
+        "hard-sliding-block": supports.sliding_block,
+        **{f"hard-sliding-block-{n}": partial(supports.sliding_block, 0.3, n) for n in (32, 512)},
+        "hard-sticking-box": supports.sticking_box,
+        **{f"hard-sticking-box-{n * n}": partial(supports.sticking_box, 1e-3, n) for n in (5, 16)},
+    }
+
+
+def _stacks() -> dict[str, Maker]:
+    made: dict[str, Maker] = {
+        "hard-stack-10": lambda: stacks.stack(np.ones(10)),
+        "hard-stack-100": lambda: stacks.stack(np.ones(100)),
+        "hard-stack-10-top-heavy": lambda: stacks.stack(stacks.top_heavy(10, 100.0)),
+        "hard-stack-2-top-heavy": lambda: stacks.stack(stacks.top_heavy(2, 1e6)),
+    }
+    for n, ratio in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8), (100, 4), (100, 8)):
+        made[f"hard-stack-{n}-top-1e{ratio}"] = lambda n=n, ratio=ratio: stacks.stack(  # type: ignore[misc]
+            stacks.top_heavy(n, 10.0**ratio)
+        )
+    for n, ratio in ((2, 8), (10, 4), (10, 8), (100, 8)):
+        made[f"hard-stack-{n}-bottom-1e{ratio}"] = lambda n=n, ratio=ratio: stacks.stack(  # type: ignore[misc]
+            stacks.bottom_heavy(n, 10.0**ratio)
+        )
+    return {
+        **made,
+        "hard-stack-10-growing-1e8": lambda: stacks.stack(stacks.geometric(10, 1e8)),
+        "hard-stack-10-shrinking-1e8": lambda: stacks.stack(stacks.geometric(10, 1e8)[::-1]),
+        "hard-stack-100-alternating-1e4": lambda: stacks.stack(stacks.alternating(100, 1e4)),
+        "hard-tower-3": lambda: stacks.sliding_tower(np.ones(3)),
+        "hard-tower-10": lambda: stacks.sliding_tower(np.ones(10)),
+        "hard-tower-100": lambda: stacks.sliding_tower(np.ones(100)),
+        "hard-tower-10-top-1e4": lambda: stacks.sliding_tower(stacks.top_heavy(10, 1e4)),
+        "hard-tower-10-bottom-1e8": lambda: stacks.sliding_tower(stacks.bottom_heavy(10, 1e8)),
+        "hard-scaled-rows": stacks.scaled_rows,
+        "hard-cradle-3": partial(stacks.cradle, 3, 1.0),
+        "hard-cradle-10": partial(stacks.cradle, 10, 0.5),
+        "hard-cradle-100": partial(stacks.cradle, 100, 1.0),
+    }
+
+
+def _wedges() -> dict[str, Maker]:
+    return {
+        "hard-groove-frictionless": partial(wedges.v_groove, 0.0),
+        "hard-groove": partial(wedges.v_groove, 0.3),
+        "hard-groove-mu10": partial(wedges.v_groove, 10.0),
+        "hard-groove-narrow-frictionless": partial(wedges.v_groove, 0.0, np.radians(5.0)),
+        "hard-groove-narrow-mu1": partial(wedges.v_groove, 1.0, np.radians(5.0)),
+        "hard-groove-narrow-mu10": partial(wedges.v_groove, 10.0, np.radians(1.0)),
+        "hard-groove-flat-mu10": partial(wedges.v_groove, 10.0, np.radians(89.0)),
+        "hard-chimney": partial(wedges.chimney, 1.0),
+        "hard-chimney-mu10": partial(wedges.chimney, 10.0),
+        "hard-arch-3-frictionless": partial(wedges.arch, 3, 0.0),
+        "hard-arch-30-frictionless": partial(wedges.arch, 30, 0.0),
+        "hard-arch-3": partial(wedges.arch, 3, 0.3),
+        "hard-arch-30": partial(wedges.arch, 30, 0.3),
+        "hard-arch-3-mu10": partial(wedges.arch, 3, 10.0),
+        "hard-arch-10-mu1": partial(wedges.arch, 10, 1.0),
+        "hard-arch-30-mu10": partial(wedges.arch, 30, 10.0),
+        "hard-parallel-1e-3": partial(wedges.nearly_parallel, 4, 1e-3, 0.0),
+        "hard-parallel-1e-8": partial(wedges.nearly_parallel, 4, 1e-8, 0.0),
+        "hard-parallel-friction-1e-3": partial(wedges.nearly_parallel, 4, 1e-3, 0.5),
+        "hard-parallel-friction-1e-8": partial(wedges.nearly_parallel, 50, 1e-8, 0.5),
+    }
+
+
+def _rods() -> dict[str, Maker]:
+    critical = rods.CRITICAL_FRICTION
+    return {
+        "hard-counterexample": partial(rods.rod, (-0.0981, 1.0), 2.0, ("slip-",)),
+        "hard-counterexample-mu4": partial(rods.rod, (-0.0981, 1.0), 4.0, ("slip-",)),
+        "hard-counterexample-mu10": partial(rods.rod, (-0.0981, 1.0), 10.0, ("slip-",)),
+        "hard-painleve-jam": partial(rods.rod, (-0.0981, -1.0), 2.0, ("stick",)),
+        "hard-three-solutions": partial(rods.rod, (0.01, -1.0), 2.0, ("open", "slip+", "stick")),
+        "hard-pressing-rod-mu0.5": partial(rods.pressing_rod, 0.5),
+        "hard-pressing-rod-mu1.2": partial(rods.pressing_rod, 1.2),
+        "hard-pressing-rod-below": partial(rods.pressing_rod, critical - 1e-3),
+        "hard-pressing-rod-critical": partial(rods.pressing_rod, critical),
+        "hard-pressing-rod-above": partial(rods.pressing_rod, critical + 1e-3),
+        "hard-pressing-rod-mu10": partial(rods.pressing_rod, 10.0),
+        "hard-leaving-rod-below": partial(rods.leaving_rod, critical - 1e-3),
+        "hard-leaving-rod-above": partial(rods.leaving_rod, critical + 1e-3),
+        "hard-leaving-rod-mu1.4": partial(rods.leaving_rod, 1.4),
+        "hard-leaving-rod-mu10": partial(rods.leaving_rod, 10.0),
+        "hard-many-rods": partial(rods.many_rods, 100),
+    }
+
+
+def _spheres() -> dict[str, Maker]:
+    made: dict[str, Maker] = {}
+    for friction in (0.1, 1.0, 10.0):
+        for word, excess in (("below", -1e-9), ("critical", 0.0), ("above", 1e-9)):
+            made[f"hard-incline-mu{friction:g}-{word}"] = partial(spheres.incline, friction, excess)
+    return {
+        **made,
+        "hard-rolling-sphere": partial(spheres.incline, 0.3, 0.0, 3.5),
+        "hard-sliding-sphere": partial(spheres.incline, 0.3, 0.1, 3.5),
+        "hard-oblique-impact": partial(spheres.oblique_impacts, 1, 0.5, 0.3),
+        "hard-oblique-impacts-21": partial(spheres.oblique_impacts, 21, 0.5, 0.3),
+        "hard-oblique-impacts-1001": partial(spheres.oblique_impacts, 1001, 0.9, 2.0),
+        "hard-scattered-100": partial(spheres.scattered, 100),
+        "hard-scattered-3000": partial(spheres.scattered, 3000),
+    }
+
+
+def _degenerate() -> dict[str, Maker]:
+    return {
+        "hard-empty": degenerate.empty,
+        "hard-one-row-closed": partial(degenerate.one_row, -1.0),
+        "hard-one-row-open": partial(degenerate.one_row, 1.0),
+        "hard-one-row-at-rest": partial(degenerate.one_row, 0.0),
+        "hard-no-motion": degenerate.no_motion,
+        "hard-no-motion-100": partial(degenerate.no_motion, 100),
+        "hard-motion-1e-12": partial(degenerate.almost_no_motion, 1e-12),
+        "hard-motion-1e12": partial(degenerate.almost_no_motion, 1e12),
+        "hard-grazing-10": partial(degenerate.grazing, 10),
+        "hard-grazing-100": partial(degenerate.grazing, 100),
+        "hard-touching": degenerate.touching,
+        "hard-zero-directions": degenerate.directions_without_length,
+        "hard-friction-for-nothing": degenerate.friction_for_nothing,
+        "hard-immovable": degenerate.immovable_contact,
+        "hard-immovable-100": partial(degenerate.immovable_contact, 100),
+        "hard-squeezed": degenerate.squeezed,
+    }
+
+
+def _mixed() -> dict[str, Maker]:
+    def slider(**units: float) -> Maker:
+        return lambda: in_units(supports.sliding_block(), **units).problem
+
+    def tower(**units: float) -> Maker:
+        return lambda: in_units(stacks.sliding_tower(np.ones(10)), **units).problem
+
+    def joint(**units: float) -> Maker:
+        return lambda: in_units(mixed.mixed_laws(), **units).problem
+
+    milligram, tonne = {"mass": 1e-6, "length": 1e-6}, {"mass": 1e3, "length": 1e3}
+    return {
+        "hard-tresca-joint": mixed.tresca_joint,
+        "hard-mixed-laws": mixed.mixed_laws,
+        "hard-remote-partner": mixed.remote_partner,
+        "hard-disconnected-parts": mixed.disconnected_parts,
+        "hard-slider-in-um-mg": slider(**milligram),
+        "hard-slider-in-km-t": slider(**tonne),
+        "hard-tower-in-um-mg": tower(**milligram),
+        "hard-tower-in-km-t": tower(**tonne),
+        "hard-mixed-laws-in-um-mg": joint(**milligram),
+        "hard-mixed-laws-in-km-t": joint(**tonne, time=3600.0),
+    }
+
+
+def _random() -> dict[str, Maker]:
+    rng = partial(np.random.default_rng, 5)
+    return {
+        "hard-random-frictionless": partial(families.with_solution, Family(40, 1, n_dofs=30), 1),
+        "hard-random-frictionless-masses": partial(
+            families.with_solution, Family(40, 1, n_dofs=60, mass_range=10, density=0.1), 2
+        ),
+        "hard-random-planar": partial(families.with_solution, Family(20, 2, n_dofs=50, friction=0.25), 3),
+        "hard-random-redundant": partial(families.with_solution, Family(30, 3, n_dofs=30, friction=0.25), 4),
+        "hard-random-sparse-300": partial(
+            families.with_solution, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5
+        ),
+        "hard-random-mu8": partial(families.with_solution, Family(20, 3, n_dofs=90, friction=8.0), 6),
+        "hard-random-spectrum": lambda: families.with_spectrum(np.geomspace(1e-4, 1.0, 60), 3, 0.25, 7),
+        "hard-random-rank": lambda: families.with_spectrum(np.append(rng().random(20), np.zeros(40)), 3, 0.25, 8),
+        "hard-braced": partial(families.braced, Family(20, 3, n_dofs=40, friction=0.5), 9),
+        "hard-braced-mu10": partial(families.braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
+        "hard-braced-redundant-mu1": partial(families.braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
+        "hard-float32": partial(families.single_precision, Family(10, 3, n_dofs=40, friction=0.25), 12),
+    }
+
+
+CASE_GROUPS: dict[str, dict[str, Maker]] = {
+    "supports": _supports(),
+    "stacks": _stacks(),
+    "wedges": _wedges(),
+    "rods": _rods(),
+    "spheres": _spheres(),
+    "degenerate": _degenerate(),
+    "mixed": _mixed(),
+    "random": _random(),
+}
+"""The cases of one kind, by name of the kind."""
+
+HARD_CASES: dict[str, Maker] = dict(chain.from_iterable(group.items() for group in CASE_GROUPS.values()))
+"""The cases of the suite ``hard``, by name."""
+
+
+def hard_case(name: str) -> ContactProblem:
+    """Return one case by name."""
+    return HARD_CASES[name]().renamed(name, scene="hard")

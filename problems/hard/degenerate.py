@@ -1,0 +1,106 @@
+"""Cases at the edge of what a problem is: nothing to do, nothing that can be done, directions without length."""
+
+import numpy as np
+
+from ..answer import Answer
+from ..contact import ContactProblem
+from .scale import WEIGHT
+
+
+def empty() -> ContactProblem:
+    """Return a body without contacts: no impulses."""
+    answer = Answer(impulses=(np.zeros(0),), velocity=np.zeros(0))
+    return ContactProblem.from_factors(np.zeros((3, 0)), np.ones(3), np.zeros(0), 0.3, answer=answer)
+
+
+def one_row(c: float) -> ContactProblem:
+    """Return one frictionless contact of a body of 2 kg: Λ = 2 max(−c, 0)."""
+    impulses = np.array([2.0 * max(-c, 0.0)])
+    answer = Answer(impulses=(impulses,), velocity=0.5 * impulses + c, sensitivity=2.0)
+    return ContactProblem.from_delassus(np.array([[0.5]]), np.array([c]), dim=1, answer=answer)
+
+
+def no_motion(n: int = 3) -> ContactProblem:
+    """Return ``n`` coupled spatial contacts with c = 0; Λ = 0 solves."""
+    root = np.random.default_rng(1).normal(size=(3 * n + 3, 3 * n))
+    answer = Answer(impulses=(np.zeros(3 * n),), velocity=np.zeros(3 * n))
+    return ContactProblem.from_delassus(root.T @ root, np.zeros(3 * n), 0.4, answer=answer)
+
+
+def almost_no_motion(speed: float) -> ContactProblem:
+    """Return a block at rest on two supports with a free velocity of ``speed`` [m/s] only, however small or large.
+
+    Λ_N = m·speed/2 each, because the second support lies opposite to the first.
+    """
+    directions = np.array([[1.0, 1.0], [-0.5, 0.5]])
+    answer = Answer(impulses=(np.full(2, 0.5 * speed),), velocity=np.zeros(2))
+    return ContactProblem.from_factors(directions, np.array([1.0, 12.0]), np.full(2, -speed), dim=1, answer=answer)
+
+
+def grazing(n: int) -> ContactProblem:
+    """Return a row of ``n`` touching blocks of 1 kg before a wall, the last of which pushes at 1 m/s.
+
+    c is zero at all contacts but the last; the row transmits what pushes it to the wall, Λ_k = 1 everywhere and ξ = 0.
+    """
+    directions = np.eye(n) - np.eye(n, k=1)
+    motion = np.zeros(n)
+    motion[-1] = -1.0
+    answer = Answer(impulses=(np.ones(n),), velocity=np.zeros(n), sensitivity=float(n * n))
+    return ContactProblem.from_factors(
+        directions, np.ones(n), directions.T @ motion, dim=1, free_motion=motion, answer=answer
+    )
+
+
+def touching() -> ContactProblem:
+    """Return spatial contacts without and with approach: Λ_N = 0 and ξ_N = 0 at once, sliding or not.
+
+    The bodies are separate with G = I. The first touches without approach and slides, the second rests, the third lies
+    on the edge between sticking and slipping, with Λ_T at its bound and ξ_T = 0.
+    """
+    c = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, -0.3, -0.4])
+    impulses = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3, 0.4])
+    answer = Answer(impulses=(impulses,), velocity=impulses + c)
+    return ContactProblem.from_delassus(np.eye(9), c, 0.5, answer=answer)
+
+
+def immovable_contact(n: int = 2) -> ContactProblem:
+    """Return ``n`` contacts of which the last has G_ii = 0 and c_i < 0: nothing can stop it, there is no solution."""
+    diagonal = np.ones(n)
+    diagonal[-1] = 0.0
+    return ContactProblem.from_delassus(np.diag(diagonal), np.full(n, -1.0), dim=1, answer=Answer(solvable=False))
+
+
+def squeezed() -> ContactProblem:
+    """Return a body between two walls that close in at 1 m/s each: no impulse can satisfy both, and none ends.
+
+    ξ_1 + ξ_2 = −2 whatever Λ, so that the judge's residual is at least 1.
+    """
+    directions = np.array([[1.0, -1.0]])
+    return ContactProblem.from_factors(directions, np.ones(1), (-1.0, -1.0), dim=1, answer=Answer(solvable=False))
+
+
+def directions_without_length() -> ContactProblem:
+    """Return a body of 1 kg on one contact, beside contacts whose normal, tangents or all directions have no length.
+
+    Only the first contact bears, Λ_N = m g Δt, and sticks with Λ_T = (−0.001, 0); the second has tangents of no length,
+    opens at 1 m/s and has Λ_N = 0; the third has no directions at all and opens at 1 m/s.
+    """
+    directions = np.zeros((6, 9))
+    directions[:3, :3] = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    directions[5, 3] = 1.0
+    c = np.array([-WEIGHT, 1e-3, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    velocity = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    sums = np.zeros((4, 9))
+    sums[np.arange(4), np.arange(4)] = 1.0
+    answer = Answer(velocity=velocity, functionals=sums, values=np.array([WEIGHT, -1e-3, 0.0, 0.0]), sensitivity=1e4)
+    return ContactProblem.from_factors(directions, np.ones(6), c, 0.5, answer=answer)
+
+
+def friction_for_nothing() -> ContactProblem:
+    """Return a contact whose normal has no length but opens at 1 m/s, with a tangent that slides at 1 m/s.
+
+    Λ_N = 0 because the contact opens, so that no friction acts; a normal impulse would move nothing, and yet allow it.
+    """
+    directions = np.array([[0.0, 1.0]])
+    answer = Answer(impulses=(np.zeros(2),), velocity=np.ones(2))
+    return ContactProblem.from_factors(directions, np.ones(1), np.ones(2), 0.5, dim=2, answer=answer)

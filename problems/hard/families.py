@@ -1,0 +1,147 @@
+"""Random problems whose solution is chosen first: any rank, any spread of masses, any sparsity, any friction.
+
+Λ and ξ are drawn complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ at random,
+and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5), so that c
+has no rounding error and the chosen solution solves the stored problem exactly, whatever its condition.
+
+Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction other solutions may exist
+beside the chosen one, unless normal impulses alone bear the load (``braced``).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..answer import Answer
+from ..contact import ContactProblem
+from ..laws import FloatArray
+
+STATES = ("open", "stick", "slip", "graze", "edge")
+"""States of a contact: open, sticking, sliding; Λ = 0 with ξ_N = 0; and Λ_T at its bound with ξ_T = 0."""
+
+FINEST_MASS = 12
+"""Masses lie between 2⁻¹² and 2¹² kg at most, so that no bit of c is lost."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """What is chosen of a random problem.
+
+    Attributes:
+        n_contacts: number of contacts.
+        dim: rows per contact, 1, 2 or 3.
+        n_dofs: degrees of freedom, the largest rank that G can have.
+        mass_range: masses are powers of two from 2^−mass_range to 2^mass_range kg, at most ``FINEST_MASS``.
+        density: share of the entries of W that are not zero; every column keeps at least one.
+        friction: μ of all contacts, a multiple of 1/8.
+        states: what contacts may do, of ``STATES``.
+    """
+
+    n_contacts: int
+    dim: int = 3
+    n_dofs: int = 30
+    mass_range: int = 0
+    density: float = 1.0
+    friction: float = 0.5
+    states: tuple[str, ...] = STATES
+
+
+def with_solution(family: Family, seed: int) -> ContactProblem:
+    """Return a random problem of ``family`` with a solution built in."""
+    rng = np.random.default_rng(seed)
+    directions, inverse_mass = _factors(family, rng)
+    impulses, velocity = _complementary(family, rng)
+    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
+    unique = family.dim == 1 or family.friction == 0.0
+    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
+    return ContactProblem.from_factors(
+        sp.csc_array(directions), inverse_mass, c, family.friction, dim=family.dim, answer=answer
+    )
+
+
+def braced(family: Family, seed: int) -> ContactProblem:
+    """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
+
+    c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0, see ``supports``; Λ itself is unique only if W has full rank
+    and nothing can be wedged. The states of the family are not looked at.
+    """
+    rng = np.random.default_rng(seed)
+    directions, inverse_mass = _factors(family, rng)
+    bearing = np.zeros((family.n_contacts, family.dim))
+    bearing[:, 0] = rng.integers(1, 17, size=family.n_contacts) / 8.0
+    impulses = bearing.ravel()
+    c = -(directions.T @ (inverse_mass * (directions @ impulses)))
+    answer = Answer(velocity=np.zeros(len(c)), witness=impulses, sensitivity=1e6)
+    return ContactProblem.from_factors(
+        sp.csc_array(directions), inverse_mass, c, family.friction, dim=family.dim, answer=answer
+    )
+
+
+def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
+    """Return a random problem in Delassus form whose G has these eigenvalues [1/kg], with a solution built in.
+
+    Zeros among them lower the rank. c is rounded, so that the solution is exact to rounding only.
+    """
+    rng = np.random.default_rng(seed)
+    n_rows = len(eigenvalues)
+    basis, _ = np.linalg.qr(rng.normal(size=(n_rows, n_rows)))
+    root = basis * np.sqrt(eigenvalues)
+    delassus = root @ root.T
+    delassus = 0.5 * (delassus + delassus.T)
+    impulses, velocity = _complementary(Family(n_rows // dim, dim, friction=friction), rng)
+    unique = dim == 1 or friction == 0.0
+    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
+    c = velocity - delassus @ impulses
+    return ContactProblem.from_delassus(delassus, c, friction, dim=dim, answer=answer)
+
+
+def single_precision(family: Family, seed: int) -> ContactProblem:
+    """Return a problem of ``family`` given by arrays of float32, which lose nothing of it: its fractions are short."""
+    whole = with_solution(family, seed)
+    assert whole.factors is not None
+    directions = whole.factors.force_directions.toarray().astype(np.float32)
+    inverse_mass = whole.factors.inverse_mass.matrix.diagonal().astype(np.float32)
+    c = whole.free_velocity.astype(np.float32)
+    return ContactProblem.from_factors(
+        directions, inverse_mass, c, np.float32(family.friction), dim=family.dim, answer=whole.answer
+    )
+
+
+def _factors(family: Family, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return W, entries multiples of 1/16 in [−1, 1], and the diagonal of M⁻¹, powers of two."""
+    n_rows = family.n_contacts * family.dim
+    shape = (family.n_dofs, n_rows)
+    directions = rng.integers(-16, 17, size=shape) / 16.0 * (rng.random(shape) < family.density)
+    lonely = np.flatnonzero(~directions.any(axis=0))
+    directions[rng.integers(0, family.n_dofs, size=len(lonely)), lonely] = 1.0
+    spread = min(family.mass_range, FINEST_MASS)
+    return directions, 2.0 ** rng.integers(-spread, spread + 1, size=family.n_dofs).astype(np.float64)
+
+
+def _complementary(family: Family, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return Λ and ξ, shape (n_contacts · dim,), complementary under the laws of the family."""
+    impulses, velocity = np.zeros((2, family.n_contacts, family.dim))
+    for contact, state in enumerate(rng.choice(family.states, size=family.n_contacts)):
+        size, speed = float(rng.integers(1, 9)), float(rng.integers(1, 9)) / 8.0
+        direction = _direction(family.dim, rng)
+        if state == "open":
+            velocity[contact, 0], velocity[contact, 1:] = speed, speed * direction
+            continue
+        if state == "graze":
+            velocity[contact, 1:] = speed * direction
+            continue
+        impulses[contact, 0] = 0.625 * size  # 5/8, so that the parts of a slip along (3, 4)/5 are short fractions
+        share = {"stick": 0.5, "slip": 1.0, "edge": 1.0}[state]
+        impulses[contact, 1:] = -share * family.friction * 0.125 * size * direction
+        if state == "slip":
+            velocity[contact, 1:] = speed * direction
+    return impulses.ravel(), velocity.ravel()
+
+
+def _direction(dim: int, rng: np.random.Generator) -> FloatArray:
+    """Return a tangential vector of length 5 with whole entries, shape (dim − 1,)."""
+    if dim == 1:
+        return np.zeros(0)
+    sign = rng.choice([-1.0, 1.0], size=2)
+    return sign[:1] * 5.0 if dim == 2 else sign * rng.permutation([3.0, 4.0])

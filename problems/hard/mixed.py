@@ -1,0 +1,86 @@
+"""Laws of every kind in one problem: fixed bounds, planar and spatial friction, partners far away, separate parts."""
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..answer import Answer
+from ..contact import ContactProblem
+from ..laws import LawKind, Laws
+from ..transformations import united
+from .degenerate import one_row
+from .rods import pressing_rod
+from .stacks import sliding_tower, stack
+from .supports import block_on_supports, sticking_box
+
+
+def tresca_joint() -> ContactProblem:
+    """Return joints with dry friction a = 0.2 N s, pushed by 1, 0.1 and (3, 4) m/s on unit masses.
+
+    Λ = −0.2 (slip), −0.1 (stick), and −0.2 · (0.6, 0.8) (slip).
+    """
+    laws = Laws(
+        np.array([LawKind.PLANAR_FRICTION, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION]),
+        np.array([0, 1, 2]),
+        np.zeros(3),
+        np.full(3, 0.2),
+        np.full(3, -1),
+    )
+    impulses = np.array([-0.2, -0.1, -0.12, -0.16])
+    c = np.array([1.0, 0.1, 3.0, 4.0])
+    answer = Answer(impulses=(impulses,), velocity=impulses + c)
+    return ContactProblem.from_delassus(sp.eye_array(4), c, laws=laws, answer=answer)
+
+
+def mixed_laws() -> ContactProblem:
+    """Return contacts of one, two and three rows and a joint in one problem, its solution chosen first.
+
+    Λ and ξ are complementary by choice (open, closed; stick, slip; at the bound a + μΛ_N), then c = ξ − G Λ; G has full
+    rank and is nearly diagonal, so the solution is the only one.
+    """
+    kind = np.array([0, 0, 0, 1, 0, 1, 0, 2, 0, 2, 1])
+    first_row = np.concatenate([[0], np.cumsum(np.where(kind == LawKind.SPATIAL_FRICTION, 2, 1))[:-1]])
+    partner = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
+    friction = np.where(partner >= 0, 0.5, 0.0)
+    fixed = np.where(kind > 0, 0.1, 0.0)
+    impulses = np.array([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1])
+    velocity = np.array([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7])
+    root = np.random.default_rng(2).normal(size=(13, 13))
+    delassus = np.eye(13) + 0.02 * (root @ root.T) / 13
+    answer = Answer(impulses=(impulses,), velocity=velocity)
+    return ContactProblem.from_delassus(
+        delassus,
+        velocity - delassus @ impulses,
+        laws=Laws(kind, first_row, friction, fixed, partner),
+        answer=answer,
+    )
+
+
+def remote_partner() -> ContactProblem:
+    """Return a brake whose friction is bounded by the impulse of another contact: Λ = (1, 1, −0.5, 0.25), μ = 0.5.
+
+    Two separate contacts close with Λ_N = 1 each. The first planar friction law belongs to the second of them and slips
+    at its bound 0.5, the second to the first and sticks with 0.25.
+    """
+    kind = np.array([LawKind.UNILATERAL, LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_FRICTION])
+    laws = Laws(kind, np.arange(4), np.array([0.0, 0.0, 0.5, 0.5]), np.zeros(4), np.array([-1, -1, 1, 0]))
+    impulses = np.array([1.0, 1.0, -0.5, 0.25])
+    c = np.array([-1.0, -1.0, 1.5, -0.25])
+    answer = Answer(impulses=(impulses,), velocity=impulses + c)
+    return ContactProblem.from_delassus(np.eye(4), c, laws=laws, answer=answer)
+
+
+def disconnected_parts() -> ContactProblem:
+    """Return supports, a stack, a tower, a box, rods, joints and single rows side by side, none touching another."""
+    return united(
+        [
+            block_on_supports(8),
+            stack(np.ones(10)),
+            one_row(0.1),
+            sliding_tower(np.ones(3)),
+            tresca_joint(),
+            pressing_rod(0.5),
+            sticking_box(),
+            one_row(-0.1),
+            mixed_laws(),
+        ]
+    )

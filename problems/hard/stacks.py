@@ -1,0 +1,102 @@
+"""Bodies on top of each other, with masses far apart: long chains of contacts that carry what lies above."""
+
+import numpy as np
+
+from ..answer import Answer
+from ..contact import ContactProblem
+from ..laws import FloatArray
+from .scale import GRAVITY, TIME_STEP, WEIGHT
+
+
+def stack(masses: FloatArray) -> ContactProblem:
+    """Return blocks on top of each other, ``masses`` [kg] from below: Λ_k = g Δt Σ_{j≥k} m_j, ξ = 0.
+
+    All contacts are closed, so the judge's residual is the velocity error itself, and an error v in ξ is one of
+    Σ_{j≥k} m_j Σ_{i≤j} v_i, at most n v/(g Δt) relative to Λ_k, in the impulses.
+    """
+    n = len(masses)
+    directions = np.eye(n) - np.eye(n, k=1)
+    motion = np.full(n, -GRAVITY * TIME_STEP)
+    impulses = GRAVITY * TIME_STEP * np.cumsum(masses[::-1])[::-1]
+    answer = Answer(impulses=(impulses,), velocity=np.zeros(n), sensitivity=float(max(n, 2)))
+    return ContactProblem.from_factors(
+        directions, 1.0 / masses, directions.T @ motion, dim=1, free_motion=motion, answer=answer
+    )
+
+
+def top_heavy(n: int, ratio: float) -> FloatArray:
+    """Return masses [kg] of ``n`` blocks, from below, the last ``ratio`` times as heavy as each other."""
+    return np.array([1.0] * (n - 1) + [ratio])
+
+
+def bottom_heavy(n: int, ratio: float) -> FloatArray:
+    """Return masses [kg] of ``n`` blocks, from below, the first ``ratio`` times as heavy as each other."""
+    return top_heavy(n, ratio)[::-1].copy()
+
+
+def geometric(n: int, ratio: float) -> FloatArray:
+    """Return masses [kg] of ``n`` blocks, from below, that grow to ``ratio`` by equal factors."""
+    return np.geomspace(1.0, ratio, n)
+
+
+def alternating(n: int, ratio: float) -> FloatArray:
+    """Return masses [kg] of ``n`` blocks, from below, 1 and ``ratio`` in turn."""
+    return np.where(np.arange(n) % 2, ratio, 1.0)
+
+
+def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
+    """Return a spatial stack of point masses that slides as one body along (3, 4)/5 at 1 m/s.
+
+    The ground has ``friction`` μ, all other contacts 2 μ. Normals and tangents do not influence each other; the normals
+    carry what lies above, Λ_N,k = g Δt Σ_{j≥k} m_j, and with them given the tangential impulses are the only minimiser
+    of a strictly convex function: Λ_T,k = −μ Λ_N,k (3, 4)/5 everywhere slows all blocks alike, so the ground slips at
+    1 m/s − μ g Δt and all others stick. A residual ρ is ρ m/s at each contact, 100 n ρ of what the weights need.
+    """
+    n, direction = len(masses), np.array([0.6, 0.8])
+    column = np.eye(n) - np.eye(n, k=1)
+    directions = np.zeros((3 * n, 3 * n))
+    for lane, axis in enumerate((2, 0, 1)):
+        directions[axis::3, lane::3] = column
+    motion = np.tile([*direction, -WEIGHT], n)
+    normal = WEIGHT * np.cumsum(masses[::-1])[::-1]
+    impulses = np.column_stack([normal, *(-friction * normal * part for part in direction)]).ravel()
+    velocity = np.zeros(3 * n)
+    velocity[1:3] = (1.0 - friction * WEIGHT) * direction
+    coefficient = np.where(np.arange(n) == 0, friction, 2.0 * friction)
+    return ContactProblem.from_factors(
+        directions,
+        np.repeat(1.0 / masses, 3),
+        directions.T @ motion,
+        coefficient,
+        free_motion=motion,
+        answer=Answer(impulses=(impulses,), velocity=velocity, sensitivity=200.0 * n),
+    )
+
+
+def scaled_rows() -> ContactProblem:
+    """Return a stack of five whose contacts are measured in units 1, 1e3, 1e-3, 1 and 1e6 apart.
+
+    With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ.
+    """
+    plain = stack(np.ones(5))
+    scales = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
+    assert plain.answer is not None
+    delassus = plain.delassus().toarray() * np.outer(scales, scales)
+    # the residual is relative to the largest velocity, that of the contact measured in the smallest unit
+    answer = Answer(impulses=(plain.answer.impulses[0] / scales,), velocity=np.zeros(5), sensitivity=1e10)
+    return ContactProblem.from_delassus(delassus, scales * plain.free_velocity, dim=1, answer=answer)
+
+
+def cradle(n: int, restitution: float) -> ContactProblem:
+    """Return Newton's cradle: ``n`` touching balls of 1 kg, the first of which arrives at 1 m/s, in one coupled solve.
+
+    With c = (1 + e) γ_B and ξ = γ_E + e γ_B = 0 at every contact the others leave at (1 + e)/n and the first at
+    (1 + e)/n − e, hence Λ_k = (n − k)(1 + e)/n for the contact behind ball k.
+    """
+    directions = (np.eye(n, k=-1) - np.eye(n))[:, : n - 1]
+    motion = np.zeros(n)
+    motion[0] = 1.0
+    c = (1.0 + restitution) * (directions.T @ motion)
+    impulses = (1.0 + restitution) * np.arange(n - 1, 0, -1) / n
+    answer = Answer(impulses=(impulses,), velocity=np.zeros(n - 1), sensitivity=float(n * n))
+    return ContactProblem.from_factors(directions, np.ones(n), c, dim=1, free_motion=motion, answer=answer)

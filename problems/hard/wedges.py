@@ -1,0 +1,110 @@
+"""Bodies between walls and in arches: contacts that brace each other, where friction makes impulses many."""
+
+import numpy as np
+
+from ..answer import Answer
+from ..contact import ContactProblem
+from .scale import GRAVITY, TIME_STEP, WEIGHT
+
+
+def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
+    """Return a disc of 1 kg in a groove whose walls stand at ``half_angle`` to the vertical.
+
+    Without friction Λ_N = m g Δt/(2 sin α) at each wall; with friction u = 0 is unique (the walls bear the disc without
+    it, see ``supports``) and Λ is not.
+    """
+    weight, sin, cos = GRAVITY * TIME_STEP, np.sin(half_angle), np.cos(half_angle)
+    normals = np.array([[cos, -cos], [sin, sin]])
+    motion = np.array([0.0, -weight, 0.0])
+    sensitivity = 10.0 / min(sin, cos) ** 2
+    if friction == 0.0:
+        answer = Answer(impulses=(np.full(2, weight / (2.0 * sin)),), velocity=np.zeros(2), sensitivity=sensitivity)
+        return ContactProblem.from_factors(normals, np.ones(2), normals.T @ motion[:2], dim=1, answer=answer)
+    directions = np.zeros((3, 4))
+    directions[:2, 0::2] = normals
+    directions[:2, 1::2] = np.array([[-sin, -sin], [cos, -cos]])
+    directions[2, 1::2] = -1.0
+    answer = Answer(
+        velocity=np.zeros(4),
+        functionals=directions[:2],
+        values=np.array([0.0, weight]),
+        sensitivity=sensitivity * (1.0 + friction),
+    )
+    inverse_mass = np.array([1.0, 1.0, 2.0])
+    return ContactProblem.from_factors(directions, inverse_mass, directions.T @ motion, friction, dim=2, answer=answer)
+
+
+def arch(n: int, friction: float) -> ContactProblem:
+    """Return an arch of ``n`` discs of 1 kg between two abutments, built along its line of thrust.
+
+    Contact k has the thrust (H, V_k), H = n m g Δt/2 and V_k = (n/2 − k) m g Δt, along its normal. Normal impulses
+    λ_k = √(H² + V_k²) alone bear the weights, so u = 0 is the only velocity at any friction; without friction λ is the
+    only solution, because W_N has full rank.
+    """
+    thrust = 0.5 * n * WEIGHT
+    shear = (0.5 * n - np.arange(n + 1)) * WEIGHT
+    bearing = np.hypot(thrust, shear)
+    normal_x, normal_y = thrust / bearing, shear / bearing
+    directions = np.zeros((n + 2, 3, n + 1, 2))
+    for k in range(n + 1):  # contact k lies between bodies k and k + 1, of which 0 and n + 1 are the abutments
+        normal, tangent = np.array([normal_x[k], normal_y[k], 0.0]), np.array([-normal_y[k], normal_x[k], 0.0])
+        turn = np.array([0.0, 0.0, -1.0])
+        directions[k + 1, :, k, 0], directions[k, :, k, 0] = normal, -normal
+        directions[k + 1, :, k, 1], directions[k, :, k, 1] = tangent + turn, -tangent + turn
+    free = directions[1:-1].reshape(3 * n, 2 * (n + 1))
+    motion = np.tile([0.0, -WEIGHT, 0.0], n)
+    inverse_mass = np.tile([1.0, 1.0, 2.0], n)
+    if friction == 0.0:
+        normals = free[:, 0::2]
+        answer = Answer(impulses=(bearing,), velocity=np.zeros(n + 1), sensitivity=100.0 * n * n)
+        return ContactProblem.from_factors(
+            normals, inverse_mass, normals.T @ motion, dim=1, free_motion=motion, answer=answer
+        )
+    answer = Answer(
+        velocity=np.zeros(2 * (n + 1)),
+        functionals=free,
+        values=-motion / inverse_mass,
+        sensitivity=100.0 * n * n * (1.0 + friction),
+    )
+    return ContactProblem.from_factors(
+        free, inverse_mass, free.T @ motion, friction, dim=2, free_motion=motion, answer=answer
+    )
+
+
+def chimney(friction: float) -> ContactProblem:
+    """Return a disc of 1 kg between two vertical walls: it may fall, be slowed, or be held by walls that press on it.
+
+    The walls press equally, Λ_N1 = Λ_N2 = p for any p ≥ 0, and rub equally; every such p has a solution, so that only
+    the two balances are known, and with p = 0 the disc falls freely.
+    """
+    directions = np.zeros((3, 4))
+    directions[0, 0::2] = np.array([1.0, -1.0])
+    directions[1, 1::2] = 1.0
+    directions[2, 1::2] = np.array([-1.0, 1.0])
+    motion = np.array([0.0, -WEIGHT, 0.0])
+    answer = Answer(functionals=directions[[0, 2]], values=np.zeros(2), witness=np.zeros(4))
+    return ContactProblem.from_factors(
+        directions, np.array([1.0, 1.0, 2.0]), directions.T @ motion, friction, dim=2, answer=answer
+    )
+
+
+def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
+    """Return a point mass of 1 kg on ``n`` planar contacts whose normals lie within ±``angle`` [rad] of the vertical.
+
+    The normals bear it alone, so ξ = 0 whatever the friction; Σ of all impulses is (0, m g Δt). Sideways the normals
+    act by their tilt only, so that a residual says little about it: the sensitivity is n over ``angle``.
+    """
+    tilt = np.linspace(-angle, angle, n)
+    directions = np.zeros((2, 2 * n))
+    directions[:, 0::2] = np.array([np.sin(tilt), np.cos(tilt)])
+    directions[:, 1::2] = np.array([np.cos(tilt), -np.sin(tilt)])
+    motion = np.array([0.0, -WEIGHT])
+    values = np.array([0.0, WEIGHT])
+    if friction == 0.0:
+        normals = directions[:, 0::2]
+        answer = Answer(velocity=np.zeros(n), functionals=normals, values=values, sensitivity=n / angle)
+        return ContactProblem.from_factors(normals, np.ones(2), normals.T @ motion, dim=1, answer=answer)
+    answer = Answer(velocity=np.zeros(2 * n), functionals=directions, values=values, sensitivity=n / angle)
+    return ContactProblem.from_factors(
+        directions, np.ones(2), directions.T @ motion, friction, dim=2, free_motion=motion, answer=answer
+    )

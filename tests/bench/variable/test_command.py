@@ -1,0 +1,70 @@
+"""``proxbench simulate`` with a variable step."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli import run_command
+from proxbench.bench.variable.file import read_variable
+
+TOY = "simulate woodpecker --start cycle --no-progress"
+
+
+def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run_command(f"{TOY} --duration 0.3 --output {tmp_path}/toy.npz".split()) == 0
+    printed = capsys.readouterr().out
+    assert "2 lower edge" in printed
+    assert "1 of 1 complete periods have the twelve incidents of table 1 in its order" in printed
+    assert "one-step solves" in printed
+    assert {file.name for file in tmp_path.iterdir()} == {"toy.npz", "toy.svg", "toy.png"}
+    drawing = (tmp_path / "toy.svg").read_text(encoding="utf-8")
+    assert "φ_M [rad]" in drawing
+    assert "step size [s]" in drawing
+
+
+def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert run_command(f"{TOY} --duration 0.01 --json --output {tmp_path}/toy.npz".split()) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["summary"]["finished"]
+    assert document["incidents"][0]["law"] == "unilateral"
+
+
+def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    assert run_command(f"{TOY} --duration 0.005 --output {file}".split()) == 0
+    assert run_command(f"simulate --resume {file} --duration 0.01 --no-progress".split()) == 0
+    assert read_variable(file).state.time == pytest.approx(0.01)
+
+
+def test_balls_can_have_a_variable_step_too(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    stepper = "Extrapolated(tolerance=1e-4,min_step=1e-6)"
+    line = f"simulate pile --balls 2 --duration 0.25 --no-progress --output {tmp_path}/balls.npz --stepper {stepper}"
+    assert run_command(line.split()) == 0
+    assert "unilateral" in capsys.readouterr().out
+
+
+def test_a_fixed_step_is_taken_where_its_size_is_given(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert run_command(f"{TOY} --duration 0.01 --step-size 1e-4 --output {tmp_path}/toy.npz".split()) == 0
+    assert "Δt 0.0001 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--stepper Extrapolatde", "there is no stepper 'Extrapolatde'"),
+        ("--stepper Extrapolated --step-size 1e-3", "--step-size belongs to --stepper Moreau"),
+        ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
+        ("--duration -1", "duration must be positive"),
+        ("--solver Nobody", "Nobody"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, options: str, words: str
+) -> None:
+    assert run_command(f"{TOY} {options} --output {tmp_path}/toy.npz".split()) == 2
+    printed = capsys.readouterr().err
+    assert words in printed
+    assert printed.count("\n") == 1
+    assert not list(tmp_path.iterdir())

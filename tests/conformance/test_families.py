@@ -1,0 +1,116 @@
+"""Whatever the problem, every solver keeps its word: random families with a solution built in, put in any way.
+
+With PROXBENCH_PROFILE=full each property is tried on five hundred problems.
+"""
+
+from typing import Any
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, tried
+from proxbench.problems import ContactProblem, judge
+from proxbench.problems.hard.families import STATES, Family, braced, with_solution, with_spectrum
+from proxbench.problems.transformations import Transformed, duplicated, in_units, permuted, rotated
+from proxbench.solvers import Solver, Status, Stop, available, create
+
+TOLERANCE = 1e-6
+STOP = Stop(TOLERANCE, max_iterations=3000, max_seconds=0.5)
+
+FRICTION = [0.0, 0.125, 0.5, 1.0, 8.0]
+
+
+@st.composite
+def families(draw: Any) -> Family:
+    states = draw(st.lists(st.sampled_from(STATES), min_size=1, unique=True))
+    return Family(
+        n_contacts=draw(st.integers(1, 6)),
+        dim=draw(st.integers(1, 3)),
+        n_dofs=draw(st.integers(1, 20)),
+        mass_range=draw(st.integers(0, 6)),
+        density=draw(st.sampled_from([0.2, 0.6, 1.0])),
+        friction=draw(st.sampled_from(FRICTION)),
+        states=tuple(states),
+    )
+
+
+@st.composite
+def spectral_problems(draw: Any) -> ContactProblem:
+    dim, n_contacts = draw(st.integers(1, 3)), draw(st.integers(1, 5))
+    exponents = draw(st.lists(st.integers(-6, 3), min_size=dim * n_contacts, max_size=dim * n_contacts))
+    rank = draw(st.integers(1, dim * n_contacts))
+    eigenvalues = np.where(np.arange(dim * n_contacts) < rank, 10.0 ** np.array(exponents), 0.0)
+    return with_spectrum(eigenvalues, dim, draw(st.sampled_from(FRICTION)), draw(st.integers(0, 2**16)))
+
+
+seeds = st.integers(0, 2**32 - 1)
+problems = st.one_of(
+    st.builds(with_solution, families(), seeds), st.builds(braced, families(), seeds), spectral_problems()
+)
+solvers = st.sampled_from([create(name) for name in available()])
+
+
+def trial_of(solver: Solver, problem: ContactProblem) -> Trial | None:
+    return None if solver.supports(problem) is not None else tried(solver, problem, STOP)
+
+
+@given(problem=problems, solver=solvers)
+def test_a_solver_is_true_to_its_status_and_to_the_known_answer(problem: ContactProblem, solver: Solver) -> None:
+    digest = problem.digest
+    trial = trial_of(solver, problem)
+    assert problem.fresh().digest == digest
+    if trial is not None and judge(problem, trial.solution.impulses).residual <= TOLERANCE:
+        meet_answer(problem, trial.solution.impulses)
+
+
+@given(problem=problems, solver=solvers)
+def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: ContactProblem, solver: Solver) -> None:
+    trial = trial_of(solver, problem)
+    if trial is None or trial.solution.status is Status.TIME_LIMIT:
+        return
+    again = tried(solver, problem.fresh(), STOP)
+    if again.solution.status is not Status.TIME_LIMIT:
+        assert again.solution.impulses.tobytes() == trial.solution.impulses.tobytes()
+    if trial.is_solved and solver.has_iterates:
+        warm = tried(solver, problem, STOP, start=trial.solution.impulses)
+        assert warm.is_solved
+        assert warm.solution.iterations <= 1
+
+
+@given(problem=problems, solver=solvers, tolerances=st.lists(st.sampled_from([1e-1, 1e-3, 1e-5, 1e-7]), min_size=2))
+def test_a_tighter_tolerance_ends_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float]) -> None:
+    if solver.supports(problem) is not None:
+        return
+    before = np.inf
+    for tolerance in sorted(set(tolerances), reverse=True):
+        trial = tried(solver, problem, Stop(tolerance, STOP.max_iterations, STOP.max_seconds))
+        if trial.solution.status is Status.TIME_LIMIT:
+            return
+        assert trial.residual <= max(before, tolerance) + 1e-13
+        before = trial.residual
+
+
+@st.composite
+def transformed_problems(draw: Any) -> tuple[ContactProblem, Transformed, str]:
+    problem = draw(problems)
+    how = draw(st.sampled_from(["units", "order", "tangents", "copies"]))
+    random = np.random.default_rng(draw(seeds))
+    if how == "units":
+        units = {name: 10.0 ** draw(st.integers(-6, 6)) for name in ("mass", "length", "time")}
+        return problem, in_units(problem, **units), how
+    if how == "order":
+        return problem, permuted(problem, random.permutation(problem.n_contacts)), how
+    if how == "tangents":
+        return problem, rotated(problem, random.uniform(-4.0, 4.0, size=problem.laws.n_laws)), how
+    return problem, duplicated(problem, int(random.integers(problem.n_contacts))), how
+
+
+@given(case=transformed_problems(), solver=solvers)
+def test_what_solves_a_problem_put_otherwise_solves_it_as_it_was(
+    case: tuple[ContactProblem, Transformed, str], solver: Solver
+) -> None:
+    problem, other, how = case
+    trial = trial_of(solver, other.problem)
+    if trial is None or not trial.is_solved or (how == "tangents" and solver.model.kind == "pyramid"):
+        return
+    assert own_residual(solver, problem, other.impulses(trial.solution.impulses)) <= 10.0 * TOLERANCE

@@ -1,0 +1,158 @@
+"""The known answers of the hard cases hold before the judge, and by algorithms that know nothing of them."""
+
+import os
+
+import numpy as np
+import pytest
+from proxbench.bench.conformance.trial import meet_answer, rounding
+from proxbench.problems import ContactProblem, ProblemError, judge
+from proxbench.problems.hard import CASE_GROUPS, GRAVITY, HARD_CASES, TIME_STEP, hard_case
+from proxbench.problems.laws import LawKind
+from proxbench.solvers import Status, create, solve
+
+SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "ClarabelCoulomb")
+"""Pivoting, sweeps and cone programs: three ways to a solution that share nothing."""
+
+ROWS = {name: hard_case(name).n_rows for name in HARD_CASES}
+
+SOUGHT = [name for name in HARD_CASES if ROWS[name] <= (600 if os.environ.get("PROXBENCH_PROFILE") == "full" else 40)]
+
+FEW = [name for name in HARD_CASES if 0 < ROWS[name] <= 12 and not create("Enumeration").supports(hard_case(name))]
+
+
+def answer_of(problem: ContactProblem):  # type: ignore[no-untyped-def]
+    assert problem.answer is not None
+    return problem.answer
+
+
+@pytest.mark.parametrize("name", HARD_CASES)
+def test_known_impulses_solve_the_problem_to_rounding(name: str) -> None:
+    problem = hard_case(name)
+    known = answer_of(problem)
+    witnesses = [] if known.witness is None else [known.witness]
+    for impulses in [*known.impulses, *witnesses]:
+        assert judge(problem, impulses).residual <= 1e-13 + rounding(problem, impulses)
+        meet_answer(problem, impulses)
+
+
+def test_every_case_has_something_known() -> None:
+    for name in HARD_CASES:
+        known = answer_of(hard_case(name))
+        parts = (known.impulses, known.velocity is not None, known.functionals is not None, known.witness is not None)
+        assert any(parts) or not known.solvable, name
+
+
+@pytest.mark.parametrize("name", SOUGHT)
+def test_known_answers_are_met_by_solvers_that_know_nothing_of_them(name: str) -> None:
+    problem = hard_case(name)
+    found = False
+    for solver in SEEKERS:
+        if create(solver).supports(problem) is None:
+            solution = solve(problem, solver, tolerance=1e-9, max_iterations=20_000, max_seconds=1.0)
+            if judge(problem, solution.impulses).residual <= 1e-9:
+                found = True
+                meet_answer(problem, solution.impulses)
+    assert found == (name not in UNSOUGHT)
+
+
+UNSOUGHT = {
+    "hard-stack-10-top-1e8",
+    "hard-stack-100-top-1e8",
+    "hard-stack-10-growing-1e8",
+    "hard-immovable",
+    "hard-immovable-100",
+    "hard-squeezed",
+}
+"""Cases that none of the three solves to 1e-9: no double is as accurate as that, or there is no solution."""
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_enumeration_finds_no_other_answer(name: str) -> None:
+    problem = hard_case(name)
+    known = answer_of(problem)
+    found = create("Enumeration").prepare(problem).all_solutions(1e-10)  # type: ignore[attr-defined]
+    assert bool(found) == known.solvable or name in NEEDS_MORE_THAN_LEAST_NORM
+    for impulses in found:
+        meet_answer(problem, impulses)
+    if problem.n_rows and known.impulses and not (problem.delassus_diagonal == 0).any():
+        assert len(found) == len(known.impulses) or name in NEEDS_MORE_THAN_LEAST_NORM
+
+
+NEEDS_MORE_THAN_LEAST_NORM = {
+    "hard-scaled-rows",
+    "hard-stack-2-top-heavy",
+    "hard-stack-2-top-1e8",
+}
+"""Cases whose systems are singular to rounding."""
+
+
+@pytest.mark.parametrize(
+    ("name", "published"),
+    [
+        ("hard-counterexample", [(0.02130908, -0.04261815)]),
+        ("hard-painleve-jam", [(0.41761, 0.50240)]),
+        ("hard-three-solutions", [(0.0, 0.0), (0.01174, 0.02347), (0.33318, 0.46554)]),
+    ],
+)
+def test_the_rods_have_the_published_impulses(name: str, published: list[tuple[float, float]]) -> None:
+    for known, digits in zip(answer_of(hard_case(name)).impulses, published, strict=True):
+        assert known == pytest.approx(digits, abs=6e-6)
+
+
+def test_impossible_contacts_are_told_by_the_judge() -> None:
+    verdict = judge(hard_case("hard-immovable"), np.array([1.0, 5.0]))
+    assert verdict.infeasible
+    assert verdict.residual == np.inf
+    for impulses in ([0.0, 0.0], [1.0, 0.0], [1e9, 1e9]):
+        assert judge(hard_case("hard-squeezed"), np.array(impulses)).residual >= 1.0
+
+
+def test_a_normal_impulse_that_moves_nothing_must_not_buy_friction() -> None:
+    problem = hard_case("hard-friction-for-nothing")
+    assert judge(problem, np.zeros(2)).residual == 0.0
+    assert judge(problem, np.array([5.0, -1.0])).residual == 1.0
+
+
+def test_the_stack_carries_the_weight_above() -> None:
+    known = answer_of(hard_case("hard-stack-2-top-heavy"))
+    assert known.impulses[0] == pytest.approx(np.array([1e6 + 1, 1e6]) * GRAVITY * TIME_STEP, rel=1e-15)
+
+
+def test_light_under_heavy_is_solved_with_impulses_right_to_1e_6() -> None:
+    for name in ("hard-stack-2-top-heavy", "hard-stack-10-top-1e4"):
+        problem = hard_case(name)
+        (impulses,) = answer_of(problem).impulses
+        for solver in ("Lemke", "ClarabelCoulomb"):
+            solution = solve(problem, solver, tolerance=1e-8)
+            assert solution.status is Status.SOLVED
+            assert judge(problem, solution.impulses).residual <= 1e-8
+            assert solution.impulses == pytest.approx(impulses, rel=1e-6)
+
+
+def test_single_precision_input_is_taken_for_what_it_says() -> None:
+    problem = hard_case("hard-float32")
+    assert problem.free_velocity.dtype == np.float64
+    witness = answer_of(problem).witness
+    assert witness is not None
+    assert judge(problem, witness).residual <= 1e-15
+
+
+def test_single_precision_rounding_of_a_symmetric_matrix_is_forgiven() -> None:
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(9, 12)).astype(np.float32)
+    delassus = np.einsum("ik,jk->ij", root, root)
+    delassus[0, 1] *= np.float32(1.0) + np.finfo(np.float32).eps
+    problem = ContactProblem.from_delassus(delassus, np.ones(9, dtype=np.float32), 0.3)
+    assert abs(problem.delassus() - problem.delassus().T).max() == 0.0
+    with pytest.raises(ProblemError, match="symmetric"):
+        ContactProblem.from_delassus(delassus.astype(np.float64), np.ones(9), 0.3)
+
+
+def test_cases_are_the_same_each_time_and_every_kind_of_law_occurs() -> None:
+    kinds: set[int] = set()
+    for name in HARD_CASES:
+        problem = hard_case(name)
+        assert problem.digest == hard_case(name).digest
+        kinds |= set(problem.laws.kind.tolist())
+    assert kinds == {kind.value for kind in LawKind}
+    assert sum(map(len, CASE_GROUPS.values())) == len(HARD_CASES)
