@@ -70,9 +70,8 @@ def _title(study: Study) -> alt.TitleParams:
         seeds = next(len(case.members) for case in plan.cases)
         size = next(case.step_size for case in plan.cases if case.part == REFERENCE)
         subtitle = [
-            f"{plan.options['balls']} balls, {plan.duration:g} s: mean deviation over {seeds} seeds from Δt {size:g} s, "
-            "standard error as a bar;",
-            "dashed: standard error over seeds of the reference itself",
+            f"{plan.options['balls']} balls, {plan.duration:g} s, {seeds} seeds: mean deviation from Δt {size:g} s;",
+            "bars: its standard error; dashed: standard error over seeds of the reference itself",
         ]
     return alt.TitleParams(
         f"{plan.scene.capitalize()}: what accuracy costs", subtitle=subtitle, anchor="start", fontSize=16, offset=14

@@ -44,12 +44,12 @@ FIXED_SIZE = PERIOD / 5000
 LARGE_SOLVER = "SORprox(relaxation=1.1, form='factors', momentum=0.8)"
 """The solver of scenes with many contacts."""
 
-LARGE_STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
+LARGE_STEPS = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
 """Step sizes [s] of scenes with many contacts; the reference has half of the last."""
 
 LARGE_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)
 
-N_BALLS, N_SEEDS, POUR_SECONDS = 250, 3, 0.6
+N_BALLS, N_SEEDS, POUR_SECONDS = 250, 6, 0.6
 """A small pour: it begins after 0.2 s, and half of the balls are through when it ends."""
 
 ITERATIONS = 20_000
@@ -122,7 +122,7 @@ def _pour_cases(added: Sequence[str], seeds: Sequence[int]) -> list[Case]:
     usual = 1e-4
     cases = [case(REFERENCE, REFERENCE, 0.5 * LARGE_STEPS[-1], LARGE_SOLVER, usual)]
     cases += [case("steppers", "over Δt", size, LARGE_SOLVER, usual) for size in LARGE_STEPS]
-    middle = LARGE_STEPS[1]
+    middle = LARGE_STEPS[2]
     cases += [case("solvers", "over tolerance", middle, LARGE_SOLVER, tolerance) for tolerance in LARGE_TOLERANCES]
     for solver in ("NSGS", *added):
         cases += [case("solvers", f"over tolerance, {solver}", middle, solver, each) for each in (1e-2, 1e-4)]
