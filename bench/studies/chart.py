@@ -11,15 +11,18 @@ import pandas as pd
 from ..palette import PALETTE
 from ..simulations.chart import write_drawing
 from .cases import REFERENCE
+from .measuring import ERROR
 from .running import points, spreads
 from .study import Study
 
 WIDTH, HEIGHT = 330, 250
 
 AXES = {
-    "wall": alt.X("wall:Q", title="wall time [s]").axis(format="~g", labelOverlap=True),
-    "solves": alt.X("solves:Q", title="one-step solves").axis(format="~s", labelOverlap=True),
-    "tolerance": alt.X("tolerance:Q", title="tolerance of the solver").axis(format=".0e", labelOverlap=True),
+    "wall": alt.X("wall:Q", title="wall time [s]").axis(format="~g", labelOverlap=True, labelSeparation=5),
+    "solves": alt.X("solves:Q", title="one-step solves").axis(format="~s", labelOverlap=True, labelSeparation=5),
+    "tolerance": alt.X("tolerance:Q", title="tolerance of the solver").axis(
+        format=".0e", labelOverlap=True, labelSeparation=5
+    ),
 }
 """What may stand on the horizontal axes."""
 
@@ -27,15 +30,16 @@ PARTS = {"steppers": "steppers, over step size or tolerance", "solvers": "solver
 
 SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
 
-LEAST_LOW = 0.2
-"""A bar that reaches down to nothing is drawn to this part of the error."""
+LEAST_SHARE = 0.05
+"""A mean deviation that is smaller than this part of the upper end of its bar is noise, and drawn there."""
 
 
 def study_chart(study: Study) -> alt.VConcatChart:
     """Return one row of panels for each part of the study, or for each aggregate of a pour."""
     frame = pd.DataFrame([asdict(point) for point in points(study)])
-    frame["error"] = frame["error"].clip(lower=np.finfo(float).eps)
-    frame["low"] = np.maximum(frame["low"], LEAST_LOW * frame["error"])
+    for name in ("error", "low"):
+        least = np.where(frame["quantity"] == ERROR, np.finfo(float).eps, LEAST_SHARE * frame["high"])
+        frame[name] = np.maximum(frame[name], least)
     frame["rank"] = np.arange(len(frame))
     by_part = study.plan.scene == "woodpecker"
     column = "part" if by_part else "quantity"

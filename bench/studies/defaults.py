@@ -121,11 +121,16 @@ def _pour_cases(added: Sequence[str], seeds: Sequence[int]) -> list[Case]:
 
     usual = 1e-4
     cases = [case(REFERENCE, REFERENCE, 0.5 * LARGE_STEPS[-1], LARGE_SOLVER, usual)]
-    cases += [case("steppers", "over Δt", size, LARGE_SOLVER, usual) for size in LARGE_STEPS]
+    cases += [case("steppers", "Δt, SORprox to 1e-4", size, LARGE_SOLVER, usual) for size in LARGE_STEPS]
     middle = LARGE_STEPS[2]
-    cases += [case("solvers", "over tolerance", middle, LARGE_SOLVER, tolerance) for tolerance in LARGE_TOLERANCES]
+    cases += [
+        case("solvers", f"tolerance of SORprox, Δt {middle:g} s", middle, LARGE_SOLVER, tolerance)
+        for tolerance in LARGE_TOLERANCES
+    ]
     for solver in ("NSGS", *added):
-        cases += [case("solvers", f"over tolerance, {solver}", middle, solver, each) for each in (1e-2, 1e-4)]
+        cases += [
+            case("solvers", f"tolerance of {solver}, Δt {middle:g} s", middle, solver, each) for each in (1e-2, 1e-4)
+        ]
     stepper = "StepDoubling(tolerance=0.01, min_step=0.0005)"
     cases.append(Case("steppers", "StepDoubling", stepper, None, LARGE_SOLVER, usual, ITERATIONS, tuple(seeds)))
     return cases
