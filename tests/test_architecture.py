@@ -11,7 +11,7 @@ FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((RO
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
 RECORDED_WITH_RERUN = ("annotations", "balls", "file", "layouts", "solves", "steps", "woodpecker")
 AT_HOME = {
-    "altair": {"bench/charts.py", "bench/simulations/chart.py", "bench/variable/figure.py"},
+    "altair": {"bench/charts.py", "bench/simulations/chart.py", "bench/studies/chart.py", "bench/variable/figure.py"},
     "vl_convert": {"bench/charts.py", "bench/simulations/chart.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {
@@ -19,6 +19,7 @@ AT_HOME = {
         "bench/tables.py",
         "bench/charts.py",
         "bench/simulations/chart.py",
+        "bench/studies/chart.py",
         "bench/variable/figure.py",
     },
     "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/matrix_command.py", "bench/simulations/command.py"},

@@ -69,6 +69,9 @@ def simulate(
         Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
     ] = None,
     chart: Annotated[Path | None, typer.Option(help="Chart to write, as CHART.svg and CHART.png.")] = None,
+    study: Annotated[
+        bool, typer.Option("--study", help="Measure what accuracy costs, over steps, tolerances and solvers.")
+    ] = False,
     plugin: PluginFiles = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
     progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
@@ -79,6 +82,7 @@ def simulate(
     """
     from rich.console import Console
 
+    from ..studies.command import StudyRequest, run_study_command, wants_study
     from ..variable.command import Request, run_variable, wants_variable
     from .interrupts import deferred_interrupts
     from .live import LiveSummary
@@ -88,6 +92,9 @@ def simulate(
 
     options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
+    if wants_study(study, resume):
+        wanted = StudyRequest(scene, options, numbers, duration, output, force, resume, record, chart)
+        return run_study_command(wanted, as_json, progress)
     if wants_variable(scene, numbers, resume):
         asked = Request(scene, options, numbers, duration, output, force, resume, record, chart)
         return run_variable(asked, as_json, progress)

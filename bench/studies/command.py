@@ -1,0 +1,110 @@
+"""``proxbench simulate --study``."""
+
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from ..errors import BenchError, InterruptedSimulationError
+from ..simulations.interrupts import deferred_interrupts
+from .defaults import make_study_plan
+from .live import StudyProgress
+from .running import advance_study, points, study_file
+from .study import SUFFIX, Study, read_study, write_points
+from .table import print_study, study_document
+
+FILE_WIDTH = 140
+"""Columns of a table that goes to a file or a pipe."""
+
+
+@dataclass(frozen=True)
+class StudyRequest:
+    """What the command line asks for.
+
+    Attributes:
+        scene: its name, empty if none is named.
+        options: options of the scene.
+        numbers: what of a plan was given: step_size, stepper, solver, tolerance, max_iterations.
+        duration: simulated time [s].
+        output: result file, or the folder for it.
+        force: replace a file that exists.
+        resume: study to go on with.
+        record: recording to write; a study has none.
+        chart: chart to write; beside the result file if None.
+    """
+
+    scene: str
+    options: Mapping[str, Any]
+    numbers: Mapping[str, Any]
+    duration: float | None
+    output: Path
+    force: bool
+    resume: Path | None
+    record: Path | None
+    chart: Path | None
+
+
+def wants_study(study: bool, resume: Path | None) -> bool:
+    """Whether a study is asked for, or one that is stored shall go on."""
+    return study or (resume is not None and resume.suffix == SUFFIX)
+
+
+def run_study_command(request: StudyRequest, as_json: bool, progress: bool) -> int:
+    """Carry out the study, print, store and draw its points; return 0.
+
+    Raises:
+        BenchError: if what is asked for makes no study.
+        InterruptedSimulationError: if somebody stopped it.
+    """
+    study = _begun(request)
+    file = study.file
+    assert file is not None
+    live = StudyProgress(Console(stderr=True), hidden=not progress or as_json)
+    with deferred_interrupts() as stop_asked, live:
+        advance_study(study, live, stop_asked)
+    found = points(study)
+    drawn: list[Path] = []
+    write_points(found, file.with_suffix(".csv"))
+    if found:
+        from .chart import write_study_chart
+
+        drawn = write_study_chart(study, request.chart or file.with_suffix(""))
+    if as_json:
+        print(json.dumps(study_document(study), indent=1, ensure_ascii=False))
+    else:
+        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        print_study(study, console)
+        shown = "".join(f"\nchart   {path}" for path in drawn)
+        console.print(f"\nresult  {file}\npoints  {file.with_suffix('.csv')}{shown}", soft_wrap=True, highlight=False)
+    if not study.is_finished:
+        raise InterruptedSimulationError(file)
+    return 0
+
+
+def _begun(request: StudyRequest) -> Study:
+    for name in ("step_size", "stepper", "tolerance", "max_iterations"):
+        if name in request.numbers:
+            raise BenchError(f"a study varies --{name.replace('_', '-')} itself; leave it out.")
+    if request.record is not None:
+        raise BenchError("a study is of many simulations and has no recording; leave --record out.")
+    if request.resume is not None:
+        if request.resume.suffix != SUFFIX:
+            raise BenchError(f"{request.resume} holds no study; leave --study out, or name a file {SUFFIX}.")
+        return _resumed(request, request.resume)
+    added = [request.numbers["solver"]] if "solver" in request.numbers else []
+    plan = make_study_plan(request.scene, request.options, duration=request.duration, solvers=added)
+    return Study(plan, study_file(request.output, plan.scene, request.force))
+
+
+def _resumed(request: StudyRequest, file: Path) -> Study:
+    given = {**request.options, **request.numbers, **({} if request.duration is None else {"duration": 0})}
+    if given:
+        raise BenchError(f"--{next(iter(given))} makes no sense with --resume, which goes on as planned; leave it out.")
+    study = read_study(file)
+    if request.scene not in ("", study.plan.scene):
+        raise BenchError(f"{request.scene} contradicts {file}, which is of the {study.plan.scene}; leave it out.")
+    return study

@@ -1,0 +1,82 @@
+"""``proxbench simulate --study``: mistakes get one sentence, and a study leaves its table, points and chart."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli import run_command
+from proxbench.bench.studies.cases import StudyPlan
+from proxbench.bench.studies.running import run_study
+from proxbench.bench.studies.study import Study
+
+from .conftest import fixed_case, toy_case, toy_plan
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--study", "name a scene"),
+        ("funel --study", "'funnel'"),
+        ("woodpecker --study --gravity 1", "--gravity"),
+        ("woodpecker --study --step-size 1e-4", "--step-size"),
+        ("woodpecker --study --stepper Moreau", "--stepper"),
+        ("funnel --study --tolerance 1e-4", "--tolerance"),
+        ("funnel --study --balls 0", "balls"),
+        ("funnel --study --duration 1e-9", "step_size"),
+        ("funnel --study --record a.rrd", "--record"),
+        ("funnel --study --solver SORprx", "'SORprox'"),
+        ("--study --resume nowhere.npz", "holds no study"),
+        ("--resume nowhere.json", "there is no study nowhere.json"),
+        ("--resume nowhere.json --duration 3", "--duration"),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_leaves_no_file(
+    line: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["simulate", *line.split()]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("proxbench: ")
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_of_the_woodpecker_prints_stores_and_draws_its_points(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "study.json"
+    Study(toy_plan(fixed_case(100, members=(0.99, 1.0)), toy_case()), file).store()
+    assert run_command(["simulate", "woodpecker", "--resume", str(file), "--no-progress"]) == 0
+    printed = capsys.readouterr().out
+    assert "woodpecker · 0.145976 s · 3 of 3 simulations" in printed
+    assert "Extrapolated" in printed
+    assert {path.name for path in tmp_path.iterdir()} == {"study.json", "study.csv", "study.svg", "study.png"}
+    with (tmp_path / "study.csv").open(encoding="utf-8", newline="") as opened:
+        rows = list(csv.DictReader(opened))
+    assert [row["series"] for row in rows] == ["fixed", "Extrapolated"]
+    assert float(rows[1]["error"]) < float(rows[0]["error"])
+    assert "one-step solves" in (tmp_path / "study.svg").read_text(encoding="utf-8")
+
+
+def test_a_finished_study_of_a_pour_is_shown_again_as_json(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, pour_plan: StudyPlan
+) -> None:
+    file = tmp_path / "study.json"
+    run_study(pour_plan, file)
+    assert run_command(["simulate", "--resume", str(file), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["finished"]
+    assert {point["quantity"] for point in document["points"]} >= {"mean height", "energy lost"}
+    assert set(document["reference"]) == {"flow rate", "mean height", "energy lost"}
+    assert (tmp_path / "study.png").is_file()
+
+
+def test_an_output_that_exists_is_not_replaced(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "study.json"
+    file.write_text("mine")
+    assert run_command(["simulate", "woodpecker", "--study", "--output", str(file)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert file.read_text() == "mine"
