@@ -20,10 +20,10 @@ def _keep_compiled_kernels(session: nox.Session) -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the test suite against an installed package."""
+    """Run the test suite against an installed package, a file of tests on each core."""
     session.install(".[test]")
     _keep_compiled_kernels(session)
-    session.run("pytest", *session.posargs)
+    session.run("pytest", "-n", "auto", "--dist", "loadfile", *session.posargs)
 
 
 @nox.session
