@@ -10,6 +10,7 @@ from ..problems.plugin_files import PluginFile
 from ..problems.plugins import Offer, forget, register, registered
 from ..solvers import registry
 from .errors import BenchError
+from .plugin_trial import try_import
 
 
 def use_plugin_files(paths: Sequence[Path | str]) -> None:
@@ -20,7 +21,10 @@ def use_plugin_files(paths: Sequence[Path | str]) -> None:
             breaks the contract; it is then not in use.
     """
     for path in paths:
-        use(PluginFile.read(path))
+        file = PluginFile.read(path)
+        if file not in registered():
+            try_import(file)
+        use(file)
 
 
 def use(file: PluginFile) -> None:

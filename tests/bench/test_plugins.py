@@ -147,6 +147,28 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.parametrize(
+    ("deed", "words"),
+    [
+        ("import os; os._exit(0)", "ends the process with exit code 0"),
+        ("import ctypes; ctypes.string_at(0)", "ends the process with SIGSEGV"),
+        ("import os; os.fork() or __import__('time').sleep(2); os._exit(3)", "ends the process with exit code 3"),
+    ],
+    ids=["exit", "segfault", "leaves a process"],
+)
+def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
+    deed: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = written(GOOD + deed)
+    assert run_command(["run", "--results", str(tmp_path / "results"), "--plugin", str(path)]) == 2
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert registered() == []
+    assert not (tmp_path / "results").exists()
+
+
 def test_a_missing_file_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     for line in ("run --plugin nowhere.py", "list --plugin nowhere.py", "check nowhere.py"):
         assert run_command(line.split()) == 2

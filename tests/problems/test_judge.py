@@ -147,7 +147,7 @@ def sweeps(problem: ContactProblem, count: int) -> np.ndarray:
 def test_heavy_on_light_is_judged_by_velocity_where_impulses_deceive(
     masses: list[float], count: int, residual: float, impulse_error: float, relative: float
 ) -> None:
-    from proxbench.problems.hard import stack
+    from proxbench.problems.hard.stacks import stack
 
     problem = stack(np.array(masses))
     assert problem.answer is not None

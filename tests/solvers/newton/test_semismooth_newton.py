@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.problems.hard import block_on_supports, stack
+from proxbench.problems.hard.stacks import stack
+from proxbench.problems.hard.supports import block_on_supports
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 
 SEEDS = st.integers(0, 2**31)
