@@ -74,6 +74,16 @@ def test_a_solver_that_fails_is_a_failure_with_its_reason() -> None:
     assert "friction" in one.failure
 
 
+def test_a_solver_that_raises_anything_is_a_failure_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def burst(*given: object, **named: object) -> None:
+        raise RuntimeError("it burst")
+
+    monkeypatch.setattr(measuring, "simulate_variable", burst)
+    one = measure(toy_plan(toy_case()), toy_case(), 1.0)
+    assert one is not None
+    assert one.failure == "RuntimeError: it burst"
+
+
 def test_a_member_that_was_stopped_is_nothing() -> None:
     case = fixed_case(1000)
     assert measure(toy_plan(case), case, 1.0, lambda: True) is None
