@@ -12,7 +12,7 @@ from ..palette import PALETTE
 from ..simulations.chart import write_drawing
 from .cases import REFERENCE
 from .measuring import ERROR
-from .running import points, spreads
+from .running import points, reference, spreads
 from .study import Study
 
 WIDTH, HEIGHT = 330, 250
@@ -71,7 +71,7 @@ def _title(study: Study) -> alt.TitleParams:
         text = "median over neighbouring step numbers or tolerances, bars from least to largest"
         subtitle = [f"Error after one period from the section, of the range of each coordinate: {text}"]
     else:
-        seeds = next(len(case.members) for case in plan.cases)
+        seeds = len(reference(study))
         size = next(case.step_size for case in plan.cases if case.part == REFERENCE)
         subtitle = [
             f"{plan.options['balls']} balls, {plan.duration:g} s, {seeds} seeds: mean deviation from Δt {size:g} s;",

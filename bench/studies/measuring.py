@@ -9,6 +9,7 @@ from ...problems.errors import ProxbenchError
 from ...problems.scenes.woodpecker import OVERLAP, section_start
 from ..simulations.plan import SimulationPlan
 from ..simulations.running import simulate
+from ..simulations.simulation import SLACK
 from ..variable.plan import VariablePlan
 from ..variable.running import simulate_variable
 from .aggregates import Watch
@@ -54,6 +55,8 @@ def measure(plan: StudyPlan, case: Case, member: float, stop_asked: StopAsked = 
         found = _run(simulated, watch, stop_asked)
     except ProxbenchError as error:
         return Measured(0.0, 0, 0, failure=str(error))
+    except Exception as error:  # a plugin's solver may raise anything, and others are to be measured still
+        return Measured(0.0, 0, 0, failure=f"{type(error).__name__}: {error}")
     if stop_asked():
         return None
     if found.failure:
@@ -102,7 +105,7 @@ def _run(plan: SimulationPlan | VariablePlan, watch: Watch, stop_asked: StopAske
 
     variable = simulate_variable(plan, on_step=[note], stop_asked=is_over)
     steps = variable.steps
-    missed = int((steps["residual"] > 1.001 * plan.tolerance).sum())
+    missed = int((steps["residual"] > SLACK * plan.tolerance).sum())
     cost = Measured(float(steps["seconds"].sum()), int(steps["solves"].sum()), missed)
     if not variable.is_finished and solves > MOST_SOLVES:
         at = f"at {variable.state.time:.4g} of {plan.until:.4g} s"

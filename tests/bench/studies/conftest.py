@@ -42,5 +42,5 @@ def pour_case(size: float, part: str = "steppers", seeds: tuple[float, ...] = (0
 @pytest.fixture
 def pour_plan() -> StudyPlan:
     """A study of thirty balls."""
-    cases = (pour_case(1e-3, REFERENCE), pour_case(4e-3), pour_case(2e-3))
+    cases = (pour_case(2e-3, REFERENCE), pour_case(8e-3), pour_case(4e-3))
     return StudyPlan("funnel", {"balls": 30, "outlet": 3.0}, 0.3, cases)

@@ -36,8 +36,8 @@ def test_the_section_error_is_the_largest_of_the_three_over_its_range() -> None:
 
 
 def test_medians_of_the_fixed_step_fall_with_first_order() -> None:
-    coarse, fine = (median_error(fixed_case(steps, members=NEIGHBOURS)) for steps in (300, 3000))
-    assert 0.5 < np.log10(coarse / fine) < 1.6
+    coarse, fine = (median_error(fixed_case(steps, members=NEIGHBOURS)) for steps in (200, 1600))
+    assert 0.5 < np.log(coarse / fine) / np.log(8) < 1.6
 
 
 def test_the_error_falls_with_the_tolerance_of_the_stepper() -> None:
@@ -72,6 +72,16 @@ def test_a_solver_that_fails_is_a_failure_with_its_reason() -> None:
     one = measure(toy_plan(case), case, 1.0)
     assert one is not None
     assert "friction" in one.failure
+
+
+def test_a_solver_that_raises_anything_is_a_failure_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def burst(*given: object, **named: object) -> None:
+        raise RuntimeError("it burst")
+
+    monkeypatch.setattr(measuring, "simulate_variable", burst)
+    one = measure(toy_plan(toy_case()), toy_case(), 1.0)
+    assert one is not None
+    assert one.failure == "RuntimeError: it burst"
 
 
 def test_a_member_that_was_stopped_is_nothing() -> None:
