@@ -4,6 +4,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..problems.catalog import load
 from ..problems.errors import ProxbenchError
 from ..problems.hard import CASE_GROUPS
 from ..problems.judge import judge
+from .markdown import inline
 from .matrix import BAD_OUTCOMES, Cell
 from .outcome import Outcome
 
@@ -42,6 +44,10 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str) -> str:
         tolerance: the judged residual asked for.
         command: the command line that makes the page.
     """
+    cells = [
+        replace(cell, problem=inline(cell.problem), solver=inline(cell.solver), reason=inline(cell.reason))
+        for cell in cells
+    ]
     solvers = list(dict.fromkeys(cell.solver for cell in cells))
     problems = list(dict.fromkeys(cell.problem for cell in cells))
     lines = [
@@ -161,7 +167,7 @@ def _reasons(cells: Sequence[Cell], solvers: list[str]) -> list[str]:
         rows = [["ended", "reason", "problems"]]
         for (outcome, _), members in grouped.items():
             names = ", ".join(cell.problem.removeprefix("hard-") for cell in members)
-            rows.append([outcome, members[0].reason.replace("|", r"\|"), names])
+            rows.append([outcome, members[0].reason, names])
         lines += [f"### {solver}", "", *_table(rows), ""]
     return lines
 

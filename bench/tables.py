@@ -1,6 +1,5 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from rich.text import Text
 
 from .errors import BenchError
 from .frames import RunFrames
+from .markdown import inline
 from .matrix import Cell
 from .matrix_page import matrix_page
 from .outcome import Outcome
@@ -306,7 +306,5 @@ def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, An
 
 def _markdown(shown: pd.DataFrame) -> str:
     rows = [[str(column).replace("\n", " ") for column in shown.columns], ["---"] * len(shown.columns)]
-    rows += [
-        [escape(str(value), quote=False).replace("|", r"\|") for value in row] for row in shown.itertuples(index=False)
-    ]
+    rows += [[inline(value) for value in row] for row in shown.itertuples(index=False)]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
