@@ -243,9 +243,10 @@ def obeys_time_limit(solver: Solver) -> None:
     larger = random_contacts(60, 3)
     problem = _supported(solver)[0] if solver.supports(larger) else larger
     prepared, seconds = _prepared(solver, problem), 0.1
-    prepared.solve(Stop(1e-1, max_iterations=3, max_seconds=1.0))
+    endless = Stop(1e-300, max_iterations=10**9, max_seconds=seconds)
+    prepared.solve(endless)  # whatever is compiled or loaded on the way is not meant
     began = time.perf_counter()
-    solution = prepared.solve(Stop(1e-300, max_iterations=10**9, max_seconds=seconds))
+    solution = prepared.solve(endless)
     took = time.perf_counter() - began
     if took > seconds + SLACK_SECONDS:
         raise Violation(

@@ -69,7 +69,10 @@ def test_a_fault_fails_its_own_check_and_the_others_go_on(deed: str, words: str,
     assert not subject["passed"]
 
 
-def test_failures_are_told_in_a_table_and_by_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_failures_are_told_in_a_table_and_by_the_exit_code(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped where lines end
     assert run_command(["check", plugin(tmp_path, "print('hello')", "True")]) == 1
     printed = capsys.readouterr().out
     assert "silent            failed          it printed 'hello'; say it in Solution.message." in printed
