@@ -30,7 +30,7 @@ def describe_machine() -> dict[str, Any]:
             for pool in threadpool_info()
         ],
         "commit": _git("rev-parse", "HEAD"),
-        "dirty": bool(_git("status", "--porcelain")),
+        "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
         "load": list(os.getloadavg()),
     }
 
