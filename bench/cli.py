@@ -279,10 +279,14 @@ def check(
 
 @app.command(short_help="Print tables and draw charts of a stored run.")
 def report(
-    run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run.")],
+    run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run, or file of a study (.json).")],
     as_json: Json = False,
 ) -> int:
-    """Print the tables of a stored run, and write its tables and charts again."""
+    """Print the tables of a stored run or study, and write its tables and charts again."""
+    if run_dir.suffix == ".json":
+        from .studies.command import report_study
+
+        return report_study(run_dir, as_json)
     return _report(run_dir, as_json)
 
 

@@ -66,23 +66,38 @@ def run_study_command(request: StudyRequest, as_json: bool, progress: bool) -> i
     live = StudyProgress(Console(stderr=True), hidden=not progress or as_json)
     with deferred_interrupts() as stop_asked, live:
         advance_study(study, live, stop_asked)
+    _present(study, file, request.chart or file.with_suffix(""), as_json)
+    if not study.is_finished:
+        raise InterruptedSimulationError(file)
+    return 0
+
+
+def report_study(file: Path, as_json: bool) -> int:
+    """Print a stored study, and write its points and its chart again; return 0.
+
+    Raises:
+        BenchError: if the file is missing, damaged, or no study.
+    """
+    study = read_study(file)
+    _present(study, file, file.with_suffix(""), as_json)
+    return 0
+
+
+def _present(study: Study, file: Path, chart: Path, as_json: bool) -> None:
     found = points(study)
     drawn: list[Path] = []
     write_points(found, file.with_suffix(".csv"))
     if found:
         from .chart import write_study_chart
 
-        drawn = write_study_chart(study, request.chart or file.with_suffix(""))
+        drawn = write_study_chart(study, chart)
     if as_json:
         print(json.dumps(study_document(study), indent=1, ensure_ascii=False))
-    else:
-        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
-        print_study(study, console)
-        shown = "".join(f"\nchart   {path}" for path in drawn)
-        console.print(f"\nresult  {file}\npoints  {file.with_suffix('.csv')}{shown}", soft_wrap=True, highlight=False)
-    if not study.is_finished:
-        raise InterruptedSimulationError(file)
-    return 0
+        return
+    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+    print_study(study, console)
+    shown = "".join(f"\nchart   {path}" for path in drawn)
+    console.print(f"\nresult  {file}\npoints  {file.with_suffix('.csv')}{shown}", soft_wrap=True, highlight=False)
 
 
 def _begun(request: StudyRequest) -> Study:

@@ -59,6 +59,19 @@ def test_a_study_of_the_woodpecker_prints_stores_and_draws_its_points(
     assert [row["series"] for row in rows] == ["fixed", "Extrapolated"]
     assert float(rows[1]["error"]) < float(rows[0]["error"])
     assert "one-step solves" in (tmp_path / "study.svg").read_text(encoding="utf-8")
+    for drawn in ("study.csv", "study.svg", "study.png"):
+        (tmp_path / drawn).unlink()
+    assert run_command(["report", str(file)]) == 0
+    assert capsys.readouterr().out == printed
+    assert {path.name for path in tmp_path.iterdir()} == {"study.json", "study.csv", "study.svg", "study.png"}
+
+
+def test_a_report_of_no_study_is_one_sentence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "other.json").write_text("{}")
+    for name in ("none.json", "other.json"):
+        assert run_command(["report", str(tmp_path / name)]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"other.json"}
 
 
 def test_a_finished_study_of_a_pour_is_shown_again_as_json(
