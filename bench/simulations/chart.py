@@ -76,7 +76,8 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
     """
     base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
     svg, png = (base.with_name(f"{base.name}{suffix}") for suffix in (".svg", ".png"))
-    drawn = vl_convert.vegalite_to_svg(chart.to_json())
+    with alt.data_transformers.enable("default", max_rows=None):  # altair means pages that readers load, not files
+        drawn = vl_convert.vegalite_to_svg(chart.to_json())
     try:
         base.parent.mkdir(parents=True, exist_ok=True)
         svg.write_text(drawn, encoding="utf-8")

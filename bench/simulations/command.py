@@ -82,8 +82,9 @@ def simulate(
     """
     from rich.console import Console
 
+    from ..errors import BenchError
     from ..studies.command import StudyRequest, run_study_command, wants_study
-    from ..variable.command import Request, run_variable, wants_variable
+    from ..variable.command import FIXED, Request, run_variable, wants_variable
     from .interrupts import deferred_interrupts
     from .live import LiveSummary
     from .plan import make_simulation_plan
@@ -98,7 +99,8 @@ def simulate(
     if wants_variable(scene, numbers, resume):
         asked = Request(scene, options, numbers, duration, output, force, resume, record, chart)
         return run_variable(asked, as_json, progress)
-    numbers.pop("stepper", None)
+    if numbers.pop("stepper", FIXED) != FIXED:
+        raise BenchError(f"--stepper contradicts {resume}, which has a fixed step; leave it out to resume.")
     on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
     if resume is not None:
         given = {**({"scene": scene} if scene else {}), **numbers, **options}

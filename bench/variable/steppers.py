@@ -68,7 +68,7 @@ class Extrapolated:
         Raises:
             ProblemError: for an option out of range.
         """
-        longest, search = self.max_step or max_step, SEARCHES[self.search]
+        longest, search = max_step if self.max_step is None else self.max_step, SEARCHES[self.search]
         scheme = Extrapolation(self.levels)
         return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, scheme, search)
 
@@ -103,7 +103,7 @@ class StepDoubling:
         Raises:
             ProblemError: for an option out of range.
         """
-        longest, search = self.max_step or max_step, SEARCHES[self.search]
+        longest, search = max_step if self.max_step is None else self.max_step, SEARCHES[self.search]
         return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, DoublingScheme(), search)
 
 

@@ -50,11 +50,26 @@ def test_a_fixed_step_is_taken_where_its_size_is_given(capsys: pytest.CaptureFix
     assert "Δt 0.0001 s" in capsys.readouterr().out
 
 
+def test_the_figure_of_many_short_steps_is_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    stepper = "StepDoubling(tolerance=1e-4,min_step=1e-6,max_step=2e-5)"
+    assert run_command(f"{TOY} --duration 0.02 --stepper {stepper} --output {tmp_path}/toy.npz".split()) == 0
+    assert read_variable(tmp_path / "toy.npz").n_steps > 700
+    assert (tmp_path / "toy.png").is_file()
+
+
+def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    assert run_command(f"{TOY} --duration 0.01 --step-size 1e-4 --output {file}".split()) == 0
+    assert run_command(f"simulate --resume {file} --stepper Extrapolated --duration 0.02".split()) == 2
+    assert "has a fixed step; leave it out to resume" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ("--stepper Extrapolatde", "there is no stepper 'Extrapolatde'"),
         ("--stepper Extrapolated --step-size 1e-3", "--step-size belongs to --stepper Moreau"),
+        ("--stepper Extrapolated(max_step=0.0)", "max_step must be finite and at least min_step"),
         ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
         ("--duration -1", "duration must be positive"),
         ("--solver Nobody", "Nobody"),
