@@ -83,28 +83,27 @@ def simulate(
     from rich.console import Console
 
     from ..errors import BenchError
-    from ..studies.command import StudyRequest, run_study_command, wants_study
-    from ..variable.command import FIXED, Request, run_variable, wants_variable
+    from ..studies.command import run_study_command, wants_study
+    from ..variable.command import FIXED, run_variable, wants_variable
     from .interrupts import deferred_interrupts
     from .live import LiveSummary
     from .plan import make_simulation_plan
     from .recording import recorded
+    from .request import Request
     from .running import advance, begun_simulation, new_simulation
 
     options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
+    request = Request(scene, options, numbers, duration, output, force, resume, record, chart)
     if wants_study(study, resume):
-        wanted = StudyRequest(scene, options, numbers, duration, output, force, resume, record, chart)
-        return run_study_command(wanted, as_json, progress)
+        return run_study_command(request, as_json, progress)
     if wants_variable(scene, numbers, resume):
-        asked = Request(scene, options, numbers, duration, output, force, resume, record, chart)
-        return run_variable(asked, as_json, progress)
+        return run_variable(request, as_json, progress)
     if numbers.pop("stepper", FIXED) != FIXED:
         raise BenchError(f"--stepper contradicts {resume}, which has a fixed step; leave it out to resume.")
     on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
     if resume is not None:
-        given = {**({"scene": scene} if scene else {}), **numbers, **options}
-        begun = begun_simulation(resume, given, duration)
+        begun = begun_simulation(resume, request.given, duration)
     else:
         plan = make_simulation_plan(scene, options, duration=duration, **numbers)
         begun = new_simulation(plan, output, force)

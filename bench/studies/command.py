@@ -2,18 +2,17 @@
 
 import json
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from ..errors import BenchError, InterruptedSimulationError
+from ..output_file import output_file
 from ..simulations.interrupts import deferred_interrupts
+from ..simulations.request import Request
 from .defaults import make_study_plan
 from .live import StudyProgress
-from .running import advance_study, points, study_file
+from .running import advance_study, points
 from .study import SUFFIX, Study, read_study, write_points
 from .table import print_study, study_document
 
@@ -21,39 +20,12 @@ FILE_WIDTH = 140
 """Columns of a table that goes to a file or a pipe."""
 
 
-@dataclass(frozen=True)
-class StudyRequest:
-    """What the command line asks for.
-
-    Attributes:
-        scene: its name, empty if none is named.
-        options: options of the scene.
-        numbers: what of a plan was given: step_size, stepper, solver, tolerance, max_iterations.
-        duration: simulated time [s].
-        output: result file, or the folder for it.
-        force: replace a file that exists.
-        resume: study to go on with.
-        record: recording to write; a study has none.
-        chart: chart to write; beside the result file if None.
-    """
-
-    scene: str
-    options: Mapping[str, Any]
-    numbers: Mapping[str, Any]
-    duration: float | None
-    output: Path
-    force: bool
-    resume: Path | None
-    record: Path | None
-    chart: Path | None
-
-
 def wants_study(study: bool, resume: Path | None) -> bool:
     """Whether a study is asked for, or one that is stored shall go on."""
     return study or (resume is not None and resume.suffix == SUFFIX)
 
 
-def run_study_command(request: StudyRequest, as_json: bool, progress: bool) -> int:
+def run_study_command(request: Request, as_json: bool, progress: bool) -> int:
     """Carry out the study, print, store and draw its points; return 0.
 
     Raises:
@@ -100,7 +72,7 @@ def _present(study: Study, file: Path, chart: Path, as_json: bool) -> None:
     console.print(f"\nresult  {file}\npoints  {file.with_suffix('.csv')}{shown}", soft_wrap=True, highlight=False)
 
 
-def _begun(request: StudyRequest) -> Study:
+def _begun(request: Request) -> Study:
     for name in ("step_size", "stepper", "tolerance", "max_iterations"):
         if name in request.numbers:
             raise BenchError(f"a study varies --{name.replace('_', '-')} itself; leave it out.")
@@ -112,10 +84,10 @@ def _begun(request: StudyRequest) -> Study:
         return _resumed(request, request.resume)
     added = [request.numbers["solver"]] if "solver" in request.numbers else []
     plan = make_study_plan(request.scene, request.options, duration=request.duration, solvers=added)
-    return Study(plan, study_file(request.output, plan.scene, request.force))
+    return Study(plan, output_file(request.output, f"{plan.scene}-study", SUFFIX, request.force))
 
 
-def _resumed(request: StudyRequest, file: Path) -> Study:
+def _resumed(request: Request, file: Path) -> Study:
     given = {**request.options, **request.numbers, **({} if request.duration is None else {"duration": 0})}
     if given:
         raise BenchError(f"--{next(iter(given))} makes no sense with --resume, which goes on as planned; leave it out.")

@@ -3,16 +3,17 @@
 import contextlib
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
 from ..errors import BenchError, InterruptedSimulationError
+from ..output_file import output_file
+from ..simulations.file import SUFFIX
 from ..simulations.interrupts import deferred_interrupts
-from ..simulations.running import result_file
+from ..simulations.request import Request
 from .figure import write_motion_chart
 from .file import is_variable
 from .live import VariableLive
@@ -28,34 +29,7 @@ FIXED = "Moreau"
 """The stepper of fixed step size."""
 
 
-@dataclass(frozen=True)
-class Request:
-    """What the command line asks for.
-
-    Attributes:
-        scene: its name, empty if none is named.
-        options: options of the scene.
-        numbers: what of the plan was given: stepper, solver, tolerance, max_iterations.
-        duration: simulated time [s].
-        output: result file, or the folder for it.
-        force: replace files that exist.
-        resume: result file to go on with.
-        record: recording to write.
-        chart: chart to write; beside the result file if None.
-    """
-
-    scene: str
-    options: dict[str, Any]
-    numbers: dict[str, Any]
-    duration: float | None
-    output: Path
-    force: bool
-    resume: Path | None
-    record: Path | None
-    chart: Path | None
-
-
-def wants_variable(scene: str, numbers: dict[str, Any], resume: Path | None) -> bool:
+def wants_variable(scene: str, numbers: Mapping[str, Any], resume: Path | None) -> bool:
     """Whether a simulation has a variable step: as stored, as asked for, or as the woodpecker has if nobody asks.
 
     Raises:
@@ -100,10 +74,9 @@ def run_variable(request: Request, as_json: bool, progress: bool) -> int:
 
 def _begun(request: Request) -> VariableSimulation:
     if request.resume is not None:
-        given = {**({"scene": request.scene} if request.scene else {}), **request.numbers, **request.options}
-        return begun_variable(request.resume, given, request.duration)
+        return begun_variable(request.resume, request.given, request.duration)
     plan = make_variable_plan(request.scene, request.options, duration=request.duration, **request.numbers)
-    return VariableSimulation(plan, result_file(request.output, plan.scene.name, request.force))
+    return VariableSimulation(plan, output_file(request.output, plan.scene.name, SUFFIX, request.force))
 
 
 @contextlib.contextmanager
