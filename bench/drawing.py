@@ -8,20 +8,9 @@ import altair as alt
 import vl_convert
 
 from .errors import BenchError
+from .pictures import picture_files
 
 PNG_SCALE = 2.0
-
-
-def drawing_files(path: Path) -> tuple[Path, Path]:
-    """Return the files, .svg and .png, that a drawing at ``path`` is written to.
-
-    Raises:
-        BenchError: if ``path`` names no file.
-    """
-    base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
-    if base.name in ("", ".."):
-        raise BenchError(f"a chart cannot be written to {str(path)!r}; name a file.")
-    return base.with_name(f"{base.name}.svg"), base.with_name(f"{base.name}.png")
 
 
 def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
@@ -30,7 +19,7 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
     Raises:
         BenchError: if they cannot be written.
     """
-    svg, png = drawing_files(path)
+    svg, png = picture_files(path)
     with alt.data_transformers.enable("default", max_rows=None):  # altair's limit is meant for pages that are sent
         drawn = vl_convert.vegalite_to_svg(chart.to_json())
     try:

@@ -1,5 +1,7 @@
-"""The file that --output names."""
+"""The file that --output names, and others that are refused before any work."""
 
+import tempfile
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -28,3 +30,25 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     if exists and not force:
         raise BenchError(f"{file} exists already; go on with --resume {file}, or replace it with --force.")
     return file
+
+
+def refuse_taken(files: Iterable[Path], force: bool) -> None:
+    """Find out whether files can be written later, and leave everything as it is.
+
+    Raises:
+        BenchError: if one exists and ``force`` is not given, or cannot be written.
+    """
+    for file in files:
+        try:
+            if file.exists():
+                if not force:
+                    raise BenchError(f"{file} exists already; choose another name, or replace it with --force.")
+                with file.open("ab"):
+                    continue
+            folder = file.absolute().parent
+            while not folder.exists():
+                folder = folder.parent
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise BenchError(f"cannot write {file}: {error.strerror}; choose another place.") from None

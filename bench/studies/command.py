@@ -7,7 +7,8 @@ from pathlib import Path
 from rich.console import Console
 
 from ..errors import BenchError, InterruptedSimulationError
-from ..output_file import output_file
+from ..output_file import output_file, refuse_taken
+from ..pictures import drawn, refuse_pictures
 from ..simulations.interrupts import deferred_interrupts
 from ..simulations.request import Request
 from .defaults import make_study_plan
@@ -29,7 +30,7 @@ def run_study_command(request: Request, as_json: bool, progress: bool) -> int:
     """Carry out the study, print, store and draw its points; return 0.
 
     Raises:
-        BenchError: if what is asked for makes no study.
+        BenchError: if what is asked for makes no study, or something cannot be written.
         InterruptedSimulationError: if somebody stopped it.
     """
     study = _begun(request)
@@ -56,20 +57,26 @@ def report_study(file: Path, as_json: bool) -> int:
 
 
 def _present(study: Study, file: Path, chart: Path, as_json: bool) -> None:
-    found = points(study)
-    drawn: list[Path] = []
-    write_points(found, file.with_suffix(".csv"))
-    if found:
-        from .chart import write_study_chart
-
-        drawn = write_study_chart(study, chart)
+    found, table = points(study), _table_file(file)
+    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
     if as_json:
-        print(json.dumps(study_document(study), indent=1, ensure_ascii=False))
-        return
-    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        print(json.dumps(study_document(study), indent=1, ensure_ascii=False), flush=True)
     print_study(study, console)
-    shown = "".join(f"\nchart   {path}" for path in drawn)
-    console.print(f"\nresult  {file}\npoints  {file.with_suffix('.csv')}{shown}", soft_wrap=True, highlight=False)
+    console.print(f"\nresult  {file}", soft_wrap=True, highlight=False)
+    write_points(found, table)
+    console.print(f"points  {table}", soft_wrap=True, highlight=False)
+    for path in _drawn(study, file, chart) if found else ():
+        console.print(f"chart   {path}", soft_wrap=True, highlight=False)
+
+
+def _drawn(study: Study, file: Path, chart: Path) -> list[Path]:
+    from .chart import write_study_chart  # altair and pandas take a second to import
+
+    return drawn(lambda: write_study_chart(study, chart), file)
+
+
+def _table_file(file: Path) -> Path:
+    return file.with_suffix(".csv")
 
 
 def _begun(request: Request) -> Study:
@@ -81,10 +88,21 @@ def _begun(request: Request) -> Study:
     if request.resume is not None:
         if request.resume.suffix != SUFFIX:
             raise BenchError(f"{request.resume} holds no study; leave --study out, or name a file {SUFFIX}.")
-        return _resumed(request, request.resume)
+        study = _resumed(request, request.resume)
+        # the table and the pictures beside a study are its own, and made anew as it goes on
+        refuse_taken([_table_file(request.resume)], True)
+        chart = request.chart or request.resume.with_suffix("")
+        refuse_pictures(chart, request.force or request.chart is None)
+        return study
     added = [request.numbers["solver"]] if "solver" in request.numbers else []
     plan = make_study_plan(request.scene, request.options, duration=request.duration, solvers=added)
-    return Study(plan, output_file(request.output, f"{plan.scene}-study", SUFFIX, request.force))
+    if request.chart is not None:
+        refuse_pictures(request.chart, request.force)
+    file = output_file(request.output, f"{plan.scene}-study", SUFFIX, request.force)
+    refuse_taken([_table_file(file)], request.force)
+    if request.chart is None:
+        refuse_pictures(file.with_suffix(""), request.force)
+    return Study(plan, file)
 
 
 def _resumed(request: Request, file: Path) -> Study:
