@@ -14,6 +14,7 @@ from ...problems.system import System
 from ...solvers.interface import SolverError, Stop, described
 from ...solvers.registry import parse
 from ..errors import BenchError
+from ..simulations.plan import FIXED
 
 SEARCHES: dict[str, type[Search]] = {"anticipating": Anticipating, "nested": NestedIntervals, "last": LastStepOnly}
 """Searches for switching points by name."""
@@ -115,7 +116,7 @@ def make_stepper(text: str) -> Stepper:
     """Return a stepper: ``make_stepper("Extrapolated(tolerance=1e-8)")``.
 
     Raises:
-        BenchError: for an unknown name or option, with the nearest one, or a value of the wrong kind.
+        BenchError: for an unknown name or option, with the nearest one, a value of the wrong kind, or a fixed step.
     """
     try:
         name, options = parse(text)
@@ -123,8 +124,13 @@ def make_stepper(text: str) -> Stepper:
         raise BenchError(
             f"cannot read {text!r} as a stepper; write a name, or a name with options: Extrapolated(tolerance=1e-8)."
         ) from None
+    if name == FIXED:
+        raise BenchError(
+            f"{text} is no variable stepper; ask for a fixed step by --stepper {FIXED} and its size by --step-size, or "
+            f"name {' or '.join(STEPPERS)}."
+        )
     if name not in STEPPERS:
-        raise BenchError(f"there is no stepper {name!r}{suggestion(name, STEPPERS)}")
+        raise BenchError(f"there is no stepper {name!r}{suggestion(name, [FIXED, *STEPPERS])}")
     known = list(inspect.signature(STEPPERS[name]).parameters)
     for option, value in options.items():
         if option not in known:
