@@ -13,8 +13,9 @@ from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..output_file import output_file
 from .asking import Asked
-from .file import SUFFIX, read_simulation, write_simulation
+from .file import read_simulation, write_simulation
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
+from .result_file import SUFFIX
 from .simulation import NO_CONTACT, Simulation
 
 OnStep = Callable[[int, Step], None]

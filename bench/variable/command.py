@@ -12,10 +12,10 @@ from rich.console import Console
 from ..errors import BenchError, InterruptedSimulationError
 from ..output_file import output_file
 from ..pictures import drawn, refuse_pictures
-from ..simulations.file import SUFFIX
 from ..simulations.interrupts import deferred_interrupts
 from ..simulations.plan import FIXED
 from ..simulations.request import Request
+from ..simulations.result_file import SUFFIX
 from .file import is_variable
 from .live import VariableLive
 from .plan import DEFAULT_STEPPER, make_variable_plan
