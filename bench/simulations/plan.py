@@ -30,8 +30,8 @@ _OTHERS = (
 )
 """What solves most of the steps that this does not, and what solves most of the rest, slowly."""
 
-_DEFAULTS = {"woodpecker": _Default("SORprox", 1e-10, 5000)}
-"""Scenes with few contacts afford more accuracy, and need no relaxation above 1."""
+_FEW_CONTACTS = _Default("SORprox", 1e-10, 5000)
+"""A few contacts afford more accuracy, and need no relaxation above 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def make_simulation_plan(
         BenchError: for a step size, duration, tolerance or number of iterations out of range.
     """
     made = make_scene(scene, options)
-    default = _DEFAULTS.get(scene, _MANY_CONTACTS)
+    default = _FEW_CONTACTS if SCENES[made.name].has_few_contacts else _MANY_CONTACTS
     chosen = default.solver if solver is None else solver
     plan = SimulationPlan(
         made,

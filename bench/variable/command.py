@@ -9,6 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
+from ...problems.scenes.registry import SCENES
 from ..errors import BenchError, InterruptedSimulationError
 from ..output_file import output_file
 from ..pictures import drawn, refuse_pictures
@@ -31,7 +32,7 @@ SHOWN_SECONDS = 0.5
 
 
 def wants_variable(scene: str, numbers: Mapping[str, Any], resume: Path | None) -> bool:
-    """Whether a simulation has a variable step: as stored, as asked for, or as the woodpecker has if nobody asks.
+    """Whether a simulation has a variable step: as stored, as asked for, or as scenes of few contacts have.
 
     Raises:
         BenchError: if the stored simulation cannot be read, or --step-size goes with a variable stepper.
@@ -40,7 +41,7 @@ def wants_variable(scene: str, numbers: Mapping[str, Any], resume: Path | None) 
         return is_variable(resume)
     stepper = numbers.get("stepper")
     if stepper is None:
-        return scene == "woodpecker" and "step_size" not in numbers
+        return scene in SCENES and SCENES[scene].has_few_contacts and "step_size" not in numbers
     if stepper == FIXED:
         return False
     if "step_size" in numbers:
