@@ -106,7 +106,7 @@ def _recorded(simulation: VariableSimulation, request: Request) -> Iterator[Sequ
     if request.record is None:
         yield ()
         return
-    from ..recordings.scenes import scene_recorder
+    from ..recordings.scenes import scene_recorder  # rerun takes a second to import
 
     with scene_recorder(simulation.plan.scene, request.record, 1, request.force) as recorder:
         recorder.start(simulation.state)

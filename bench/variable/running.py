@@ -2,13 +2,16 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...problems.adaptive import StepError, VariableStepTaken
 from ...problems.moreau import Step
 from ...solvers.interface import Solver
+from ...solvers.registry import create
 from ..errors import BenchError
+from ..simulations.asking import Asked
 from ..simulations.plan import FIXED
 from ..simulations.running import judged_residual
 from .file import read_variable, write_variable
@@ -100,8 +103,6 @@ def advance_variable(
     """Take the steps that are left; whatever ends them, the result file holds all that were completed."""
     if simulation.is_finished:
         return
-    from ..simulations.asking import Asked
-
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)
@@ -132,8 +133,6 @@ def advance_variable(
 
 def one_steps(taken: VariableStepTaken) -> list[Step]:
     """Return the one-step solves behind an accepted step, the last of which ends in its end."""
-    from dataclasses import replace
-
     steps = [step for step, _ in taken.substeps]
     return [*steps[:-1], replace(steps[-1], state=taken.end)]
 
@@ -176,6 +175,4 @@ def _row(
 
 
 def _solver(given: str | Solver) -> Solver:
-    from ...solvers.registry import create
-
     return create(given) if isinstance(given, str) else given
