@@ -11,6 +11,9 @@ from ...solvers.interface import Solver, Stop
 from ...solvers.registry import create
 from ..errors import BenchError
 
+FIXED = "Moreau"
+"""The stepper of fixed step size."""
+
 
 class _Default(NamedTuple):
     solver: str

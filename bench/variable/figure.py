@@ -9,6 +9,7 @@ import pandas as pd
 from scipy.interpolate import CubicHermiteSpline
 
 from ...problems.laws import FloatArray
+from ..drawing import stacked, write_drawing
 from ..palette import PALETTE
 from .incidents import incidents
 from .simulation import VariableSimulation
@@ -42,16 +43,7 @@ def motion_chart(simulation: VariableSimulation, begin: float = -np.inf) -> alt.
         fontSize=16,
         subtitleFontSize=12,
     )
-    chart: alt.VConcatChart = (
-        alt.vconcat(*panels, spacing=8)
-        .resolve_scale(x="shared", color="shared")
-        .properties(title=title, background="white", padding=14)
-        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
-        .configure_axisY(minExtent=52)
-        .configure_view(stroke="#cccccc")
-        .configure_legend(labelFontSize=11, title=None)
-    )
-    return chart
+    return stacked(panels, title, {"x": "shared", "color": "shared"})
 
 
 def write_motion_chart(simulation: VariableSimulation, path: Path, begin: float = -np.inf) -> list[Path]:
@@ -60,8 +52,6 @@ def write_motion_chart(simulation: VariableSimulation, path: Path, begin: float 
     Raises:
         BenchError: if they cannot be written.
     """
-    from ..simulations.chart import write_drawing
-
     return write_drawing(motion_chart(simulation, begin), path)
 
 

@@ -9,6 +9,7 @@ from ...problems.adaptive import StepError, VariableStepTaken
 from ...problems.moreau import Step
 from ...solvers.interface import Solver
 from ..errors import BenchError
+from ..simulations.plan import FIXED
 from ..simulations.running import judged_residual
 from .file import read_variable, write_variable
 from .plan import VariablePlan, changed
@@ -70,6 +71,10 @@ def begun_variable(
     simulation = read_variable(file)
     plan, asked = simulation.plan, dict(given or {})
     changes: dict[str, Any] = {name: asked.pop(name) for name in ("tolerance", "max_iterations") if name in asked}
+    if asked.get("stepper") == FIXED:
+        raise BenchError(
+            f"{file} has a variable step and cannot go on with a fixed one; leave --stepper out, or simulate anew."
+        )
     if "stepper" in asked:
         changes["stepper"] = make_stepper(asked.pop("stepper"))
     if "solver" in asked:
