@@ -11,6 +11,7 @@ import pickle
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
@@ -27,6 +28,7 @@ from .checks import Check, NotApplicable, Violation
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
 from .samples import at_rest, empty, infeasible, random_contacts, samples
+from .surroundings_checks import SURROUNDINGS_CHECKS
 from .trial import expect_finite, expect_form
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
@@ -64,11 +66,16 @@ def travels(solver: Solver) -> None:
 
 
 def refuses_through_supports(solver: Solver) -> None:
-    """``supports`` says None or a reason in words, and what it lets through is solved without an exception."""
+    """``supports`` says None or a reason in words, always the same, and what it lets through is solved."""
     for problem in samples():
         fault = reason_fault(solver.supports(problem))
         if fault:
             raise Violation(f"on {problem.name}: {fault}.")
+        answers = {solver.supports(problem.fresh()) is None for _ in range(3)}
+        if len(answers) > 1:
+            raise Violation(
+                f"asked again whether it supports {problem.name} it says otherwise; let nothing but the problem decide."
+            )
     for problem in _supported(solver):
         status = _solve(solver, problem, MODEST).status
         if status is Status.UNSUPPORTED:
@@ -250,9 +257,12 @@ def obeys_time_limit(solver: Solver) -> None:
 def is_silent(solver: Solver) -> None:
     """Nothing is printed or warned of, by Python or by a library below it."""
     problem = _supported(solver)[0]
-    with _captured() as read:
+    with _captured() as read, warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")  # also those that were shown before, in other tests
         _solve(solver, problem, MODEST)
     said = read().strip()
+    if warned:
+        raise Violation(f"it warned of {str(warned[0].message)[:100]!r}; say it in Solution.message.")
     if said:
         raise Violation(f"it printed {said.splitlines()[0][:100]!r}; say it in Solution.message.")
 
@@ -279,6 +289,7 @@ def _check(name: str, test: object) -> Check[Solver]:
 SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     _check("interface", keeps_to_interface),
     _check("travels", travels),
+    *SURROUNDINGS_CHECKS,
     _check("supports", refuses_through_supports),
     _check("finite", returns_finite_impulses),
     _check("inputs untouched", leaves_inputs_untouched),
@@ -296,7 +307,10 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     *INVARIANCE_CHECKS,
     *HARD_CHECKS,
 )
-"""All tests of a solver, in the order in which they are best read."""
+"""All tests of a solver, in the order in which they are best read and run.
+
+What a solver does to its process is looked at before other tests let it: what is changed once cannot be changed again.
+"""
 
 
 def _supported(solver: Solver) -> list[ContactProblem]:
@@ -340,9 +354,12 @@ def _calls(numbers: list[int]) -> str:
 @contextmanager
 def _captured() -> Iterator["_Reader"]:
     """Catch all that this process writes to standard output and standard error, also below Python."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = os.dup(1), os.dup(2)
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        kept = os.dup(1), os.dup(2)
+    except (OSError, ValueError, AttributeError):
+        raise Violation("it closed standard output or standard error; leave them open.") from None
     printed = io.StringIO()  # Python's own streams need not lead to the descriptors 1 and 2
     with tempfile.TemporaryFile() as file, redirect_stdout(printed), redirect_stderr(printed):
         os.dup2(file.fileno(), 1)
