@@ -6,6 +6,7 @@ With PROXBENCH_PROFILE=full each property is tried on five hundred problems.
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, tried
@@ -79,15 +80,27 @@ def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: Co
 
 @given(problem=problems, solver=solvers, tolerances=st.lists(st.sampled_from([1e-1, 1e-3, 1e-5, 1e-7]), min_size=2))
 def test_a_tighter_tolerance_ends_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float]) -> None:
+    end_no_worse(problem, solver, tolerances, STOP.max_seconds)
+
+
+def end_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float], max_seconds: float) -> None:
     if solver.supports(problem) is not None:
         return
     before = np.inf
     for tolerance in sorted(set(tolerances), reverse=True):
-        trial = tried(solver, problem, Stop(tolerance, STOP.max_iterations, STOP.max_seconds))
+        trial = tried(solver, problem, Stop(tolerance, STOP.max_iterations, max_seconds))
         if trial.solution.status is Status.TIME_LIMIT:
             return
         assert trial.residual <= max(before, tolerance) + 1e-13
         before = trial.residual
+
+
+@pytest.mark.parametrize("name", available())
+def test_a_tighter_tolerance_ends_no_worse_where_five_contacts_slide_and_the_convex_model_has_no_solution(
+    name: str,
+) -> None:
+    family = Family(n_contacts=5, dim=2, n_dofs=4, mass_range=0, density=0.6, friction=0.5, states=("slip",))
+    end_no_worse(with_solution(family, 1130), create(name), [1e-1, 1e-3, 1e-5, 1e-7], max_seconds=20.0)
 
 
 @st.composite
