@@ -63,8 +63,8 @@ JUMP = 0.1
 LONGEST_WAIT = 8
 """Most outer iterations from a refinement that failed to the next one."""
 
-FIRST_RESCUE = 10
-"""Outer iterations of a phase before Newton's method is tried thoroughly; then after twice as many, and so on."""
+FIRST_SEARCH = 4
+"""Outer iterations of a phase before Newton's method searches from one; then after twice as many, and so on."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ class _Outer:
                 return self._late(result)
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual(result.impulses, velocity)
-            if result.ended is not Ended.CONVERGED and residual > PROGRESS * lowest and floor < LOOSEST:
+            if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < LOOSEST:
                 floor *= LOOSENING
             waited = 0 if residual < PROGRESS * lowest else waited + 1
             found, reached = refining.after(result.impulses, residual, is_last=waited >= phase.patience)
@@ -246,12 +246,12 @@ class _Outer:
 
 
 class _Refining:
-    """When the iterates of one phase are refined: after failures less and less often, and thoroughly now and then."""
+    """When the iterates of one phase are refined: after failures less and less often, at the end by all means."""
 
     def __init__(self, outer: _Outer) -> None:
         self._outer = outer
         self._seen, self._wait, self._next = 0, 1, 2
-        self._rescue = FIRST_RESCUE
+        self._search = FIRST_SEARCH
 
     def after(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
         """Return what becomes of the next iterate: it, or better impulses, and the residual."""
@@ -259,9 +259,11 @@ class _Refining:
         tolerance = outer.stop.tolerance
         if not outer.prepared.refinement or residual <= tolerance:
             return impulses, residual
-        if self._seen >= self._rescue or is_last:
-            self._rescue = 2 * self._seen
+        if is_last:
             found, reached = outer.refinement.rescued(impulses, residual, tolerance, lambda: outer.is_in_time)
+        elif self._seen >= self._search:
+            self._search = 2 * self._seen
+            found, reached = outer.refinement.searched(impulses, residual, tolerance, lambda: outer.is_in_time)
         elif self._seen >= self._next:
             found, reached = outer.refinement.refined(impulses, residual, tolerance)
             self._wait = 1 if reached < JUMP * residual else min(2 * self._wait, LONGEST_WAIT)

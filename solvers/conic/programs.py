@@ -35,6 +35,7 @@ class Ended(StrEnum):
     """How one run of a conic solver ended."""
 
     CONVERGED = "its tolerances reached"
+    NEARLY = "its tolerances nearly reached"
     ITERATION_LIMIT = "its iteration limit"
     TIME_LIMIT = "its time limit"
     UNBOUNDED = "a ray along which the energy falls for ever"
@@ -167,6 +168,8 @@ class FactorsProgram:
 def _ended(status: Any) -> Ended:
     if status == clarabel.SolverStatus.Solved:
         return Ended.CONVERGED
+    if status == clarabel.SolverStatus.AlmostSolved:
+        return Ended.NEARLY
     infeasible = (clarabel.SolverStatus.PrimalInfeasible, clarabel.SolverStatus.AlmostPrimalInfeasible)
     unbounded = (clarabel.SolverStatus.DualInfeasible, clarabel.SolverStatus.AlmostDualInfeasible)
     if status in infeasible or status in unbounded:  # each form is the other's dual

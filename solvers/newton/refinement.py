@@ -14,7 +14,7 @@ from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from .linearised import Equations
-from .steps import THOROUGH, Attempt, newton_steps
+from .steps import SEARCHING, THOROUGH, Attempt, newton_steps
 
 CLOSE = Attempt(damping=1e-12, most_steps=4, patience=1)
 """What is tried on identified states: each step has to lower the residual, and by half to be followed by another."""
@@ -31,10 +31,16 @@ class Refinement:
         """Return better impulses [N s], shape (n_rows,), and their residual, or those given."""
         return self._tried((CLOSE,), impulses, residual, tolerance, lambda: True)
 
+    def searched(
+        self, impulses: FloatArray, residual: float, tolerance: float, goes_on: Callable[[], bool]
+    ) -> tuple[FloatArray, float]:
+        """As ``refined`` where states are not known to be right: more steps, and a search along them."""
+        return self._tried((SEARCHING,), impulses, residual, tolerance, goes_on)
+
     def rescued(
         self, impulses: FloatArray, residual: float, tolerance: float, goes_on: Callable[[], bool]
     ) -> tuple[FloatArray, float]:
-        """As ``refined`` where states are not known to be right: longer, damped and with a search along the steps."""
+        """As ``searched`` with all that Newton's method has."""
         return self._tried(THOROUGH, impulses, residual, tolerance, goes_on)
 
     def _tried(

@@ -49,6 +49,12 @@ SUCCESS = 0.1
 RESTART_SWEEPS = 128
 """Sweeps of one predictor after a restart."""
 
+RESTART_STEPS = 1000
+"""Iterations after which restarts are given up."""
+
+RESTART_WORK = 30_000
+"""Rows times iterations after which they are given up too: a Newton step costs in proportion to the rows, or more."""
+
 
 @dataclass(frozen=True)
 class SemismoothNewton:
@@ -134,7 +140,8 @@ class PreparedNewton:
 
         Every iterate counts and is shown, those of the predictors included; the monitor keeps the best.
         """
-        monitor = advance.monitor
+        monitor, began = advance.monitor, advance.iteration
+        most = min(RESTART_STEPS, RESTART_WORK // max(self.problem.n_rows, 1))
         predictors: tuple[Callable[[FloatArray], Iterates], ...] = (
             lambda start: BlockIterates(BlockSweep.over(self.problem, 1.0, True), start),
             lambda start: SafeguardedIterates(self.sweep, start),
@@ -142,7 +149,7 @@ class PreparedNewton:
         for predictor in predictors:
             iterates, done = predictor(first), 0
             advance.iterates = iterates
-            while done <= RESTART_SWEEPS:
+            while done <= RESTART_SWEEPS and advance.iteration - began < most:
                 impulses = iterates.impulses()
                 residual = self._judged(impulses)
                 if not np.isfinite(residual):

@@ -74,6 +74,9 @@ THOROUGH = tuple(
 )
 """What is tried where nothing else helps."""
 
+SEARCHING = THOROUGH[1]
+"""The one of them that helps most often."""
+
 
 def newton_steps(
     equations: Equations,
