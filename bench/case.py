@@ -16,6 +16,9 @@ from .outcome import Outcome, point_outcome
 from .plan import Limits
 from .worker import LARGEST_NUMBERS, Fault, Worker
 
+LONGEST_REASON = 2000
+"""Characters that are kept of what a solver says in words."""
+
 
 @dataclass
 class Case:
@@ -59,7 +62,7 @@ class Case:
         if not isinstance(refusal, str):
             self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
         elif refusal:
-            self._fail(Fault(Outcome.UNSUPPORTED, refusal))
+            self._fail(Fault(Outcome.UNSUPPORTED, refusal[:LONGEST_REASON]))
         else:
             short = Stop(1e-1, max_iterations=20, max_seconds=limits.solve_seconds)
             if self._ask("warm_up", short) is not None and (seen := self._ask("observe", self._stop(finest))):
@@ -99,7 +102,7 @@ class Case:
                 "tolerance": tolerance,
                 "outcome": outcome.value,
                 "status": status.value,
-                "reason": last["message"] or ("" if status is Status.SOLVED else status.sentence),
+                "reason": last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence),
                 "iterations": last["iterations"],
                 "residual": coulomb.residual,
                 "model_residual": own.residual,

@@ -9,8 +9,8 @@ from typing import Any
 
 from .outcome import Outcome
 
-_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""Characters that steer a terminal or turn text around."""
+_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that steer a terminal, turn text around, or are halves that no file can hold."""
 
 _OUTCOMES = {outcome.value for outcome in Outcome}
 
@@ -119,7 +119,7 @@ _POINT: dict[str, Check] = {
 }
 
 _MEASURED: dict[str, Check] = {
-    "iterations": lambda value: isinstance(value, int) and not isinstance(value, bool),
+    "iterations": _is_count,
     "repeats": _is_count,
     **dict.fromkeys(("residual", "model_residual", "impulse_error"), _is_number_or_null),
     **dict.fromkeys(("prepare_seconds", "solve_seconds", "total_seconds"), _dict_of(_is_number)),

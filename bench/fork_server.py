@@ -45,13 +45,14 @@ class KeeperLink:
         pipe: where requests to its case go and answers come from.
         orders: where it is told what to do, and tells how the case ended.
         process: its process id.
+        is_gone: whether it is known to have ended.
     """
 
     pipe: socket.socket
     orders: socket.socket
     process: int
+    is_gone: bool = False
     _told: bytes = b""
-    _is_gone: bool = False
 
     def tell(self, order: bytes) -> None:
         """Give it an order, if it still lives."""
@@ -60,17 +61,17 @@ class KeeperLink:
 
     def status(self, seconds: float) -> int | None:
         """Wait up to ``seconds`` until it has ended; return the wait status of its case, None if it told none."""
-        while not self._is_gone and is_readable(self.orders.fileno(), seconds):
+        while not self.is_gone and is_readable(self.orders.fileno(), seconds):
             told = b""
             with contextlib.suppress(OSError):
                 told = self.orders.recv(NUMBER.size)
             self._told += told
-            self._is_gone = not told
+            self.is_gone = not told
         return NUMBER.unpack(self._told)[0] if len(self._told) == NUMBER.size else None
 
     def kill(self) -> None:
         """Kill it, if it has not gone by itself."""
-        if not self._is_gone:
+        if not self.is_gone:
             send(signal.SIGKILL, [self.process])
 
     def close(self) -> None:

@@ -26,6 +26,10 @@ MARK_RATIO = 1.04
 """Ratio of that sequence."""
 
 
+MOST_ITERATIONS = 2**53
+"""Largest number of iterations that is believed; it is a whole number also where tables hold it as a float."""
+
+
 class MisbehaviourError(Exception):
     """A solver broke its contract; the text says how."""
 
@@ -152,7 +156,8 @@ class MeasuringTask:
 def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
     """Say why the answer to "round", which took ``wall_seconds`` from outside, cannot be one, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
-    if not (status in set(Status) and type(iterations) is int and isinstance(message, str)):
+    is_count = type(iterations) is int and 0 <= iterations <= MOST_ITERATIONS
+    if not (status in set(Status) and is_count and isinstance(message, str)):
         return "its process sent something that is no answer"
     try:
         times = np.array(answer["times"], dtype=np.float64)
@@ -170,7 +175,9 @@ def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
     fault = type_fault(solution)
     if fault:
         return fault
-    impulses = np.asarray(solution.impulses)
+    impulses = solution.impulses
+    if type(impulses) is not np.ndarray:  # what derives from it may tell every reader something else
+        return f"it returned impulses of type {type(impulses).__name__}, not a plain numpy array"
     if impulses.shape != (problem.n_rows,):
         return f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)"
     if impulses.dtype.kind != "f":
@@ -181,15 +188,20 @@ def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
 
 
 def type_fault(solution: Any) -> str | None:
-    """Say why ``solution`` is not a ``Solution`` with a status and a count of iterations, or None."""
+    """Say why ``solution`` is not a ``Solution`` with a status, a count of iterations and a message, or None."""
     if not isinstance(solution, Solution):
         return f"its solve returned {type(solution).__name__}, not a Solution"
     status: Any = solution.status
     count: Any = solution.iterations
+    message: Any = solution.message
     if not isinstance(status, Status):
         return f"it returned the status {status!r}, which is none"
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return f"it returned {str(count)[:60]} as its number of iterations, which is no whole number"
+    if not 0 <= count <= MOST_ITERATIONS:
+        return f"it returned a number of iterations that is {'negative' if count < 0 else 'beyond 2**53'}"
+    if not isinstance(message, str):
+        return f"it returned a message of type {type(message).__name__}, not text"
     return None
 
 

@@ -94,12 +94,18 @@ def run(
         raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
     store = Store.create(Path(results) / identity)
     planned = _planned(plan)
-    info = {"run_id": identity, "plan": planned, "machine": describe_machine(), "calibration_seconds": []}
+    info: dict[str, Any] = {
+        "run_id": identity,
+        "plan": planned,
+        "machine": describe_machine(),
+        "calibration_seconds": [],
+    }
     used = sources(planned["solvers"], planned["problems"])
     with store.alone():
         store.refuse_second()
-        store.write_info({**info, "plugins": used, "started": _now(), "finished": ""})
-        return _carry_out(plan, store, finished={}, on_event=on_event)
+        info |= {"plugins": used, "started": _now(), "finished": ""}
+        store.write_info(info)
+        return _carry_out(plan, store, info, finished={}, on_event=on_event)
 
 
 def resume(
@@ -136,11 +142,15 @@ def resume(
             for case in cases
             if not (retry_failed and case["outcome"] in FAULTS)
         }
-        return _carry_out(plan, store, finished, on_event)
+        return _carry_out(plan, store, info, finished, on_event)
 
 
 def _carry_out(
-    plan: Plan, store: Store, finished: dict[tuple[str, str], str], on_event: Callable[[Event], None]
+    plan: Plan,
+    store: Store,
+    info: dict[str, Any],
+    finished: dict[tuple[str, str], str],
+    on_event: Callable[[Event], None],
 ) -> Path:
     on_event(RunStarted(store.folder, plan.n_cases, len(finished)))
     calibration = [calibration_seconds()]
@@ -160,7 +170,7 @@ def _carry_out(
             calibration.append(calibration_seconds())
     except KeyboardInterrupt:
         raise InterruptedRunError(store.folder) from None
-    info = store.read_info()
+    store.restore()
     store.write_info({**info, "calibration_seconds": info["calibration_seconds"] + calibration, "finished": _now()})
     return store.folder
 

@@ -12,7 +12,7 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -32,6 +32,7 @@ class Store:
     """The folder of one run."""
 
     folder: Path
+    _written: dict[Path, bytes] = field(default_factory=dict, compare=False, repr=False)
 
     @staticmethod
     def create(folder: Path) -> "Store":
@@ -97,7 +98,7 @@ class Store:
 
     def write_info(self, info: dict[str, Any]) -> None:
         """Write run.json."""
-        _write(self.folder / "run.json", info)
+        self._write(self.folder / "run.json", info)
 
     def read_info(self) -> dict[str, Any]:
         """Return run.json.
@@ -114,7 +115,21 @@ class Store:
     def write_case(self, case: dict[str, Any]) -> None:
         """Write one finished case, its names and texts as they can be shown anywhere."""
         case = printable(case)
-        _write(self._case_file(case["problem"], case["solver"]), case)
+        self._write(self._case_file(case["problem"], case["solver"]), case)
+
+    def restore(self) -> None:
+        """Write again what was written before and is gone or another now: a plugin may do what its user may.
+
+        Raises:
+            BenchError: if it cannot be written.
+        """
+        for path, content in self._written.items():
+            if not _holds(path, content):
+                _put(path, content)
+
+    def _write(self, path: Path, content: dict[str, Any]) -> None:
+        self._written[path] = _text(content)
+        _put(path, self._written[path])
 
     def read_cases(self) -> tuple[list[dict[str, Any]], list[str]]:
         """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored."""
@@ -145,17 +160,29 @@ def plain_name(name: str) -> str:
     return f"{plain[:51]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
-def _write(path: Path, content: dict[str, Any]) -> None:
-    """Write JSON with its checksum to a temporary file beside ``path``, then put it in place."""
+def _text(content: dict[str, Any]) -> bytes:
+    """Return content as JSON with its checksum."""
     body = {"format": FORMAT, **content}
-    text = json.dumps({**_plain(body), "checksum": _checksum(_plain(body))}, indent=1, ensure_ascii=False)
+    return json.dumps({**_plain(body), "checksum": _checksum(_plain(body))}, indent=1, ensure_ascii=False).encode()
+
+
+def _put(path: Path, content: bytes) -> None:
+    """Write to a temporary file beside ``path``, then put it in place; a folder that is gone is made again."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:
-            file.write(text.encode())
+            file.write(content)
     except OSError as error:
         raise BenchError(
             f"cannot write {path}: {error.strerror}; make room or choose another --results folder."
         ) from None
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    try:
+        return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+    except OSError:
+        return False
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -167,6 +167,8 @@ class Worker:
 
     def _death(self) -> str:
         status = self._keeper.status(END_SECONDS)
+        if status is None and not self._keeper.is_gone:
+            return "its process closed its connection to the run"
         if status is None:
             return "its process ended together with its keeper"
         if os.WIFEXITED(status):

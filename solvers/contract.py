@@ -87,9 +87,9 @@ def prepared_fault(prepared: Any) -> str | None:
 
 def reason_fault(reason: Any) -> str | None:
     """Say what is wrong with an answer of ``supports``, or None."""
-    if reason is None or isinstance(reason, str):
+    if reason is None or (isinstance(reason, str) and reason.strip()):
         return None
-    return f"its supports returned {str(reason)[:60]}; return None for a problem it takes, else the reason in words"
+    return f"its supports returned {reason!r:.60}; return None for a problem it takes, else the reason in words"
 
 
 def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: dict[str, Any]) -> str | None:

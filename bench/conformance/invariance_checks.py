@@ -89,7 +89,10 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
     """
     if solver.supports(other.problem) is not None:
         return None
-    again = tried(solver, _called(other.problem, f"{trial.problem.name} {how}"), STOP)
+    try:
+        again = tried(solver, _called(other.problem, f"{trial.problem.name} {how}"), STOP)
+    except Violation as violation:
+        raise Violation(f"all is well with {trial.problem.name} as it was, but {violation}") from None
     if again.solution.status is Status.TIME_LIMIT:
         return None
     if again.is_solved:

@@ -11,6 +11,7 @@ import pickle
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
@@ -22,12 +23,13 @@ from ...problems.judge import judge
 from ...problems.laws import FloatArray
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
 from ...solvers.interface import Prepared, Solution, Solver, Status, Stop, shows_iterates
-from ..measure import solution_fault
 from ..outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
 from .samples import at_rest, empty, infeasible, random_contacts, samples
+from .surroundings_checks import SURROUNDINGS_CHECKS
+from .trial import expect_finite, expect_form
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances at which claims are held to the judge."""
@@ -64,11 +66,16 @@ def travels(solver: Solver) -> None:
 
 
 def refuses_through_supports(solver: Solver) -> None:
-    """``supports`` says None or a reason in words, and what it lets through is solved without an exception."""
+    """``supports`` says None or a reason in words, always the same, and what it lets through is solved."""
     for problem in samples():
         fault = reason_fault(solver.supports(problem))
         if fault:
             raise Violation(f"on {problem.name}: {fault}.")
+        answers = {solver.supports(problem.fresh()) is None for _ in range(3)}
+        if len(answers) > 1:
+            raise Violation(
+                f"asked again whether it supports {problem.name} it says otherwise; let nothing but the problem decide."
+            )
     for problem in _supported(solver):
         status = _solve(solver, problem, MODEST).status
         if status is Status.UNSUPPORTED:
@@ -81,15 +88,7 @@ def returns_finite_impulses(solver: Solver) -> None:
     """Whatever the status, the impulses are finite floats of shape (n_rows,)."""
     for problem in _supported(solver):
         for stop in (MODEST, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
-            solution = _solve(solver, problem, stop)
-            fault = solution_fault(problem, solution)
-            if fault:
-                raise Violation(f"on {problem.name}: {fault}.")
-            if not np.isfinite(solution.impulses).all():
-                raise Violation(
-                    f"on {problem.name} it returned impulses that are not finite, with status {solution.status}; "
-                    "return the best finite iterate."
-                )
+            expect_finite(problem, _solve(solver, problem, stop))
 
 
 def leaves_inputs_untouched(solver: Solver) -> None:
@@ -258,9 +257,12 @@ def obeys_time_limit(solver: Solver) -> None:
 def is_silent(solver: Solver) -> None:
     """Nothing is printed or warned of, by Python or by a library below it."""
     problem = _supported(solver)[0]
-    with _captured() as read:
+    with _captured() as read, warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")  # also those that were shown before, in other tests
         _solve(solver, problem, MODEST)
     said = read().strip()
+    if warned:
+        raise Violation(f"it warned of {str(warned[0].message)[:100]!r}; say it in Solution.message.")
     if said:
         raise Violation(f"it printed {said.splitlines()[0][:100]!r}; say it in Solution.message.")
 
@@ -287,6 +289,7 @@ def _check(name: str, test: object) -> Check[Solver]:
 SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     _check("interface", keeps_to_interface),
     _check("travels", travels),
+    *SURROUNDINGS_CHECKS,
     _check("supports", refuses_through_supports),
     _check("finite", returns_finite_impulses),
     _check("inputs untouched", leaves_inputs_untouched),
@@ -304,7 +307,10 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     *INVARIANCE_CHECKS,
     *HARD_CHECKS,
 )
-"""All tests of a solver, in the order in which they are best read."""
+"""All tests of a solver, in the order in which they are best read and run.
+
+What a solver does to its process is looked at before other tests let it: what is changed once cannot be changed again.
+"""
 
 
 def _supported(solver: Solver) -> list[ContactProblem]:
@@ -322,9 +328,7 @@ def _prepared(solver: Solver, problem: ContactProblem) -> Prepared:
 
 def _solve(solver: Solver, problem: ContactProblem, stop: Stop) -> Solution:
     solution = _prepared(solver, problem).solve(stop)
-    fault = solution_fault(problem, solution)
-    if fault:
-        raise Violation(f"on {problem.name}: {fault}.")
+    expect_form(problem, solution)
     return solution
 
 
@@ -350,9 +354,12 @@ def _calls(numbers: list[int]) -> str:
 @contextmanager
 def _captured() -> Iterator["_Reader"]:
     """Catch all that this process writes to standard output and standard error, also below Python."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = os.dup(1), os.dup(2)
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        kept = os.dup(1), os.dup(2)
+    except (OSError, ValueError, AttributeError):
+        raise Violation("it closed standard output or standard error; leave them open.") from None
     printed = io.StringIO()  # Python's own streams need not lead to the descriptors 1 and 2
     with tempfile.TemporaryFile() as file, redirect_stdout(printed), redirect_stderr(printed):
         os.dup2(file.fileno(), 1)

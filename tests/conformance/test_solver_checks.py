@@ -1,120 +1,27 @@
 """Each check notices the fault that it is there for, and tells it in a sentence."""
 
 import os
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
+import faulty_solver
 import numpy as np
 import pytest
+from faulty_solver import DEEDS, Faulty
 from proxbench.bench.conformance import PROBLEM_CHECKS, SOLVER_CHECKS, NotApplicable, Violation
-from proxbench.problems import Answer, ContactProblem, Model
-from proxbench.solvers import Prepared, Solution, Status, Stop, create
+from proxbench.bench.conformance.trial import meet_answer
+from proxbench.problems import Answer, ContactProblem
 
 CHECKS = {check.name: check for check in SOLVER_CHECKS}
 OF_PROBLEMS = {check.name: check for check in PROBLEM_CHECKS}
 
-MISNAMED = {
-    ("blind to infeasibility", Status.INFEASIBLE): Status.ITERATION_LIMIT,
-    ("infeasible in doubt", Status.STALLED): Status.INFEASIBLE,
-    ("absolute", Status.STALLED): Status.SOLVED,
-    ("never oscillates", Status.OSCILLATING): Status.ITERATION_LIMIT,
-}
-"""What a faulty solver says instead of what is true."""
 
-SPOILED: dict[str, Callable[[Solution], Any]] = {
-    "nan": lambda solution: replace(solution, impulses=np.full_like(solution.impulses, np.nan), status=Status.DIVERGED),
-    "shape": lambda solution: replace(solution, impulses=np.zeros(len(solution.impulses) + 1)),
-    "None": lambda solution: None,
-    "count": lambda solution: replace(solution, iterations=1.5),
-    "gives up": lambda solution: Solution(np.zeros_like(solution.impulses), Status.STALLED, 0),
-    "zero": lambda solution: Solution(np.zeros_like(solution.impulses), Status.SOLVED, 0),
-    "unsupported": lambda solution: replace(solution, status=Status.UNSUPPORTED),
-}
-"""What a faulty solver returns whatever it has found."""
-
-
-@dataclass(frozen=True)
-class Faulty:
-    """Solves as SORprox does, but for one fault."""
-
-    fault: str
-
-    model: ClassVar[Model] = Model.COULOMB
-
-    @property
-    def name(self) -> str:
-        return f"Faulty(fault={self.fault!r})"
-
-    @property
-    def has_iterates(self) -> bool:
-        return self.fault != "no iterates"
-
-    def supports(self, problem: ContactProblem) -> Any:
-        if self.fault == "supports nothing":
-            return "it is Monday"
-        return True if self.fault == "supports True" else None
-
-    def prepare(self, problem: ContactProblem) -> Any:
-        if self.fault == "no solve":
-            return 3
-        return _Faulty(
-            self.fault,
-            problem,
-            create("SORprox", relaxation=1.0 if self.fault == "never oscillates" else 0.5).prepare(problem),
-        )
-
-
-@dataclass
-class _Faulty:
-    fault: str
-    problem: ContactProblem
-    inner: Prepared
-    solves: int = 0
-
-    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Any:
-        self.solves += 1
-        if self.fault == "cold":
-            start = None
-        if self.fault == "writes start" and start is not None:
-            start[:1] = 7.0
-        if self.fault == "no limit":
-            stop = replace(stop, max_iterations=10**5)
-        if self.fault == "late":
-            time.sleep(1.3 if stop.max_seconds < 0.5 else 0.0)
-        if self.fault == "prints":
-            print("hello")
-        if self.fault == "prints below":
-            os.write(1, b"hello from below")
-        if self.fault == "coarse when observed" and observe is not None:
-            stop = replace(stop, tolerance=1e3 * stop.tolerance)
-        solution = self.inner.solve(stop, start=start, observe=None if self.fault == "blind" else observe)
-        return self.spoiled(solution, stop)
-
-    def spoiled(self, solution: Solution, stop: Stop) -> Any:
-        impulses = solution.impulses
-        if self.fault == "writes problem":
-            values = self.problem.free_velocity
-            values.setflags(write=True)
-            values[:1] += 1.0
-        if self.fault in SPOILED:
-            return SPOILED[self.fault](solution)
-        if self.fault == "lies":
-            return replace(solution, impulses=0.9 * impulses, status=Status.SOLVED)
-        if (self.fault, solution.status) in MISNAMED:
-            return replace(solution, status=MISNAMED[self.fault, solution.status])
-        if self.fault == "never zero":
-            return replace(solution, impulses=impulses + 1e-15)
-        if self.fault == "forgetful":
-            return replace(solution, impulses=impulses + 1e-9 * self.solves)
-        if self.fault == "knows metres only" and np.abs(self.problem.free_velocity).max(initial=0.0) > 1e3:
-            return replace(solution, status=Status.STALLED)
-        if self.fault == "returns the last" and stop.tolerance < 1e-7:
-            return replace(solution, impulses=0.5 * impulses, status=Status.ITERATION_LIMIT)
-        if self.fault == "empty unsolved" and not len(impulses):
-            return replace(solution, status=Status.STALLED)
-        return solution
+@pytest.fixture(autouse=True)
+def _forgotten() -> Iterator[None]:
+    faulty_solver.memory.clear()
+    yield
+    faulty_solver.memory.clear()
 
 
 @pytest.mark.parametrize(
@@ -123,6 +30,8 @@ class _Faulty:
         ("no solve", "interface", "returned an int, which has no method solve(stop, start=None, observe=None)"),
         ("supports nothing", "useful", "refuses all 20 small problems, the first because it is Monday"),
         ("supports True", "supports", "its supports returned True"),
+        ("supports without words", "supports", "its supports returned ' '; return None"),
+        ("supports at random", "supports", "it says otherwise; let nothing but the problem decide"),
         ("unsupported", "supports", "let supports say why"),
         ("None", "finite", "returned NoneType, not a Solution"),
         ("shape", "finite", "of shape"),
@@ -150,8 +59,25 @@ class _Faulty:
         ("writes problem", "hard spheres", "changed the numbers of hard-incline"),
         ("never oscillates", "cycles", "in a cycle of two, and it ends at the iteration limit"),
         ("returns the last", "tolerances", "a tolerance of 1e-08 ends at a residual of"),
+        ("remembers contacts in any order", "order", "all is well with 8 frictionless contacts as it was, but it"),
+        ("remembers tangents of any direction", "tangents", "with its tangents turned to 1e-06, but the judge"),
+        ("counts copies twice", "copies", "with contact 0 written twice to 1e-06, but the judge"),
+        ("lies on hard-identical-contacts", "hard supports", "claims to have solved hard-identical-contacts"),
+        ("lies on hard-cradle-100", "hard stacks", "claims to have solved hard-cradle-100"),
+        ("lies on hard-arch-30", "hard wedges", "claims to have solved hard-arch-30"),
+        ("lies on hard-many-rods", "hard rods", "claims to have solved hard-many-rods"),
+        ("lies on hard-scattered-3000", "hard spheres", "claims to have solved hard-scattered-3000"),
+        ("lies on hard-grazing-10", "hard degenerate", "claims to have solved hard-grazing-10"),
+        ("lies on hard-disconnected-parts", "hard mixed", "claims to have solved hard-disconnected-parts"),
+        ("lies on hard-braced-mu10", "hard random", "claims to have solved hard-braced-mu10"),
+        ("list", "finite", "impulses of type list, not a plain numpy array"),
+        ("masked", "finite", "impulses of type MaskedArray, not a plain numpy array"),
+        ("negative count", "finite", "a number of iterations that is negative"),
+        ("enormous count", "finite", "a number of iterations that is beyond 2**53"),
+        ("no text", "finite", "a message of type int, not text"),
         ("prints", "silent", "'hello'"),
         ("prints below", "silent", "'hello from below'"),
+        ("warns", "silent", "it warned of 'look here'; say it"),
     ],
 )
 def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> None:
@@ -163,6 +89,10 @@ def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> 
     assert "\n" not in sentence
 
 
+SOON = ("remembers tangents of any direction", "counts copies twice", "moves")
+"""Faults that are tried with all checks even where time is short."""
+
+
 @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
 def test_without_a_fault_every_check_is_passed(check: Any) -> None:
     check.run(Faulty(""))
@@ -172,6 +102,123 @@ def test_without_a_fault_every_check_is_passed(check: Any) -> None:
 def test_a_solver_without_iterates_is_not_asked_for_them(check: str) -> None:
     with pytest.raises(NotApplicable, match="has_iterates is False"):
         CHECKS[check].run(Faulty("no iterates"))
+
+
+ALONE = {
+    "odd has_iterates": {"interface"},
+    "stays at home": {"travels"},
+    **{deed: {"process"} for deed in DEEDS},
+    "supports at random": {"supports"},
+    "nan when cut short": {"finite"},
+    "writes start": {"inputs untouched", "warm start"},
+    "counts on": {"deterministic"},
+    "lies at 1e-4": {"truthful", "tolerances"},
+    "never done": {"useful"},
+    "blind to infeasibility": {"infeasible"},
+    "never zero": {"at rest", "hard stacks", "hard degenerate"},
+    "empty unsolved": {"no contacts"},
+    "blind": {"observed"},
+    "coarse when observed": {"observed"},
+    "cold": {"warm start"},
+    "no limit": {"iteration limit"},
+    "late": {"time limit"},
+    "prints": {"silent"},
+    "prints below": {"silent"},
+    "warns": {"silent"},
+    "knows metres only": {"units"},
+    "remembers contacts in any order": {"order", "copies"},
+    "remembers tangents of any direction": {"tangents"},
+    "counts copies twice": {"copies"},
+    "returns the last": {"tolerances"},
+    "never oscillates": {"cycles"},
+    "absolute": {"hard stacks", "hard wedges", "hard degenerate"},
+    "infeasible in doubt": {"hard stacks", "hard wedges"},
+    "lies on hard-identical-contacts": {"hard supports"},
+    "lies on hard-cradle-100": {"hard stacks"},
+    "lies on hard-arch-30": {"hard wedges"},
+    "lies on hard-many-rods": {"hard rods"},
+    "lies on hard-scattered-3000": {"hard spheres"},
+    "lies on hard-grazing-10": {"hard degenerate"},
+    "lies on hard-disconnected-parts": {"hard mixed"},
+    "lies on hard-braced-mu10": {"hard random"},
+}
+"""Faults of which few checks are to tell, and those checks."""
+
+
+@pytest.mark.parametrize("fault", ALONE)
+def test_a_fault_is_noticed_by_no_other_check(fault: str) -> None:
+    if fault not in SOON and os.environ.get("PROXBENCH_PROFILE") != "full":
+        pytest.skip("seconds each; PROXBENCH_PROFILE=full tries it")
+    assert set(in_a_process(lambda: "\n".join(broken_by(fault))).splitlines()) == ALONE[fault]
+
+
+def test_every_check_has_a_fault_that_few_others_notice() -> None:
+    assert set().union(*ALONE.values()) == set(CHECKS)
+
+
+def broken_by(fault: str) -> list[str]:
+    """Names of the checks that a fault breaks, all of them run on it."""
+    return [name for name, check in CHECKS.items() if breaks(check, fault)]
+
+
+def breaks(check: Any, fault: str) -> bool:
+    faulty_solver.memory.clear()
+    try:
+        check.run(Faulty(fault))
+    except Violation:
+        return True
+    except NotApplicable:
+        return False
+    return False
+
+
+def in_a_process(act: Callable[[], str]) -> str:
+    """What ``act`` returns in a forked process, which it may leave as it likes."""
+    reading, writing = os.pipe()
+    if os.fork() == 0:
+        try:
+            os.write(writing, act().encode())
+        finally:
+            os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as told:
+        said = told.read()
+    os.wait()
+    return said
+
+
+def the_violation(check: str, fault: str) -> str:
+    try:
+        CHECKS[check].run(Faulty(fault))
+    except Violation as violation:
+        return str(violation)
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("deed", "words"),
+    [
+        ("moves", "changed the working folder; put back"),
+        ("raises errors of numpy", "changed numpy's error state"),
+        ("draws from numpy", "changed numpy's global random state"),
+        ("sets the environment", "changed the environment"),
+        ("hears signals", "changed signal handlers"),
+        ("starts a thread", "threads running; end them"),
+        ("starts a process", "processes running; end them"),
+        ("replaces the judge", "replaced proxbench.bench.conformance.trial.judge; leave alone"),
+        ("replaces the clock", "replaced time.perf_counter; leave alone"),
+    ],
+)
+def test_what_a_solver_does_to_its_process_is_told(deed: str, words: str) -> None:
+    assert words in in_a_process(lambda: the_violation("process", deed))
+
+
+def test_an_answer_that_is_missed_is_told() -> None:
+    problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1, name="a point")
+    for wrong in (Answer(impulses=(np.full(1, 0.5),)), Answer(velocity=np.ones(1))):
+        with pytest.raises(Violation, match=r"on a point it misses the known answer by 1\.0e\+00"):
+            meet_answer(replace(problem, answer=wrong), np.ones(1))
+    meet_answer(replace(problem, answer=Answer(impulses=(np.ones(1),), velocity=np.zeros(1))), np.ones(1))
 
 
 def test_a_solver_that_cannot_be_sent_to_another_process_is_told() -> None:

@@ -13,6 +13,7 @@ DEEDS = {
     "raise": (CRASHED, "RuntimeError: the plugin gave up"),
     "raise badly": (CRASHED, "BadlyToldError"),
     "refuse badly": (CRASHED, "nobody knows"),
+    "raise anything": (CRASHED, "NoOrdinaryError: nobody catches it"),
     "interrupt": (CRASHED, "KeyboardInterrupt"),
     "leave": (CRASHED, "SystemExit: enough"),
     "recur": (CRASHED, "RecursionError"),
@@ -22,10 +23,21 @@ DEEDS = {
     "status": (MISBEHAVED, "'perfect'"),
     "nan": (MISBEHAVED, "not finite"),
     "lie": (MEASURED, "wrong"),
+    "mask": (MISBEHAVED, "type MaskedArray"),
+    "count down": (MISBEHAVED, "iterations that is negative"),
+    "count on": (MISBEHAVED, "iterations that is beyond"),
+    "refuse without words": (MISBEHAVED, "its supports returned ' '"),
+    "refuse at length": ("unsupported", "never never"),
+    "whisper": (MEASURED, ""),
+    "explain": (MEASURED, ""),
     "talk": (MISBEHAVED, "no answer"),
     "exit": (CRASHED, "exit code 7"),
     "segfault": (CRASHED, "SIGSEGV"),
     "abort": (CRASHED, "SIGABRT"),
+    "set an alarm": (CRASHED, "SIGALRM"),
+    "stop itself": (TIMEOUT, "4 s"),
+    "hang up": (CRASHED, "closed its connection"),
+    "leave slowly": (MEASURED, ""),
     "sleep": (TIMEOUT, "4 s"),
     "spin": (TIMEOUT, "4 s"),
     "allocate": ("out of memory", "256 MB"),
@@ -97,6 +109,7 @@ def test_no_process_and_no_temporary_file_is_left(disturbance: Disturbance) -> N
 def test_the_culprit_is_told_for_what_it_did(disturbance: Disturbance, deed: str) -> None:
     case, (outcome, words) = disturbance.cases[f"Misbehaving({deed})"], DEEDS[deed]
     assert case["outcome"] == outcome, case["reason"] + case["traceback"] + case["stderr"]
+    assert len(case["reason"]) <= 2000
     if outcome == MEASURED:
         assert [point["outcome"] for point in case["points"]][-1:] == [words or "solved"]
     else:

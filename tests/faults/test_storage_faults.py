@@ -89,13 +89,36 @@ def test_a_full_disk_and_a_read_only_one(sandbox: Sandbox, undisturbed: Path, sm
     assert finished(sandbox, folder) == verdicts(undisturbed)
 
 
-def test_a_folder_that_vanishes_is_told(sandbox: Sandbox) -> None:
-    gone = "on_event=lambda event: __import__('shutil').rmtree({!r}, ignore_errors=True)".format(
-        str(sandbox.results / "it")
-    )
-    done = sandbox.run(f"run({SMALL}, results={str(sandbox.results)!r}, run_id='it', {gone})")
-    assert "BenchError: cannot write" in done.stderr.strip().splitlines()[-1]
+SPOILED = {
+    "vanishes": "shutil.rmtree({folder!r}, ignore_errors=True)",
+    "is emptied": "[os.truncate(file, 0) for file in glob.glob({folder!r} + '/**/*.json', recursive=True)]",
+    "is written over": "[open(file, 'w').write('[]') for file in glob.glob({folder!r} + '/**/*.json', recursive=True)]",
+    "gets pipes": "[(os.unlink(file), os.mkfifo(file)) for file in glob.glob({folder!r} + '/*/*.json')]",
+}
+"""What somebody, a plugin perhaps, does to the folder of a run again and again."""
+
+
+@pytest.mark.parametrize("how", SPOILED)
+def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(how: str, sandbox: Sandbox, undisturbed: Path) -> None:
+    folder = sandbox.results / "it"
+    deed = SPOILED[how].format(folder=str(folder))
+    spoil = f"import glob, os, shutil\ndef spoil(event):\n    {deed}\n"
+    done = sandbox.run(f"{spoil}run({SMALL}, results={str(sandbox.results)!r}, run_id='it', on_event=spoil)")
+    assert done.returncode == 0, done.stderr
+    assert verdicts(folder) == verdicts(undisturbed)
+    assert load(folder).info["finished"]
     assert sandbox.left_behind() == []
+
+
+def test_a_folder_that_cannot_be_made_again_is_told(sandbox: Sandbox) -> None:
+    folder = sandbox.results / "it"
+    spoil = (
+        "import pathlib, shutil\n"
+        f"def spoil(event):\n    shutil.rmtree({str(folder)!r}, True); pathlib.Path({str(folder)!r}).touch()\n"
+    )
+    done = sandbox.run(f"{spoil}run({SMALL}, results={str(sandbox.results)!r}, run_id='it', on_event=spoil)")
+    assert "BenchError: cannot write" in done.stderr.strip().splitlines()[-1]
+    assert not [left for left in sandbox.left_behind() if left != str(folder)]
 
 
 def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) -> None:

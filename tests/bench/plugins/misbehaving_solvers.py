@@ -1,5 +1,6 @@
 """Solvers that break every rule, each in its own way, to be run in a child process."""
 
+import atexit
 import contextlib
 import ctypes
 import gc
@@ -40,17 +41,38 @@ class Misbehaving:
             return f"it misbehaves on {self.only} alone"
         if self.deed == "refuse badly":
             raise RuntimeError("nobody knows")
-        return None
+        return {"refuse at length": "never " * 10**6, "refuse without words": " "}.get(self.deed)
 
     def prepare(self, problem: ContactProblem) -> "_Prepared":
         return _Prepared(problem, self.deed)
 
 
-_ONCE = {"print gigabytes", "start threads", "start processes", "run away", "return twice", "move", "litter"}
+_ONCE = {
+    "print gigabytes",
+    "start threads",
+    "start processes",
+    "run away",
+    "return twice",
+    "move",
+    "litter",
+    "leave slowly",
+}
 """Deeds that stay done, so that doing them in every solve would only take time."""
+
+_kept: list[object] = []
+"""What lives until its process ends."""
 
 _done: set[str] = set()
 """Deeds done by this process."""
+
+
+class SlowToGo:
+    def __del__(self) -> None:
+        time.sleep(1000)
+
+
+class NoOrdinaryError(BaseException):
+    pass
 
 
 class BadlyToldError(Exception):
@@ -78,6 +100,9 @@ class _Prepared:
     def do_raise_badly(self, solution: Solution) -> object:
         raise BadlyToldError
 
+    def do_raise_anything(self, solution: Solution) -> object:
+        raise NoOrdinaryError("nobody catches it")
+
     def do_interrupt(self, solution: Solution) -> object:
         raise KeyboardInterrupt
 
@@ -104,6 +129,21 @@ class _Prepared:
 
     def do_lie(self, solution: Solution) -> object:
         return Solution(np.zeros(self.problem.n_rows), Status.SOLVED, 1)
+
+    def do_count_down(self, solution: Solution) -> object:
+        return Solution(solution.impulses, solution.status, -5)
+
+    def do_count_on(self, solution: Solution) -> object:
+        return Solution(solution.impulses, solution.status, 10**5000)
+
+    def do_mask(self, solution: Solution) -> object:
+        return Solution(np.ma.masked_array(solution.impulses, mask=True), solution.status, 1)
+
+    def do_whisper(self, solution: Solution) -> object:
+        return Solution(solution.impulses, solution.status, solution.iterations, "half \ud800 of a letter")
+
+    def do_explain(self, solution: Solution) -> object:
+        return Solution(solution.impulses, solution.status, solution.iterations, "well " * 10**6)
 
     def do_talk(self, solution: Solution) -> object:
         return Solution(solution.impulses, solution.status, solution.iterations, "m" * 2**25)
@@ -168,6 +208,26 @@ class _Prepared:
         os.closerange(0, 1000)
         return solution
 
+    def do_hang_up(self, solution: Solution) -> object:
+        os.closerange(3, 1000)
+        time.sleep(1000)
+        return solution
+
+    def do_stop_itself(self, solution: Solution) -> object:
+        os.kill(os.getpid(), signal.SIGSTOP)
+        return solution
+
+    def do_set_an_alarm(self, solution: Solution) -> object:
+        signal.alarm(1)
+        time.sleep(1000)
+        return solution
+
+    def do_leave_slowly(self, solution: Solution) -> object:
+        atexit.register(time.sleep, 1000)
+        threading.Thread(target=time.sleep, args=(1000,)).start()
+        _kept.append(SlowToGo())
+        return solution
+
     def do_litter(self, solution: Solution) -> object:
         tempfile.mkdtemp()
         tempfile.mkstemp()
@@ -225,7 +285,7 @@ def patch_everything() -> None:
 
     flatter: Any = lambda *arguments, **options: judging  # noqa: E731
     for module in (proxbench.bench.case, proxbench.bench.outcome, proxbench.bench.store, proxbench.problems):
-        for name in ("judge", "point_outcome", "_write", "Residual"):
+        for name in ("judge", "point_outcome", "_put", "Residual"):
             if hasattr(module, name):
                 setattr(module, name, flatter)
     time.time = time.monotonic = time.perf_counter = lambda: 0.0

@@ -1,0 +1,57 @@
+"""The promise that a solver leaves the process it works in as it was."""
+
+import time
+
+from ...solvers.interface import Solver, Stop
+from ..surroundings import Surroundings
+from .checks import Check, NotApplicable, Violation
+from .samples import samples
+
+STOP = Stop(1e-4, max_iterations=200, max_seconds=0.5)
+"""What is asked of each problem."""
+
+PATIENCE_SECONDS = 1.0
+"""What a thread or a process may take to end after it was told to [s]."""
+
+
+def leaves_process_alone(solver: Solver) -> None:
+    """The process stays as it was: nothing of others replaced, no setting changed, nothing left running."""
+    supported = [problem for problem in samples() if solver.supports(problem) is None]
+    if not supported:
+        raise NotApplicable("it supports none of the small problems")
+    before = Surroundings.now()
+    for problem in supported:
+        solver.prepare(problem).solve(STOP)
+    _hold_to(before)
+
+
+def replaced_names(before: Surroundings) -> str:
+    """Say what has been replaced since, or nothing."""
+    replaced = before.replaced()
+    more = " and more" if replaced[1:] else ""
+    return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
+
+
+def _hold_to(before: Surroundings) -> None:
+    fault = replaced_names(before)
+    if fault:
+        raise Violation(f"{fault}.")
+    changed = before.changed()
+    if changed:
+        raise Violation(f"it changed {_listed(changed)}; put back what belongs to all before solve returns.")
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while before.left() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    left = before.left()
+    if left:
+        raise Violation(f"it left {_listed(left)} running; end them before solve returns.")
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+SURROUNDINGS_CHECKS: tuple[Check[Solver], ...] = (
+    Check("process", (leaves_process_alone.__doc__ or "").strip(), leaves_process_alone),
+)
+"""The test of what a solver does to its process."""
