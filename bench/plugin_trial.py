@@ -6,6 +6,7 @@ the framework: the judge of all solvers runs where plugin files are imported.
 
 import atexit
 import contextlib
+import faulthandler
 import gc
 import json
 import os
@@ -112,6 +113,7 @@ def _import_and_leave(file: PluginFile, writing: int, parent: int) -> None:
         os.setsid()
         adopt_orphans()
         die_with(parent)
+        faulthandler.disable()  # how it ends is told in a sentence
         atexit._clear()  # what the run has registered is not this process's to do
         silence = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):
