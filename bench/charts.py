@@ -6,8 +6,8 @@ from typing import Any
 import altair as alt
 import numpy as np
 import pandas as pd
-import vl_convert
 
+from .drawing import write_drawing
 from .errors import BenchError
 from .frames import RunFrames
 from .outcome import Outcome
@@ -27,8 +27,6 @@ CROSS = "M-1,-1L1,1M-1,1L1,-1"
 
 LARGEST_RESIDUAL = 1e3
 """Curves of diverging solvers leave the chart here, so that those of the others keep their shape."""
-
-PNG_SCALE = 2.0
 
 _TIME_TITLE = "time to solve, preparing included [ms] (better below)"
 
@@ -119,22 +117,17 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
     """
     files = []
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for problem in frames.cases["problem"].unique():
-            charts = {}
-            if len(_drawable(frames.points, problem)):
-                charts["work-precision"] = work_precision(frames, problem)
-            if len(_drawable(frames.iterations, problem)):
-                charts["convergence"] = convergence(frames, problem)
-            for kind, chart in charts.items():
-                specification = chart.to_json()
-                svg, png = (folder / f"{plain_name(problem)}-{kind}.{suffix}" for suffix in ("svg", "png"))
-                drawn = vl_convert.vegalite_to_svg(specification)
-                svg.write_text(drawn, encoding="utf-8")
-                png.write_bytes(vl_convert.svg_to_png(drawn, scale=PNG_SCALE))
-                files += [svg, png]
+        folder.mkdir(parents=True, exist_ok=True)  # it is named to users even if there is nothing to draw
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
+    for problem in frames.cases["problem"].unique():
+        charts = {}
+        if len(_drawable(frames.points, problem)):
+            charts["work-precision"] = work_precision(frames, problem)
+        if len(_drawable(frames.iterations, problem)):
+            charts["convergence"] = convergence(frames, problem)
+        for kind, chart in charts.items():
+            files += write_drawing(chart, folder / f"{plain_name(problem)}-{kind}")
     return files
 
 

@@ -3,7 +3,6 @@
 import shutil
 import textwrap
 import time
-from dataclasses import dataclass
 from typing import Any
 
 from ..problems.plugin_files import PluginFile
@@ -12,37 +11,14 @@ from .conformance import PROBLEM_CHECKS, SOLVER_CHECKS
 from .conformance.task import CheckingTask
 from .errors import BenchError
 from .outcome import Outcome
-from .worker import Fault, Worker
+from .renewed_worker import RenewedWorker
+from .worker import Fault
 
 CHECK_SECONDS = 60.0
 """Time limit of one check [s]."""
 
 MEMORY_BYTES = 2**31
 """Memory that checks may take beyond what the framework itself needs."""
-
-
-@dataclass
-class _Process:
-    """A process that runs checks, replaced by a fresh one when it has been crashed or kept too long."""
-
-    seconds: float
-    _worker: Worker | None = None
-
-    def ask(self, request: str, *arguments: Any) -> dict[str, Any]:
-        """Return the answer to one request, which has the whole time limit to itself."""
-        if self._worker is None:
-            self._worker = Worker(CheckingTask(), self.seconds, MEMORY_BYTES)
-        self._worker.busy_seconds = 0.0
-        try:
-            return self._worker.ask(request, *arguments)[0]
-        except Fault:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        if self._worker is not None:
-            self._worker.close()
-            self._worker = None
 
 
 def checked(target: str, seconds: float = CHECK_SECONDS) -> list[dict[str, Any]]:
@@ -66,11 +42,8 @@ def checked(target: str, seconds: float = CHECK_SECONDS) -> list[dict[str, Any]]
     if file is not None:
         register(file)
     try:
-        process = _Process(seconds)
-        try:
-            return [_checked(process, subject) for subject in _subjects(process, target, file)]
-        finally:
-            process.close()
+        with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES) as worker:
+            return [_checked(worker, subject) for subject in _subjects(worker, target, file)]
     finally:
         if file is not None and file not in known:
             forget(file)
@@ -102,11 +75,11 @@ def _is_path(target: str) -> bool:
     return target.endswith(".py") or "/" in target.partition("(")[0]
 
 
-def _subjects(process: _Process, target: str, file: PluginFile | None) -> list[dict[str, str]]:
+def _subjects(worker: RenewedWorker, target: str, file: PluginFile | None) -> list[dict[str, str]]:
     try:
-        answer = process.ask("subjects", file if file is not None else target)
+        answer, _ = worker.ask("subjects", file if file is not None else target)
     except Fault as fault:
-        said = _sentence(fault, process.seconds)
+        said = _sentence(fault, worker.seconds)
         raise BenchError(f"nothing of {target} can be checked, for when it is imported, {said}") from None
     if "refused" in answer:
         raise BenchError(answer["refused"])
@@ -114,14 +87,14 @@ def _subjects(process: _Process, target: str, file: PluginFile | None) -> list[d
     return found
 
 
-def _checked(process: _Process, subject: dict[str, str]) -> dict[str, Any]:
+def _checked(worker: RenewedWorker, subject: dict[str, str]) -> dict[str, Any]:
     rows = []
     for check in SOLVER_CHECKS if subject["kind"] == "solver" else PROBLEM_CHECKS:
         began = time.perf_counter()
         try:
-            answer = process.ask("check", subject["kind"], subject["name"], check.name)
+            answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)
         except Fault as fault:
-            answer = {"result": "failed", "sentence": _sentence(fault, process.seconds)}
+            answer = {"result": "failed", "sentence": _sentence(fault, worker.seconds)}
         rows.append(
             {
                 "check": check.name,

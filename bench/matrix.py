@@ -14,7 +14,6 @@ import numpy as np
 from ..problems.catalog import load
 from ..problems.contact import ContactProblem
 from ..problems.judge import Residual, judge
-from ..problems.laws import FloatArray
 from ..problems.model import Model
 from ..solvers.contract import prepared_fault, reason_fault
 from ..solvers.interface import Solver, Status, Stop
@@ -22,7 +21,8 @@ from ..solvers.registry import available, create
 from .measure import MisbehaviourError, solution_fault
 from .outcome import FAULTS, Outcome, point_outcome
 from .plan import DEFAULT_SOLVERS
-from .worker import Fault, Worker
+from .renewed_worker import RenewedWorker
+from .worker import Fault
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""
@@ -90,13 +90,10 @@ def measured_matrix(
     taken, made = {name: load(name) for name in problems}, [create(name) for name in solvers]
     cells = []
     for solver in made:
-        process = _Process(solver, stop.max_seconds + PREPARING_SECONDS, memory_bytes)
-        try:
+        with RenewedWorker(SolvingTask(solver), stop.max_seconds + PREPARING_SECONDS, memory_bytes) as worker:
             for name, problem in taken.items():
-                cells.append(_cell(process, name, problem, stop))
+                cells.append(_cell(worker, solver, name, problem, stop))
                 on_cell(cells[-1])
-        finally:
-            process.close()
     return cells
 
 
@@ -140,35 +137,9 @@ def _loaded(name: str) -> ContactProblem:
     return load(name)
 
 
-@dataclass
-class _Process:
-    """A solver's process, replaced by a fresh one when it has been crashed or kept too long."""
-
-    solver: Solver
-    seconds: float
-    memory_bytes: int
-    _worker: Worker | None = None
-
-    def ask(self, *arguments: Any) -> tuple[dict[str, Any], FloatArray]:
-        if self._worker is None:
-            self._worker = Worker(SolvingTask(self.solver), self.seconds, self.memory_bytes)
-        self._worker.busy_seconds = 0.0
-        try:
-            return self._worker.ask("solve", *arguments)
-        except Fault:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        if self._worker is not None:
-            self._worker.close()
-            self._worker = None
-
-
-def _cell(process: _Process, name: str, problem: ContactProblem, stop: Stop) -> Cell:
-    solver = process.solver
+def _cell(worker: RenewedWorker, solver: Solver, name: str, problem: ContactProblem, stop: Stop) -> Cell:
     try:
-        answer, impulses = process.ask(name, stop)
+        answer, impulses = worker.ask("solve", name, stop)
     except Fault as fault:
         return Cell(name, solver.name, fault.outcome, reason=fault.reason)
     status = Status(answer["status"])

@@ -34,6 +34,9 @@ MOST_GROWTH = 50.0
 LEAST_SHRINKING = 0.1
 """A step that was too inaccurate is tried again with at least this fraction of its length."""
 
+LEAST_ULPS = 64.0
+"""The minimal step is at least this many times the spacing of the numbers that times are."""
+
 SLACK = 1.0 + 1e-9
 """Lengths that differ by less are equal."""
 
@@ -160,15 +163,22 @@ class VariableStep:
             states: states of the laws in the step that led to ``start``, if there was one.
 
         Raises:
-            ProblemError: if ``until`` is not after the start.
+            ProblemError: if ``until`` is not after the start, or the minimal step too short to tell times apart.
             StepError: if an inclusion cannot be solved even over the minimal step, or the motion is no longer finite.
         """
-        if not until > start.time:
-            raise ProblemError(f"until = {until} s must be after the start at {start.time} s.")
+        if not start.time < until < np.inf:
+            raise ProblemError(f"until = {until} s must be finite and after the start at {start.time} s.")
+        shortest = LEAST_ULPS * float(np.spacing(max(abs(start.time), abs(until))))
+        if self.min_step < shortest:
+            raise ProblemError(
+                f"min_step = {self.min_step} s is too short to tell times up to {until} s apart; choose at least "
+                f"{shortest:.1g} s."
+            )
         try:
             course = _Course(self, start, until, states)
-        except ProblemError as failure:
-            raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {failure}", start) from failure
+        except Exception as failure:
+            what = _said(failure)
+            raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
         return course.steps()
 
 
@@ -183,6 +193,7 @@ class _Course:
         self._states = self._states_before = states
         self._scale = _Scale(plan, start)
         self._length = min(plan.max_step, max(plan.min_step, 1e-3 * plan.max_step))
+        self._trying = self._length
         self._levels = 2
         self._rejected = 0
         self._saw_switch = False
@@ -191,7 +202,7 @@ class _Course:
         """Yield accepted steps; those that a search takes back are never shown."""
         held: VariableStepTaken | None = None  # accepted, but a search may still take it back
         while self._until - self._state.time > 1e-3 * self._plan.min_step:
-            taken = self._next()
+            taken = self._tried()
             if taken is None:
                 if held is not None and self._takes_back(held):
                     self._state, self._states, held = held.begin, self._states_before, None
@@ -211,12 +222,25 @@ class _Course:
         is_longer = held.end.time - held.begin.time > self._plan.min_step * SLACK
         return self._saw_switch and self._search.takes_back and is_longer
 
+    def _tried(self) -> VariableStepTaken | None:
+        """Try one step; say when it was, whatever fails in it."""
+        try:
+            return self._next()
+        except StepError:
+            raise
+        except Exception as failure:
+            what, time = _said(failure), self._state.time
+            raise StepError(
+                f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
+            ) from failure
+
     def _next(self) -> VariableStepTaken | None:
         """Try one step; return it if it was accepted."""
         plan, state = self._plan, self._state
         self._saw_switch = False
         left = self._until - state.time
         length = min(self._search.limited(state.time, min(self._length, plan.max_step)), left)
+        self._trying = length
         is_minimal = length <= plan.min_step * SLACK
         accept = Acceptance(plan.tolerance, self._scale.relative, self._levels + 1)
         try:
@@ -224,8 +248,6 @@ class _Course:
         except UnsolvedStepError as failure:
             self._unsolved(length, is_minimal, str(failure))
             return None
-        except Exception as failure:
-            raise self._failed(length, failure) from failure
         if attempt.end is None:
             if is_minimal:
                 return self._switched(length)
@@ -240,7 +262,7 @@ class _Course:
             self._length = max(plan.min_step, length * max(LEAST_SHRINKING, factor))
             self._levels = min(self._levels, attempt.levels)
             return None
-        if not is_minimal and self._search.oversteps(state, attempt.end):
+        if not is_minimal and self._search.oversteps(state, attempt.end, attempt):
             self._search_on(length, attempt)
             return None
         self._choose_next(length, attempt)
@@ -260,8 +282,6 @@ class _Course:
         except UnsolvedStepError as failure:
             self._unsolved(length, True, str(failure))
             return None
-        except Exception as failure:
-            raise self._failed(length, failure) from failure
         found = law_states(step)
         known = self._states if self._states is not None else found
         times = (begin.time, step.state.time)
@@ -277,11 +297,6 @@ class _Course:
             self._length = 4.0 * length
             self._search.forget(end)
         return taken
-
-    def _failed(self, length: float, failure: Exception) -> StepError:
-        what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
-        time = self._state.time
-        return StepError(f"a step of {length:.3g} s from t = {time:.9g} s failed: {what.rstrip('.')}.", self._state)
 
     def _unsolved(self, length: float, is_minimal: bool, status: str) -> None:
         if is_minimal:
@@ -327,6 +342,12 @@ class _Course:
     def _promising(self, length: float, error: float, levels: int) -> float:
         wanted: float = SAFETY * (self._plan.tolerance / max(error, 1e-300)) ** (1.0 / self._order(levels))
         return length * min(MOST_GROWTH, max(LEAST_SHRINKING, wanted))
+
+
+def _said(failure: Exception) -> str:
+    """Return what an error says, without the full stop."""
+    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
+    return what.rstrip(".")
 
 
 class _Scale:

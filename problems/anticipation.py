@@ -12,7 +12,7 @@ polynomials through its last few values; the difference between two degrees says
 """
 
 from collections import defaultdict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -24,10 +24,19 @@ from .system import System
 MEMORY = 5
 """Values of a margin that are kept, and one more than the degree of the polynomial through them."""
 
+ROUNDING = 1e-9
+"""Part of the largest force in a step that counts as no force."""
+
 REACH = 2.0
 """Gaps are followed that could close within this many longest steps."""
 
+FORCES = ("force", "slack")
+"""Margins of forces."""
+
 Key = tuple[str, int]
+
+Substeps = Sequence[tuple[Step, float]]
+"""Steps, each with its length [s]."""
 
 
 class Margins:
@@ -65,6 +74,23 @@ class Margins:
         """Whether a gap that was open in one state is not open in the other."""
         closed = self._system.gaps_below(after.position, 0.0)[0]
         return not np.isin(closed, self._system.gaps_below(before.position, 0.0)[0], assume_unique=True).all()
+
+    def outlasts(self, substeps: Substeps, states: LawStates) -> bool:
+        """Whether a force ends after the middle of the last of some equal steps, and before their end.
+
+        The laws look at the middle of a step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the n values
+        there says what is left of a margin at the end, at 1.
+        """
+        middles = (np.arange(len(substeps)) + 0.5) / len(substeps)
+        weights = np.linalg.solve(np.vander(middles, increasing=True).T, np.ones(len(substeps)))
+        left: dict[Key, float] = defaultdict(float)
+        largest = 0.0
+        for weight, (step, length) in zip(weights.tolist(), substeps, strict=True):
+            for key, _, value in _law_margins(step, length, states):
+                if key[0] in FORCES:
+                    left[key] += weight * value
+                    largest = max(largest, value)
+        return min(left.values(), default=0.0) < -ROUNDING * largest
 
     def next_switch(self, now: float) -> tuple[float, float]:
         """Return the time of the next switching point [s], inf if none is in sight, and its uncertainty [s]."""

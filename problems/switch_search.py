@@ -31,8 +31,8 @@ class Search(Protocol):
         """Return the length to try after an attempt of ``length`` in which a law switched."""
         ...
 
-    def oversteps(self, begin: State, end: State) -> bool:
-        """Whether a step that looks smooth has passed a switch all the same."""
+    def oversteps(self, begin: State, end: State, attempt: Attempt) -> bool:
+        """Whether an attempt that looks smooth has passed a switch all the same."""
         ...
 
     def grown(self, now: float, length: float, wanted: float) -> float:
@@ -66,7 +66,7 @@ class NestedIntervals:
         self._seen_before = min(self._seen_before, now + length)
         return max(self._min_step, 0.5 * length)
 
-    def oversteps(self, begin: State, end: State) -> bool:
+    def oversteps(self, begin: State, end: State, attempt: Attempt) -> bool:
         """Return False: only the laws are looked at."""
         return False
 
@@ -130,9 +130,9 @@ class Anticipating:
             factor = APPROACH
         return max(self._min_step, factor * length)
 
-    def oversteps(self, begin: State, end: State) -> bool:
-        """Whether a gap has closed within the step."""
-        return self._margins.penetrates(begin, end)
+    def oversteps(self, begin: State, end: State, attempt: Attempt) -> bool:
+        """Whether a gap has closed within the step, or a force has ended after the last look at it."""
+        return self._margins.penetrates(begin, end) or self._margins.outlasts(attempt.substeps, attempt.states)
 
     def grown(self, now: float, length: float, wanted: float) -> float:
         """Return what the error allows."""

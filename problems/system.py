@@ -120,11 +120,13 @@ class MechanicalSystem:
         """Linearise at q_M: M(q_M), h(q_M, u_B), and W(q_M) of the contacts with g(q_M) < 0.
 
         Raises:
-            ProblemError: if M is not positive definite there, or W has another shape than u and the contacts ask for.
+            ProblemError: if M is not positive definite there, or M, h, g or W has another shape than u and the contacts
+                ask for.
         """
         inverse, sparse_inverse = self._inverse_mass(midpoint)
-        free_motion = velocity + inverse @ self.force(midpoint, velocity) * seconds
-        gap = self.gap(midpoint)
+        force = _of_shape("forces h(q, u)", self.force(midpoint, velocity), velocity.shape, "one for each velocity")
+        free_motion = velocity + inverse @ force * seconds
+        gap = self._gaps(midpoint)
         active = gap < 0.0
         if not active.any():
             return StepAssembly(free_motion, sparse_inverse, None)
@@ -135,23 +137,24 @@ class MechanicalSystem:
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``."""
-        gap = self.gap(position)
+        gap = self._gaps(position)
         near = gap < limit
         return np.flatnonzero(near), gap[near]
 
+    def _gaps(self, position: FloatArray) -> FloatArray:
+        shape = np.asarray(self.friction).shape
+        return _of_shape("gaps g(q)", self.gap(position), shape, "one for each contact")
+
     def _directions(self, position: FloatArray) -> FloatArray:
-        directions = self.directions(position)
         shape = (len(position), self.rows_per_contact * len(np.asarray(self.friction)))
-        if directions.shape != shape:
-            raise ProblemError(
-                f"the directions W(q) have shape {directions.shape}, not {shape}: one row for each velocity, and "
-                f"{self.rows_per_contact} columns for each contact."
-            )
-        return directions
+        why = f"one row for each velocity, and {self.rows_per_contact} columns for each contact"
+        return _of_shape("directions W(q)", self.directions(position), shape, why)
 
     def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, InverseMass]:
         mass = self.mass(position)
         if self._inverse is None or self._inverse[0] is not mass:
+            n_dofs = len(position)
+            _of_shape("mass matrix M(q)", mass, (n_dofs, n_dofs), "one row and column for each velocity")
             try:
                 root = np.linalg.inv(np.linalg.cholesky(mass))
             except np.linalg.LinAlgError:
@@ -172,6 +175,13 @@ class MechanicalSystem:
             restitution[::width] = np.asarray(self.restitution_normal)[active]
             self._laws[pattern] = (keys, rows, laws, restitution)
         return self._laws[pattern]
+
+
+def _of_shape(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
+    """Return ``values`` if they have the shape that they must have."""
+    if np.shape(values) != shape:
+        raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
+    return values
 
 
 def _one_chunk(directions: FloatArray, width: int) -> Pieces:

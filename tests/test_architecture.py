@@ -11,8 +11,14 @@ FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((RO
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
 RECORDED_WITH_RERUN = ("annotations", "balls", "file", "layouts", "solves", "steps", "woodpecker")
 AT_HOME = {
-    "altair": {"bench/charts.py", "bench/simulations/chart.py", "bench/studies/chart.py", "bench/variable/figure.py"},
-    "vl_convert": {"bench/charts.py", "bench/simulations/chart.py"},
+    "altair": {
+        "bench/drawing.py",
+        "bench/charts.py",
+        "bench/simulations/chart.py",
+        "bench/studies/chart.py",
+        "bench/variable/figure.py",
+    },
+    "vl_convert": {"bench/drawing.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {
         "bench/frames.py",

@@ -23,13 +23,13 @@ from ...problems.judge import judge
 from ...problems.laws import FloatArray
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
 from ...solvers.interface import Prepared, Solution, Solver, Status, Stop, shows_iterates
-from ..measure import solution_fault
 from ..outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
 from .samples import at_rest, empty, infeasible, random_contacts, samples
 from .surroundings_checks import SURROUNDINGS_CHECKS
+from .trial import expect_finite, expect_form
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances at which claims are held to the judge."""
@@ -88,15 +88,7 @@ def returns_finite_impulses(solver: Solver) -> None:
     """Whatever the status, the impulses are finite floats of shape (n_rows,)."""
     for problem in _supported(solver):
         for stop in (MODEST, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
-            solution = _solve(solver, problem, stop)
-            fault = solution_fault(problem, solution)
-            if fault:
-                raise Violation(f"on {problem.name}: {fault}.")
-            if not np.isfinite(solution.impulses).all():
-                raise Violation(
-                    f"on {problem.name} it returned impulses that are not finite, with status {solution.status}; "
-                    "return the best finite iterate."
-                )
+            expect_finite(problem, _solve(solver, problem, stop))
 
 
 def leaves_inputs_untouched(solver: Solver) -> None:
@@ -336,9 +328,7 @@ def _prepared(solver: Solver, problem: ContactProblem) -> Prepared:
 
 def _solve(solver: Solver, problem: ContactProblem, stop: Stop) -> Solution:
     solution = _prepared(solver, problem).solve(stop)
-    fault = solution_fault(problem, solution)
-    if fault:
-        raise Violation(f"on {problem.name}: {fault}.")
+    expect_form(problem, solution)
     return solution
 
 

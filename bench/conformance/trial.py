@@ -42,14 +42,8 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
     solution = solver.prepare(problem).solve(stop, start=start)
     if problem.fresh().digest != digest:
         raise Violation(f"it changed the numbers of {problem.name}; copy what it writes to.")
-    fault = solution_fault(problem, solution)
-    if fault:
-        raise Violation(f"on {problem.name}: {fault}.")
-    if not np.isfinite(solution.impulses).all():
-        raise Violation(
-            f"on {problem.name} it returned impulses that are not finite, with status {solution.status}; "
-            "return the best finite iterate."
-        )
+    expect_form(problem, solution)
+    expect_finite(problem, solution)
     residual = own_residual(solver, problem, solution.impulses)
     solvable = problem.answer is None or problem.answer.solvable
     if solution.status is Status.SOLVED:
@@ -65,6 +59,22 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
             f"{problem.name} has a solution, and ends as infeasible; say so only where it is proved, else stalled."
         )
     return Trial(problem, solution, residual)
+
+
+def expect_form(problem: ContactProblem, solution: Solution) -> None:
+    """Raise ``Violation`` if what a solver returned is no solution, or its impulses no floats of shape (n_rows,)."""
+    fault = solution_fault(problem, solution)
+    if fault:
+        raise Violation(f"on {problem.name}: {fault}.")
+
+
+def expect_finite(problem: ContactProblem, solution: Solution) -> None:
+    """Raise ``Violation`` if impulses are not finite, whatever the status."""
+    if not np.isfinite(solution.impulses).all():
+        raise Violation(
+            f"on {problem.name} it returned impulses that are not finite, with status {solution.status}; "
+            "return the best finite iterate."
+        )
 
 
 def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) -> float:

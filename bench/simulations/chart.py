@@ -6,10 +6,8 @@ from typing import Any, Literal
 import altair as alt
 import numpy as np
 import pandas as pd
-import vl_convert
 
-from ..charts import PNG_SCALE
-from ..errors import BenchError
+from ..drawing import stacked, write_drawing
 from ..palette import PALETTE
 from .simulation import Simulation
 
@@ -47,16 +45,7 @@ def simulation_chart(simulation: Simulation) -> alt.VConcatChart:
         fontSize=16,
         subtitleFontSize=12,
     )
-    chart: alt.VConcatChart = (
-        alt.vconcat(*panels, spacing=8)
-        .resolve_scale(color="independent", strokeDash="independent", x="shared")
-        .properties(title=title, background="white", padding=14)
-        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
-        .configure_axisY(minExtent=44)
-        .configure_view(stroke="#cccccc")
-        .configure_legend(labelFontSize=11, title=None)
-    )
-    return chart
+    return stacked(panels, title, {"color": "independent", "strokeDash": "independent", "x": "shared"}, label=44)
 
 
 def write_chart(simulation: Simulation, path: Path) -> list[Path]:
@@ -66,25 +55,6 @@ def write_chart(simulation: Simulation, path: Path) -> list[Path]:
         BenchError: if they cannot be written.
     """
     return write_drawing(simulation_chart(simulation), path)
-
-
-def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
-    """Write any chart as ``path`` with .svg and with .png; return the files.
-
-    Raises:
-        BenchError: if they cannot be written.
-    """
-    base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
-    svg, png = (base.with_name(f"{base.name}{suffix}") for suffix in (".svg", ".png"))
-    with alt.data_transformers.enable("default", max_rows=None):  # altair means pages that readers load, not files
-        drawn = vl_convert.vegalite_to_svg(chart.to_json())
-    try:
-        base.parent.mkdir(parents=True, exist_ok=True)
-        svg.write_text(drawn, encoding="utf-8")
-        png.write_bytes(vl_convert.svg_to_png(drawn, scale=PNG_SCALE))
-    except OSError as error:
-        raise BenchError(f"cannot write {error.filename}: {error.strerror}; choose another --chart.") from None
-    return [svg, png]
 
 
 def _curves(simulation: Simulation) -> pd.DataFrame:

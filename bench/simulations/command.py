@@ -1,16 +1,11 @@
 """The command ``proxbench simulate``."""
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from ..plugin_option import PluginFiles
-
-FILE_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 
 _NUMBER = "[default: of the scene]"
 
@@ -63,7 +58,7 @@ def simulate(
     planar: Annotated[bool, typer.Option("--planar", help="Discs in a vertical plane instead of balls.")] = False,
     start: Annotated[str | None, typer.Option(help="Start of the woodpecker: published or cycle.")] = None,
     output: Annotated[Path, typer.Option(help="Result file (.npz), or the folder for it.")] = Path("results"),
-    force: Annotated[bool, typer.Option("--force", help="Replace a result file or a recording that exists.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace results, recordings and charts that exist.")] = False,
     resume: Annotated[Path | None, typer.Option(help="Result file to go on with.")] = None,
     record: Annotated[
         Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
@@ -80,37 +75,19 @@ def simulate(
 
     Every step is stored in a file that can be resumed.
     """
-    from rich.console import Console
-
-    from ..errors import BenchError
-    from ..studies.command import StudyRequest, run_study_command, wants_study
-    from ..variable.command import FIXED, Request, run_variable, wants_variable
-    from .interrupts import deferred_interrupts
-    from .live import LiveSummary
-    from .plan import make_simulation_plan
-    from .recording import recorded
-    from .running import advance, begun_simulation, new_simulation
+    from ..studies.command import run_study_command, wants_study
+    from ..variable.command import run_variable, wants_variable
+    from .fixed import run_fixed
+    from .request import Request
 
     options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
+    request = Request(scene, options, numbers, duration, output, force, resume, record, chart)
     if wants_study(study, resume):
-        wanted = StudyRequest(scene, options, numbers, duration, output, force, resume, record, chart)
-        return run_study_command(wanted, as_json, progress)
+        return run_study_command(request, as_json, progress)
     if wants_variable(scene, numbers, resume):
-        asked = Request(scene, options, numbers, duration, output, force, resume, record, chart)
-        return run_variable(asked, as_json, progress)
-    if numbers.pop("stepper", FIXED) != FIXED:
-        raise BenchError(f"--stepper contradicts {resume}, which has a fixed step; leave it out to resume.")
-    on_progress = LiveSummary(Console(stderr=True), hidden=not progress or as_json)
-    if resume is not None:
-        given = {**({"scene": scene} if scene else {}), **numbers, **options}
-        begun = begun_simulation(resume, given, duration)
-    else:
-        plan = make_simulation_plan(scene, options, duration=duration, **numbers)
-        begun = new_simulation(plan, output, force)
-    with recorded(begun, record, force) as on_step, deferred_interrupts() as stop_asked, on_progress:
-        advance(begun, on_step, on_progress, stop_asked)
-    return _report(begun, as_json, record, chart)
+        return run_variable(request, as_json, progress)
+    return run_fixed(request, as_json, progress)
 
 
 def _chosen(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -137,31 +114,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
         if not given["scene"]:
             raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result file to go on with: --resume FILE.")
         return
-    for name in ("output", "force") if given["record"] is None else ("output",):
+    writes_more = given["record"] is not None or given["chart"] is not None  # which --force may replace
+    for name in ("output",) if writes_more else ("output", "force"):
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE":
             raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own file; leave it out.")
-
-
-def _report(simulation: Any, as_json: bool, record: Path | None, chart: Path | None) -> int:
-    """Print what the simulation came to; return 1 if the judge found a step unsolved."""
-    from rich.console import Console
-
-    from ..errors import InterruptedSimulationError
-    from .table import document, print_simulation
-
-    drawn = []
-    if chart is not None and simulation.n_steps:
-        from .chart import write_chart
-
-        drawn = write_chart(simulation, chart)
-    if as_json:
-        print(json.dumps(document(simulation), indent=1, ensure_ascii=False))
-    else:
-        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
-        print_simulation(simulation, console)
-        watch = "" if record is None else f"\nwatch   rerun {record}"
-        shown = "".join(f"\nchart   {file}" for file in drawn)
-        console.print(f"\nresult  {simulation.file}{shown}{watch}", soft_wrap=True, highlight=False)
-    if not simulation.is_finished:
-        raise InterruptedSimulationError(simulation.file)
-    return int(simulation.unsolved.any())

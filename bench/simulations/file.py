@@ -1,37 +1,25 @@
-"""Result files of simulations: the plan, the steps and the last state, compressed by nothing, without pickle.
+"""Result files of simulations: the plan, the steps and the last state, see ``result_file``.
 
-    about          JSON: what the file is, the plan, the names of statuses, wall time
-    steps          one row a step, see ``simulation.STEP``
-    time, position, velocity, keys, impulses      the last state, from which the simulation goes on bit by bit
-
-Every write replaces the whole file, so whatever happens, the last complete one is there.
+about          the plan, the names of statuses, wall time
+steps          one row a step, see ``simulation.STEP``
+time, position, velocity, keys, impulses      the last state, from which the simulation goes on bit by bit
 """
 
-import json
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.archive import ArchiveError, read_arrays
-from ...problems.errors import ProxbenchError
-from ...problems.files import replacing
 from ...problems.moreau import State
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from .plan import SimulationPlan, make_simulation_plan
+from .result_file import ResultKind, taken_from
 from .simulation import STEP, Simulation
 
-KIND = "proxbench simulation"
-"""What a result file says it is."""
-
-FORMAT = 2
-"""Version of the file format."""
-
-SUFFIX = ".npz"
+KIND = ResultKind("proxbench simulation", 2, "is no result file of a simulation")
 
 
 def write_simulation(simulation: Simulation, path: Path) -> None:
@@ -41,16 +29,12 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         BenchError: if the file cannot be written.
     """
     about = {
-        "kind": KIND,
-        "format": FORMAT,
-        "version": metadata.version("proxbench"),
         "plan": simulation.plan.document(),
         "statuses": list(simulation.statuses),
         "wall_seconds": simulation.wall_seconds,
     }
     state = simulation.state
-    arrays: dict[str, Any] = {
-        "about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
+    arrays = {
         "steps": simulation.steps,
         "time": np.array(state.time),
         "position": state.position,
@@ -58,11 +42,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         "keys": state.keys,
         "impulses": state.impulses,
     }
-    try:
-        with replacing(path) as file:
-            np.savez(file, **arrays)
-    except OSError as error:
-        raise BenchError(f"cannot write {path}: {error.strerror}; choose another --output.") from None
+    KIND.write(path, about, arrays)
 
 
 def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
@@ -75,52 +55,12 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     Raises:
         BenchError: if the file is missing, damaged, or no result file of a simulation.
     """
-    content = stored_arrays(path)
-    try:
-        about = json.loads(content["about"].tobytes().decode())
-        is_ours = about["kind"] == KIND
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
-        is_ours = False
-    if not is_ours:
-        raise BenchError(f"{path} is no result file of a simulation; name a file that proxbench simulate wrote.")
-    if about.get("format") != FORMAT:
-        raise BenchError(f"{path} has format {about.get('format')}, this version reads format {FORMAT}; simulate anew.")
-    try:
+    about, content = KIND.read(path)
+    with taken_from(path):
         plan = _plan(about["plan"], solver)
         simulation = Simulation(plan, tuple(about["statuses"]), float(about["wall_seconds"]), path)
         simulation.restore(_steps(content, len(simulation.statuses)), _state(content, plan))
-    except ProxbenchError as error:
-        raise BenchError(f"cannot go on from {path}: {error}") from None
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
-        raise damaged(path) from None
     return simulation
-
-
-def stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of any .npz file; zip holds a checksum of each, which reading compares.
-
-    Raises:
-        BenchError: if the file is missing, cannot be read, or is damaged.
-    """
-    try:
-        with path.open("rb") as file:
-            if file.read(2) != b"PK":
-                raise BenchError(
-                    f"{path} is no result file of a simulation; name a file that proxbench simulate wrote."
-                )
-            file.seek(0)
-            return read_arrays(file)
-    except FileNotFoundError:
-        raise BenchError(f"there is no result file {path}.") from None
-    except ArchiveError:
-        raise damaged(path) from None
-    except OSError as error:
-        raise BenchError(f"cannot read {path}: {error.strerror or error}.") from None
-
-
-def damaged(path: Path) -> BenchError:
-    """Return the error for a file that is not what was written."""
-    return BenchError(f"{path} is damaged; remove it and simulate anew.")
 
 
 def _plan(stored: Mapping[str, Any], solver: Solver | None) -> SimulationPlan:

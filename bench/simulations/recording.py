@@ -20,7 +20,7 @@ def recorded(simulation: Simulation, file: Path | None, force: bool) -> Iterator
     if file is None:
         yield ()
         return
-    from ..recordings.scenes import scene_recorder
+    from ..recordings.scenes import scene_recorder  # rerun takes a second to import
 
     left = simulation.plan.n_steps - simulation.n_steps
     with scene_recorder(simulation.plan.scene, file, left, force) as recorder:

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,11 @@ from ...problems.judge import Residual
 from ...problems.moreau import Moreau, Step
 from ...solvers.interface import Solver
 from ..errors import BenchError
+from ..output_file import output_file
 from .asking import Asked
-from .file import SUFFIX, read_simulation, write_simulation
+from .file import read_simulation, write_simulation
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
+from .result_file import SUFFIX
 from .simulation import NO_CONTACT, Simulation
 
 OnStep = Callable[[int, Step], None]
@@ -64,7 +65,7 @@ def simulate(
 
 def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
     """Return a simulation without any step; arguments and errors as in ``simulate``."""
-    return Simulation(plan, file=None if output is None else result_file(output, plan.scene.name, force))
+    return Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
 
 
 def resume_simulation(
@@ -117,25 +118,6 @@ def begun_simulation(
                 "ask for a longer one, or leave it out."
             )
     return simulation
-
-
-def result_file(output: Path, scene: str, force: bool) -> Path:
-    """Return the result file that ``output`` names, its folder made: the file itself, or one named after the scene.
-
-    Raises:
-        BenchError: if it exists and ``force`` is not given, or its folder cannot be made.
-    """
-    is_file = output.suffix == SUFFIX and not output.is_dir()
-    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    file = output if is_file else output / f"{scene}-{stamp}{SUFFIX}"
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        exists = file.exists()
-    except OSError as error:
-        raise BenchError(f"cannot write {file}: {error.strerror}; choose another --output.") from None
-    if exists and not force:
-        raise BenchError(f"{file} exists already; go on with --resume {file}, or replace it with --force.")
-    return file
 
 
 def advance(

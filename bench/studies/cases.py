@@ -5,12 +5,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from ..simulations.plan import SimulationPlan, make_simulation_plan
+from ..simulations.plan import FIXED, SimulationPlan, make_simulation_plan
 from ..variable.plan import VariablePlan, make_variable_plan
 from ..variable.steppers import make_stepper
-
-FIXED = "Moreau"
-"""The stepper of fixed step size."""
 
 REFERENCE = "reference"
 """The part of a study that others are compared with."""

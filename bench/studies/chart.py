@@ -2,14 +2,14 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import altair as alt
 import numpy as np
 import pandas as pd
 
+from ..drawing import stacked, write_drawing
 from ..palette import PALETTE
-from ..simulations.chart import write_drawing
 from .cases import REFERENCE
 from .measuring import ERROR
 from .running import points, reference, spreads
@@ -44,16 +44,9 @@ def study_chart(study: Study) -> alt.VConcatChart:
     by_part = study.plan.scene == "woodpecker"
     column = "part" if by_part else "quantity"
     rows = [_row(frame[frame[column] == key], study, str(key), by_part) for key in frame[column].unique()]
-    chart: alt.VConcatChart = (
-        alt.vconcat(*rows, spacing=18)
-        .resolve_scale(color="independent" if by_part else "shared", shape="independent" if by_part else "shared")
-        .properties(title=_title(study), background="white", padding=14)
-        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
-        .configure_axisY(minExtent=52)
-        .configure_view(stroke="#cccccc")
-        .configure_legend(labelFontSize=11, labelLimit=300, title=None, symbolSize=70)
-    )
-    return chart
+    sharing: Literal["independent", "shared"] = "independent" if by_part else "shared"
+    scales = {"color": sharing, "shape": sharing}
+    return stacked(rows, _title(study), scales, spacing=18, labelLimit=300, symbolSize=70)
 
 
 def write_study_chart(study: Study, path: Path) -> list[Path]:

@@ -2,18 +2,18 @@
 
 import json
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from ..errors import BenchError, InterruptedSimulationError
+from ..output_file import output_file, refuse_taken
+from ..pictures import drawn, refuse_pictures
 from ..simulations.interrupts import deferred_interrupts
+from ..simulations.request import Request
 from .defaults import make_study_plan
 from .live import StudyProgress
-from .running import advance_study, points, study_file
+from .running import advance_study, points
 from .study import SUFFIX, Study, read_study, write_points
 from .table import print_study, study_document
 
@@ -21,43 +21,16 @@ FILE_WIDTH = 140
 """Columns of a table that goes to a file or a pipe."""
 
 
-@dataclass(frozen=True)
-class StudyRequest:
-    """What the command line asks for.
-
-    Attributes:
-        scene: its name, empty if none is named.
-        options: options of the scene.
-        numbers: what of a plan was given: step_size, stepper, solver, tolerance, max_iterations.
-        duration: simulated time [s].
-        output: result file, or the folder for it.
-        force: replace a file that exists.
-        resume: study to go on with.
-        record: recording to write; a study has none.
-        chart: chart to write; beside the result file if None.
-    """
-
-    scene: str
-    options: Mapping[str, Any]
-    numbers: Mapping[str, Any]
-    duration: float | None
-    output: Path
-    force: bool
-    resume: Path | None
-    record: Path | None
-    chart: Path | None
-
-
 def wants_study(study: bool, resume: Path | None) -> bool:
     """Whether a study is asked for, or one that is stored shall go on."""
     return study or (resume is not None and resume.suffix == SUFFIX)
 
 
-def run_study_command(request: StudyRequest, as_json: bool, progress: bool) -> int:
+def run_study_command(request: Request, as_json: bool, progress: bool) -> int:
     """Carry out the study, print, store and draw its points; return 0.
 
     Raises:
-        BenchError: if what is asked for makes no study.
+        BenchError: if what is asked for makes no study, or something cannot be written.
         InterruptedSimulationError: if somebody stopped it.
     """
     study = _begun(request)
@@ -84,23 +57,29 @@ def report_study(file: Path, as_json: bool) -> int:
 
 
 def _present(study: Study, file: Path, chart: Path, as_json: bool) -> None:
-    found = points(study)
-    drawn: list[Path] = []
-    write_points(found, file.with_suffix(".csv"))
-    if found:
-        from .chart import write_study_chart
-
-        drawn = write_study_chart(study, chart)
+    found, table = points(study), _table_file(file)
+    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
     if as_json:
-        print(json.dumps(study_document(study), indent=1, ensure_ascii=False))
-        return
-    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        print(json.dumps(study_document(study), indent=1, ensure_ascii=False), flush=True)
     print_study(study, console)
-    shown = "".join(f"\nchart   {path}" for path in drawn)
-    console.print(f"\nresult  {file}\npoints  {file.with_suffix('.csv')}{shown}", soft_wrap=True, highlight=False)
+    console.print(f"\nresult  {file}", soft_wrap=True, highlight=False)
+    write_points(found, table)
+    console.print(f"points  {table}", soft_wrap=True, highlight=False)
+    for path in _drawn(study, file, chart) if found else ():
+        console.print(f"chart   {path}", soft_wrap=True, highlight=False)
 
 
-def _begun(request: StudyRequest) -> Study:
+def _drawn(study: Study, file: Path, chart: Path) -> list[Path]:
+    from .chart import write_study_chart  # altair and pandas take a second to import
+
+    return drawn(lambda: write_study_chart(study, chart), file)
+
+
+def _table_file(file: Path) -> Path:
+    return file.with_suffix(".csv")
+
+
+def _begun(request: Request) -> Study:
     for name in ("step_size", "stepper", "tolerance", "max_iterations"):
         if name in request.numbers:
             raise BenchError(f"a study varies --{name.replace('_', '-')} itself; leave it out.")
@@ -109,13 +88,24 @@ def _begun(request: StudyRequest) -> Study:
     if request.resume is not None:
         if request.resume.suffix != SUFFIX:
             raise BenchError(f"{request.resume} holds no study; leave --study out, or name a file {SUFFIX}.")
-        return _resumed(request, request.resume)
+        study = _resumed(request, request.resume)
+        # the table and the pictures beside a study are its own, and made anew as it goes on
+        refuse_taken([_table_file(request.resume)], True)
+        chart = request.chart or request.resume.with_suffix("")
+        refuse_pictures(chart, request.force or request.chart is None)
+        return study
     added = [request.numbers["solver"]] if "solver" in request.numbers else []
     plan = make_study_plan(request.scene, request.options, duration=request.duration, solvers=added)
-    return Study(plan, study_file(request.output, plan.scene, request.force))
+    if request.chart is not None:
+        refuse_pictures(request.chart, request.force)
+    file = output_file(request.output, f"{plan.scene}-study", SUFFIX, request.force)
+    refuse_taken([_table_file(file)], request.force)
+    if request.chart is None:
+        refuse_pictures(file.with_suffix(""), request.force)
+    return Study(plan, file)
 
 
-def _resumed(request: StudyRequest, file: Path) -> Study:
+def _resumed(request: Request, file: Path) -> Study:
     given = {**request.options, **request.numbers, **({} if request.duration is None else {"duration": 0})}
     if given:
         raise BenchError(f"--{next(iter(given))} makes no sense with --resume, which goes on as planned; leave it out.")

@@ -7,7 +7,8 @@ from ...problems.errors import suggestion
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import PERIOD
 from ..errors import BenchError
-from .cases import FIXED, REFERENCE, Case, StudyPlan, check_plan
+from ..simulations.plan import FIXED
+from .cases import REFERENCE, Case, StudyPlan, check_plan
 
 NEIGHBOURS = (0.98, 0.99, 1.0, 1.01, 1.02)
 """Factors on the number of steps of a period: its error is erratic in that number, so medians are compared."""

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from ..errors import BenchError
 from .cases import REFERENCE, Case, StudyPlan
 from .measuring import Measured, measure, warm_up
 from .points import Point, aggregate_points, seed_spreads, trajectory_point
@@ -98,25 +97,3 @@ def failures(study: Study) -> list[str]:
             if one.failure:
                 found[f"{case.series}, {case.setting}, {case.solver} to {case.tolerance:.0e}: {one.failure}"] = None
     return list(found)
-
-
-def study_file(output: Path, scene: str, force: bool) -> Path:
-    """Return the file that ``output`` names, its folder made: the file itself, or one named after the scene.
-
-    Raises:
-        BenchError: if it exists and ``force`` is not given, or its folder cannot be made.
-    """
-    from datetime import UTC, datetime
-
-    from .study import SUFFIX
-
-    is_file = output.suffix == SUFFIX and not output.is_dir()
-    file = output if is_file else output / f"{scene}-study-{datetime.now(UTC):%Y%m%d-%H%M%S}{SUFFIX}"
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        exists = file.exists()
-    except OSError as error:
-        raise BenchError(f"cannot write {file}: {error.strerror}; choose another --output.") from None
-    if exists and not force:
-        raise BenchError(f"{file} exists already; go on with --resume {file}, or replace it with --force.")
-    return file

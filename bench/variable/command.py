@@ -3,17 +3,20 @@
 import contextlib
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
+from ...problems.scenes.registry import SCENES
 from ..errors import BenchError, InterruptedSimulationError
+from ..output_file import output_file
+from ..pictures import drawn, refuse_pictures
 from ..simulations.interrupts import deferred_interrupts
-from ..simulations.running import result_file
-from .figure import write_motion_chart
+from ..simulations.plan import FIXED
+from ..simulations.request import Request
+from ..simulations.result_file import SUFFIX
 from .file import is_variable
 from .live import VariableLive
 from .plan import DEFAULT_STEPPER, make_variable_plan
@@ -21,42 +24,15 @@ from .running import OnTaken, advance_variable, begun_variable, one_steps
 from .simulation import VariableSimulation
 from .table import print_variable, variable_document
 
+FILE_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
+
 SHOWN_SECONDS = 0.5
 """Simulated time up to the end that the chart shows: some periods of the woodpecker."""
 
-FIXED = "Moreau"
-"""The stepper of fixed step size."""
 
-
-@dataclass(frozen=True)
-class Request:
-    """What the command line asks for.
-
-    Attributes:
-        scene: its name, empty if none is named.
-        options: options of the scene.
-        numbers: what of the plan was given: stepper, solver, tolerance, max_iterations.
-        duration: simulated time [s].
-        output: result file, or the folder for it.
-        force: replace files that exist.
-        resume: result file to go on with.
-        record: recording to write.
-        chart: chart to write; beside the result file if None.
-    """
-
-    scene: str
-    options: dict[str, Any]
-    numbers: dict[str, Any]
-    duration: float | None
-    output: Path
-    force: bool
-    resume: Path | None
-    record: Path | None
-    chart: Path | None
-
-
-def wants_variable(scene: str, numbers: dict[str, Any], resume: Path | None) -> bool:
-    """Whether a simulation has a variable step: as stored, as asked for, or as the woodpecker has if nobody asks.
+def wants_variable(scene: str, numbers: Mapping[str, Any], resume: Path | None) -> bool:
+    """Whether a simulation has a variable step: as stored, as asked for, or as scenes of few contacts have.
 
     Raises:
         BenchError: if the stored simulation cannot be read, or --step-size goes with a variable stepper.
@@ -65,7 +41,7 @@ def wants_variable(scene: str, numbers: dict[str, Any], resume: Path | None) -> 
         return is_variable(resume)
     stepper = numbers.get("stepper")
     if stepper is None:
-        return scene == "woodpecker" and "step_size" not in numbers
+        return scene in SCENES and SCENES[scene].has_few_contacts and "step_size" not in numbers
     if stepper == FIXED:
         return False
     if "step_size" in numbers:
@@ -74,36 +50,55 @@ def wants_variable(scene: str, numbers: dict[str, Any], resume: Path | None) -> 
 
 
 def run_variable(request: Request, as_json: bool, progress: bool) -> int:
-    """Carry out the simulation, and print and draw what it came to; return 1 if an inclusion was not solved."""
+    """Carry out the simulation, print what it came to, and draw it; return 1 if an inclusion was not solved.
+
+    Raises:
+        BenchError: if what is asked for makes no simulation, a step fails, or something cannot be written.
+        InterruptedSimulationError: if somebody stopped it.
+    """
     simulation = _begun(request)
     live = VariableLive(Console(stderr=True), hidden=not progress or as_json)
     with _recorded(simulation, request) as on_step, deferred_interrupts() as stop_asked, live:
         advance_variable(simulation, on_step, live, stop_asked)
     file = simulation.file
-    drawn: list[Path] = []
-    if simulation.n_steps and file is not None:
-        base = request.chart or file.with_suffix("")
-        drawn = write_motion_chart(simulation, base, simulation.state.time - SHOWN_SECONDS)
+    assert file is not None
     document = variable_document(simulation)
+    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
     if as_json:
-        print(json.dumps(document, indent=1, ensure_ascii=False))
-    else:
-        console = Console(width=None if sys.stdout.isatty() else 120)
-        print_variable(simulation, console)
-        shown = "".join(f"\nchart   {path}" for path in drawn)
-        watch = "" if request.record is None else f"\nwatch   rerun {request.record}"
-        console.print(f"\nresult  {file}{shown}{watch}", soft_wrap=True, highlight=False)
-    if not simulation.is_finished and file is not None:
+        print(json.dumps(document, indent=1, ensure_ascii=False), flush=True)
+    print_variable(simulation, console)
+    watch = "" if request.record is None else f"\nwatch   rerun {request.record}"
+    console.print(f"\nresult  {file}{watch}", soft_wrap=True, highlight=False)
+    for path in _drawn(simulation, file, request.chart):
+        console.print(f"chart   {path}", soft_wrap=True, highlight=False)
+    if not simulation.is_finished:
         raise InterruptedSimulationError(file)
     return int(document["summary"]["unsolved_steps"] > 0)
 
 
 def _begun(request: Request) -> VariableSimulation:
     if request.resume is not None:
-        given = {**({"scene": request.scene} if request.scene else {}), **request.numbers, **request.options}
-        return begun_variable(request.resume, given, request.duration)
+        simulation = begun_variable(request.resume, request.given, request.duration)
+        # the pictures beside a result are its own, and drawn anew as it goes on
+        chart = request.chart or request.resume.with_suffix("")
+        refuse_pictures(chart, request.force or request.chart is None)
+        return simulation
     plan = make_variable_plan(request.scene, request.options, duration=request.duration, **request.numbers)
-    return VariableSimulation(plan, result_file(request.output, plan.scene.name, request.force))
+    if request.chart is not None:
+        refuse_pictures(request.chart, request.force)
+    file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
+    if request.chart is None:
+        refuse_pictures(file.with_suffix(""), request.force)
+    return VariableSimulation(plan, file)
+
+
+def _drawn(simulation: VariableSimulation, file: Path, chart: Path | None) -> list[Path]:
+    if not simulation.n_steps:
+        return []
+    from .figure import write_motion_chart  # altair and pandas take a second to import
+
+    begin = simulation.state.time - SHOWN_SECONDS
+    return drawn(lambda: write_motion_chart(simulation, chart or file.with_suffix(""), begin), file)
 
 
 @contextlib.contextmanager
@@ -111,7 +106,7 @@ def _recorded(simulation: VariableSimulation, request: Request) -> Iterator[Sequ
     if request.record is None:
         yield ()
         return
-    from ..recordings.scenes import scene_recorder
+    from ..recordings.scenes import scene_recorder  # rerun takes a second to import
 
     with scene_recorder(simulation.plan.scene, request.record, 1, request.force) as recorder:
         recorder.start(simulation.state)

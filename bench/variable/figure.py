@@ -1,5 +1,6 @@
 """The motion over time with its switching points as dots, and the step size below: figure 2 of the paper."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import altair as alt
@@ -8,6 +9,7 @@ import pandas as pd
 from scipy.interpolate import CubicHermiteSpline
 
 from ...problems.laws import FloatArray
+from ..drawing import stacked, write_drawing
 from ..palette import PALETTE
 from .incidents import incidents
 from .simulation import VariableSimulation
@@ -20,24 +22,18 @@ MOST_COORDINATES = 6
 POINTS_PER_STEP = 8
 """Points of a curve within one step."""
 
-LABELS = {"woodpecker": ("y [m]", "φ_M [rad]", "φ_S [rad]")}
-"""What the coordinates of a scene are called."""
-
-ORDER = {"woodpecker": (1, 2, 0)}
-"""The paper draws the angles first."""
-
 
 def motion_chart(simulation: VariableSimulation, begin: float = -np.inf) -> alt.VConcatChart:
     """Return the coordinates over time from ``begin`` [s] on, switching points as dots, and the step size below."""
     scene, plan = simulation.plan.scene, simulation.plan
     steps, trajectory = simulation.steps, simulation.trajectory
     shown = steps["time"] >= begin
-    n = min(len(scene.start.position), MOST_COORDINATES)
-    names = LABELS.get(scene.name, tuple(f"q{k + 1}" for k in range(n)))
+    n_coordinates = len(scene.start.position)
+    drawn = scene.coordinates or {f"q{k + 1}": k for k in range(min(n_coordinates, MOST_COORDINATES))}
     lengths = pd.DataFrame({"time": steps["time"][shown], "length": steps["length"][shown]})
-    curves = _curves(lengths["time"].to_numpy(), trajectory[shown], len(scene.start.position), names)
-    dots = _dots(simulation, begin, names)
-    panels: list[alt.Chart | alt.LayerChart] = [_panel(curves, dots, names[k]) for k in ORDER.get(scene.name, range(n))]
+    curves = _curves(lengths["time"].to_numpy(), trajectory[shown], n_coordinates, drawn)
+    dots = _dots(simulation, begin, drawn)
+    panels: list[alt.Chart | alt.LayerChart] = [_panel(curves, dots, name) for name in drawn]
     panels.append(_step_panel(lengths))
     title = alt.TitleParams(
         f"{scene.name.capitalize()}: motion, switching points and step size",
@@ -47,16 +43,7 @@ def motion_chart(simulation: VariableSimulation, begin: float = -np.inf) -> alt.
         fontSize=16,
         subtitleFontSize=12,
     )
-    chart: alt.VConcatChart = (
-        alt.vconcat(*panels, spacing=8)
-        .resolve_scale(x="shared", color="shared")
-        .properties(title=title, background="white", padding=14)
-        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
-        .configure_axisY(minExtent=52)
-        .configure_view(stroke="#cccccc")
-        .configure_legend(labelFontSize=11, title=None)
-    )
-    return chart
+    return stacked(panels, title, {"x": "shared", "color": "shared"})
 
 
 def write_motion_chart(simulation: VariableSimulation, path: Path, begin: float = -np.inf) -> list[Path]:
@@ -65,29 +52,28 @@ def write_motion_chart(simulation: VariableSimulation, path: Path, begin: float 
     Raises:
         BenchError: if they cannot be written.
     """
-    from ..simulations.chart import write_drawing
-
     return write_drawing(motion_chart(simulation, begin), path)
 
 
-def _curves(time: FloatArray, trajectory: FloatArray, n_coordinates: int, names: tuple[str, ...]) -> pd.DataFrame:
+def _curves(time: FloatArray, trajectory: FloatArray, n_coordinates: int, drawn: Mapping[str, int]) -> pd.DataFrame:
     """Return the coordinates over time; long steps are filled in by the cubics that have q and q̇ = u at their ends."""
     position, velocity = trajectory[:, :n_coordinates], trajectory[:, n_coordinates:]
+    columns = list(drawn.values())
     if velocity.shape != position.shape or len(time) < 2:
-        return pd.DataFrame(position[:, : len(names)], columns=list(names)).assign(time=time)
+        return pd.DataFrame(position[:, columns], columns=list(drawn)).assign(time=time)
     share = np.arange(POINTS_PER_STEP) / POINTS_PER_STEP
     dense = time[:-1, None] + np.diff(time)[:, None] * share
     all_times = np.append(dense.ravel(), time[-1])
-    drawn = CubicHermiteSpline(time, position[:, : len(names)], velocity[:, : len(names)])(all_times)
-    return pd.DataFrame(drawn, columns=list(names)).assign(time=all_times)
+    curves = CubicHermiteSpline(time, position[:, columns], velocity[:, columns])(all_times)
+    return pd.DataFrame(curves, columns=list(drawn)).assign(time=all_times)
 
 
-def _dots(simulation: VariableSimulation, begin: float, names: tuple[str, ...]) -> pd.DataFrame:
+def _dots(simulation: VariableSimulation, begin: float, drawn: Mapping[str, int]) -> pd.DataFrame:
     """Return one row a switching point: its time, what switches, and the coordinates there."""
     found = [incident for incident in incidents(simulation) if incident.time >= begin]
     times = np.array([incident.time for incident in found])
     at = np.minimum(np.searchsorted(simulation.steps["time"], times), max(0, simulation.n_steps - 1))
-    frame = pd.DataFrame(simulation.trajectory[at, : len(names)], columns=list(names))
+    frame = pd.DataFrame(simulation.trajectory[at][:, list(drawn.values())], columns=list(drawn))
     frame["time"] = times
     frame["law"] = ["contact opens or closes" if one.law == "unilateral" else "slips or sticks" for one in found]
     return frame

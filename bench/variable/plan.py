@@ -22,9 +22,6 @@ DEFAULT_TOLERANCE = 1e-12
 
 DEFAULT_ITERATIONS = 100_000
 
-LONGEST = 20.0
-"""A step is at most this many of the scene's fixed ones, if nobody says otherwise, or 1/50 s where that is longer."""
-
 
 @dataclass(frozen=True, eq=False)
 class VariablePlan:
@@ -59,7 +56,7 @@ class VariablePlan:
     def steps(self, solver: ContactSolver | None = None) -> VariableStep:
         """Return what takes the steps, with ``solver`` in place of the plan's."""
         scene = self.scene
-        return self.stepper.over(scene.system, solver or self.solver, self.stop, longest_step(scene))
+        return self.stepper.over(scene.system, solver or self.solver, self.stop, scene.longest_step)
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plain values, from which ``make_variable_plan`` makes it again."""
@@ -72,11 +69,6 @@ class VariablePlan:
             "tolerance": self.tolerance,
             "max_iterations": self.max_iterations,
         }
-
-
-def longest_step(scene: Scene) -> float:
-    """Return the longest step of a scene [s], if the stepper has none of its own: nothing is jumped over in it."""
-    return max(LONGEST * scene.step_size, 0.02) if scene.name == "woodpecker" else LONGEST / 5.0 * scene.step_size
 
 
 def make_variable_plan(

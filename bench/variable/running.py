@@ -2,13 +2,17 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...problems.adaptive import StepError, VariableStepTaken
 from ...problems.moreau import Step
 from ...solvers.interface import Solver
+from ...solvers.registry import create
 from ..errors import BenchError
+from ..simulations.asking import Asked
+from ..simulations.plan import FIXED
 from ..simulations.running import judged_residual
 from .file import read_variable, write_variable
 from .plan import VariablePlan, changed
@@ -70,6 +74,10 @@ def begun_variable(
     simulation = read_variable(file)
     plan, asked = simulation.plan, dict(given or {})
     changes: dict[str, Any] = {name: asked.pop(name) for name in ("tolerance", "max_iterations") if name in asked}
+    if asked.get("stepper") == FIXED:
+        raise BenchError(
+            f"{file} has a variable step and cannot go on with a fixed one; leave --stepper out, or simulate anew."
+        )
     if "stepper" in asked:
         changes["stepper"] = make_stepper(asked.pop("stepper"))
     if "solver" in asked:
@@ -95,8 +103,6 @@ def advance_variable(
     """Take the steps that are left; whatever ends them, the result file holds all that were completed."""
     if simulation.is_finished:
         return
-    from ..simulations.asking import Asked
-
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)
@@ -127,8 +133,6 @@ def advance_variable(
 
 def one_steps(taken: VariableStepTaken) -> list[Step]:
     """Return the one-step solves behind an accepted step, the last of which ends in its end."""
-    from dataclasses import replace
-
     steps = [step for step, _ in taken.substeps]
     return [*steps[:-1], replace(steps[-1], state=taken.end)]
 
@@ -171,6 +175,4 @@ def _row(
 
 
 def _solver(given: str | Solver) -> Solver:
-    from ...solvers.registry import create
-
     return create(given) if isinstance(given, str) else given

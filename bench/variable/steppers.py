@@ -1,10 +1,10 @@
 """Steppers of variable step size by name, as the command line and result files write them."""
 
 import inspect
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Protocol
 
-from ...problems.adaptive import VariableStep
+from ...problems.adaptive import Scheme, VariableStep
 from ...problems.errors import ProblemError, suggestion
 from ...problems.moreau import ContactSolver
 from ...problems.smooth_step import Extrapolation
@@ -14,38 +14,58 @@ from ...problems.system import System
 from ...solvers.interface import SolverError, Stop, described
 from ...solvers.registry import parse
 from ..errors import BenchError
+from ..simulations.plan import FIXED
 
 SEARCHES: dict[str, type[Search]] = {"anticipating": Anticipating, "nested": NestedIntervals, "last": LastStepOnly}
 """Searches for switching points by name."""
 
 
-class Stepper(Protocol):
-    """A stepper with its options; a frozen dataclass, so that ``described`` writes its name."""
+class Stepper(ABC):
+    """A stepper with its options; those of every one are the attributes here.
 
-    tolerance: float
-    min_step: float
-    max_step: float | None
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        ...
-
-    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
-        """Return what takes the steps; ``max_step`` [s] is the scene's, which an own one replaces."""
-        ...
-
-
-@dataclass(frozen=True)
-class Extrapolated:
-    """Moreau's rule, extrapolated between switching points.
+    Subclasses are frozen dataclasses, so that ``described`` writes their names.
 
     Attributes:
         tolerance: relative error of one step.
         min_step: to which switching points are located [s].
         max_step: longest step [s]; the scene's if None.
-        levels: most sequences of one extrapolation.
         search: how switching points are located: "anticipating", "nested" intervals or "last" step only.
+    """
+
+    tolerance: float
+    min_step: float
+    max_step: float | None
+    search: str
+
+    def __post_init__(self) -> None:
+        if self.search not in SEARCHES:
+            raise ProblemError(f"there is no search {self.search!r}{suggestion(self.search, SEARCHES)}")
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        return described(self)
+
+    @abstractmethod
+    def scheme(self) -> Scheme:
+        """Return how smooth steps are taken."""
+
+    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
+        """Return what takes the steps; ``max_step`` [s] is the scene's, which an own one replaces.
+
+        Raises:
+            ProblemError: for an option out of range.
+        """
+        longest, search = max_step if self.max_step is None else self.max_step, SEARCHES[self.search]
+        return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, self.scheme(), search)
+
+
+@dataclass(frozen=True)
+class Extrapolated(Stepper):
+    """Moreau's rule, extrapolated between switching points.
+
+    Attributes:
+        levels: most sequences of one extrapolation.
     """
 
     tolerance: float = 1e-7
@@ -54,60 +74,26 @@ class Extrapolated:
     levels: int = 4
     search: str = "anticipating"
 
-    def __post_init__(self) -> None:
-        _check_search(self.search)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
-        """Return what takes the steps.
-
-        Raises:
-            ProblemError: for an option out of range.
-        """
-        longest, search = max_step if self.max_step is None else self.max_step, SEARCHES[self.search]
-        scheme = Extrapolation(self.levels)
-        return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, scheme, search)
+    def scheme(self) -> Scheme:
+        """Return the extrapolation."""
+        return Extrapolation(self.levels)
 
 
 @dataclass(frozen=True)
-class StepDoubling:
-    """The paper's stepper: one step against two halves, and nested intervals.
-
-    Attributes:
-        tolerance: relative error of one step.
-        min_step: to which switching points are located [s].
-        max_step: longest step [s]; the scene's if None.
-        search: how switching points are located, as in ``Extrapolated``.
-    """
+class StepDoubling(Stepper):
+    """The paper's stepper: one step against two halves, and nested intervals."""
 
     tolerance: float = 1e-5
     min_step: float = 1e-7
     max_step: float | None = None
     search: str = "nested"
 
-    def __post_init__(self) -> None:
-        _check_search(self.search)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    def over(self, system: System, solver: ContactSolver, stop: Stop, max_step: float) -> VariableStep:
-        """Return what takes the steps.
-
-        Raises:
-            ProblemError: for an option out of range.
-        """
-        longest, search = max_step if self.max_step is None else self.max_step, SEARCHES[self.search]
-        return VariableStep(system, solver, stop, self.tolerance, self.min_step, longest, DoublingScheme(), search)
+    def scheme(self) -> Scheme:
+        """Return the one step against two."""
+        return DoublingScheme()
 
 
-STEPPERS: dict[str, type[Any]] = {"Extrapolated": Extrapolated, "StepDoubling": StepDoubling}
+STEPPERS: dict[str, type[Stepper]] = {"Extrapolated": Extrapolated, "StepDoubling": StepDoubling}
 """Variable steppers by name."""
 
 
@@ -115,7 +101,7 @@ def make_stepper(text: str) -> Stepper:
     """Return a stepper: ``make_stepper("Extrapolated(tolerance=1e-8)")``.
 
     Raises:
-        BenchError: for an unknown name or option, with the nearest one, or a value of the wrong kind.
+        BenchError: for an unknown name or option, with the nearest one, a value of the wrong kind, or a fixed step.
     """
     try:
         name, options = parse(text)
@@ -123,8 +109,13 @@ def make_stepper(text: str) -> Stepper:
         raise BenchError(
             f"cannot read {text!r} as a stepper; write a name, or a name with options: Extrapolated(tolerance=1e-8)."
         ) from None
+    if name == FIXED:
+        raise BenchError(
+            f"{text} is no variable stepper; ask for a fixed step by --stepper {FIXED} and its size by --step-size, or "
+            f"name {' or '.join(STEPPERS)}."
+        )
     if name not in STEPPERS:
-        raise BenchError(f"there is no stepper {name!r}{suggestion(name, STEPPERS)}")
+        raise BenchError(f"there is no stepper {name!r}{suggestion(name, [FIXED, *STEPPERS])}")
     known = list(inspect.signature(STEPPERS[name]).parameters)
     for option, value in options.items():
         if option not in known:
@@ -133,10 +124,4 @@ def make_stepper(text: str) -> Stepper:
         if not isinstance(value, (int, float) if wanted is float else wanted) or isinstance(value, bool):
             kind = {str: "a name", int: "a whole number", float: "a number"}[wanted]
             raise BenchError(f"{option} of {name} must be {kind}, got {value!r}.")
-    stepper: Stepper = STEPPERS[name](**options)
-    return stepper
-
-
-def _check_search(search: str) -> None:
-    if search not in SEARCHES:
-        raise ProblemError(f"there is no search {search!r}{suggestion(search, SEARCHES)}")
+    return STEPPERS[name](**options)

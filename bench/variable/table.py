@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from ..simulations.simulation import SLACK
 from .incidents import Cycle, Cycles, Incident, cycles, incidents, relative_deviations
@@ -87,8 +88,6 @@ def variable_summary(simulation: VariableSimulation) -> dict[str, Any]:
 def _is_reference(simulation: VariableSimulation) -> bool:
     """Whether the options are those that the limit cycle was computed for."""
     scene = simulation.plan.scene
-    from ...problems.scenes.registry import SCENES
-
     known = SCENES[scene.name].options
     return all(scene.options[name] == option.default for name, option in known.items() if name != "start")
 

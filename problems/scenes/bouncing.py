@@ -10,6 +10,7 @@ from ..errors import ProblemError
 from ..moreau import State
 from ..surfaces import Plane
 from ..system import MechanicalSystem
+from .closed_form import check_positive
 from .effects import Gravity, Restitution, ball_system
 
 
@@ -35,9 +36,7 @@ class BouncingBall:
     gravity: float = 9.81
 
     def __post_init__(self) -> None:
-        for name in ("height", "radius", "mass", "gravity"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ProblemError(f"{name} of a bouncing ball must be positive, got {getattr(self, name)}.")
+        check_positive(self, "a bouncing ball", "height", "radius", "mass", "gravity")
         if not 0.0 <= self.restitution < 1.0:
             raise ProblemError(f"restitution of a bouncing ball must be in [0, 1), got {self.restitution}.")
 

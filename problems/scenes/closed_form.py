@@ -1,7 +1,9 @@
 """What scenes whose motion is known in closed form have in common, so that any stepper can be tested on any of them."""
 
+from math import inf
 from typing import Protocol
 
+from ..errors import ProblemError
 from ..moreau import State
 from ..system import System
 
@@ -23,3 +25,20 @@ class ClosedFormScene(Protocol):
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s] in closed form; where velocities jump, the one after the impact."""
         ...
+
+
+def check_positive(scene: object, what: str, *names: str) -> None:
+    """Look at numbers of a scene that must be positive and finite.
+
+    Args:
+        scene: which has them as attributes.
+        what: the scene, as the sentence calls it: "a bouncing ball".
+        names: of the numbers.
+
+    Raises:
+        ProblemError: for the first that is not.
+    """
+    for name in names:
+        value = getattr(scene, name)
+        if not 0.0 < value < inf:
+            raise ProblemError(f"{name} of {what} must be positive, got {value}.")

@@ -8,7 +8,7 @@ from ..balls import SPHERE_INERTIA, BallSystem
 from ..errors import ProblemError
 from ..moreau import State
 from ..surfaces import Plane
-from .closed_form import OVERLAP
+from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Restitution, ball_system
 
 
@@ -38,9 +38,7 @@ class ObliqueImpact:
     mass: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("normal_speed", "distance"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ProblemError(f"{name} of an oblique impact must be positive, got {getattr(self, name)}.")
+        check_positive(self, "an oblique impact", "normal_speed", "distance")
 
     def system(self) -> BallSystem:
         """Return the sphere above the ground z = 0."""
@@ -112,9 +110,7 @@ class NewtonsCradle:
     def __post_init__(self) -> None:
         if self.n_balls < 2:
             raise ProblemError(f"n_balls of a cradle must be at least 2, got {self.n_balls}.")
-        for name in ("speed", "distance"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ProblemError(f"{name} of a cradle must be positive, got {getattr(self, name)}.")
+        check_positive(self, "a cradle", "speed", "distance")
 
     def system(self) -> BallSystem:
         """Return the balls, without gravity, friction and ground."""

@@ -4,7 +4,7 @@ A scene of another kind is one more entry of ``SCENES``: what it is, its options
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import ProblemError, suggestion
@@ -49,6 +49,8 @@ class Scene:
         agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
         n_balls: number of balls, 0 where there are none.
         depth: penetration [m] to which positions are projected, None where they are not.
+        longest_step: Δt_max [s] of a variable step if nobody says otherwise: nothing is jumped over in it.
+        coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
     """
 
     name: str
@@ -64,6 +66,8 @@ class Scene:
     agitation: Callable[[FloatArray, FloatArray], float] | None = None
     n_balls: int = 0
     depth: float | None = None
+    longest_step: float = 4.0 * TIME_STEP
+    coordinates: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,11 +78,13 @@ class SceneKind:
         summary: what it is, for people.
         options: its options by name.
         build: makes the scene from its name and the value of every option.
+        has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
     """
 
     summary: str
     options: Mapping[str, Option]
     build: Callable[[str, Mapping[str, Any]], Scene]
+    has_few_contacts: bool = False
 
 
 def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
@@ -112,6 +118,7 @@ def _funnel(name: str, options: Mapping[str, Any]) -> Scene:
         agitation=funnel.agitation if has_outlet else None,
         n_balls=funnel.n_balls,
         depth=None if projection is None else projection * RADIUS,
+        longest_step=4.0 * TIME_STEP,
     )
 
 
@@ -142,6 +149,8 @@ def _woodpecker(name: str, options: Mapping[str, Any]) -> Scene:
         duration=1.0,
         kinetic_energy=kinetic_energy,
         potential_energy=lambda position: potential_energy(position, gravity),
+        longest_step=0.02,
+        coordinates={"φ_M [rad]": 1, "φ_S [rad]": 2, "y [m]": 0},
     )
 
 
@@ -179,6 +188,7 @@ SCENES: Mapping[str, SceneKind] = {
             "start": Option("published", "first state", choices=("published", "cycle")),
         },
         _woodpecker,
+        has_few_contacts=True,
     ),
 }
 """Scenes by name."""

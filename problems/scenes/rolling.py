@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..balls import SPHERE_INERTIA, BallSystem
-from ..errors import ProblemError
 from ..moreau import State
 from ..surfaces import Plane
-from .closed_form import OVERLAP
+from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Gravity, ball_system
 
 
@@ -34,9 +33,7 @@ class SlidingSphere:
     gravity: float = 9.81
 
     def __post_init__(self) -> None:
-        for name in ("speed", "friction", "gravity"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ProblemError(f"{name} of a sliding sphere must be positive, got {getattr(self, name)}.")
+        check_positive(self, "a sliding sphere", "speed", "friction", "gravity")
 
     def system(self) -> BallSystem:
         """Return the sphere on the ground z = 0."""

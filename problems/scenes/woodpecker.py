@@ -26,7 +26,7 @@ DESCENT = 0.019445379284716507
 """Descent in one limit cycle [m]."""
 
 INCIDENTS = (
-    (-0.03959340699934294, "friction", 1, "slip", "stick"),
+    (-0.03959340699946194, "friction", 1, "slip", "stick"),
     (0.0, "friction", 1, "stick", "slip"),
     (0.005820757234809802, "unilateral", 1, "closed", "open"),
     (0.016709825280643503, "unilateral", 2, "open", "closed"),

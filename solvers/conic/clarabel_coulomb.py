@@ -8,7 +8,7 @@ from ...problems.judge import Residual
 from ...problems.model import Model
 from ..interface import SolverError, described
 from .clarabel_socp import check_form, obstacle
-from .fixed_point import PreparedFixedPoint, check_memory
+from .fixed_point import PreparedFixedPoint, check_memory, check_refinement
 from .programs import Form, conic_program
 
 
@@ -19,6 +19,7 @@ class ClarabelCoulomb:
     Attributes:
         form: impulses over the "delassus" matrix as variables, or velocities over the "factors" W and M⁻¹.
         memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
+        refinement: whether Newton steps on the states that an iterate identifies take it further.
 
     Raises:
         SolverError: for an option out of range.
@@ -26,6 +27,7 @@ class ClarabelCoulomb:
 
     form: Form = "delassus"
     memory: int = 5
+    refinement: bool = True
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
@@ -33,6 +35,7 @@ class ClarabelCoulomb:
     def __post_init__(self) -> None:
         check_form(self.form)
         check_memory(self.memory)
+        check_refinement(self.refinement)
 
     @property
     def name(self) -> str:
@@ -49,5 +52,5 @@ class ClarabelCoulomb:
         if reason:
             raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
         residual = Residual(problem)
-        program = conic_program(problem, residual, self.form)
-        return PreparedFixedPoint(problem, residual, program, self.memory)
+        program = conic_program(problem, self.form)
+        return PreparedFixedPoint(problem, residual, program, self.memory, self.refinement)

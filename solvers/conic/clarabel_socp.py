@@ -65,4 +65,4 @@ class ClarabelSOCP:
         if reason:
             raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
         residual = ModelResidual(problem, self.model)
-        return PreparedConvex(problem, residual, conic_program(problem, residual, self.form))
+        return PreparedConvex(problem, residual, conic_program(problem, self.form))

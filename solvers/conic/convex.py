@@ -1,8 +1,11 @@
 """Solving the associated (convex) contact model to the judge's residual, with any cone program.
 
-A conic solver's own tolerance is no residual: it is tightened until the judge, held to the convex model, agrees.
+A conic solver's own tolerance is no residual: it is tightened until the judge, held to the convex model, agrees. Where
+it gets too tight for the solver's factorisations, all others follow: how near to that edge a solver comes is a matter
+of luck. A solve to a tighter residual that fails has so tried what one to a looser residual tries, and ends no worse.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,14 +16,14 @@ from ...problems.laws import FloatArray
 from ..interface import Observer, Solution, Status, Stop
 from .programs import ConicProgram, Ended
 
+LADDER = tuple(10.0**-digits for digits in range(3, 16))
+"""The conic solver's tolerances; below the last a tolerance means nothing in double precision."""
+
 FIRST_ACCURACY = 1e-2
-"""The conic solver's tolerances at the first try, relative to the residual asked for."""
+"""The first try is the loosest of the ladder that is no more than this, relative to the residual asked for."""
 
-TIGHTENING = 1e-2
-"""Factor on the conic solver's tolerances when the residual is not yet reached."""
-
-TIGHTEST = 1e-15
-"""Below this a tolerance means nothing in double precision."""
+STRIDE = 2
+"""Steps on the ladder from one try to the next."""
 
 _LIMITS = {Ended.ITERATION_LIMIT: Status.ITERATION_LIMIT, Ended.TIME_LIMIT: Status.TIME_LIMIT}
 
@@ -40,12 +43,15 @@ class PreparedConvex:
             return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
         if n_rows == 0 or self.residual.scale == 0.0:
             return Solution(np.zeros(n_rows), Status.SOLVED, 0)
-        accuracy, seconds, iterations = FIRST_ACCURACY * stop.tolerance, 0.0, 0
-        no_shift = np.zeros(self.problem.n_contacts)
-        best, best_residual = np.zeros(n_rows), np.inf
-        while True:
+        seconds, iterations = 0.0, 0
+        best = np.zeros(n_rows)
+        best_residual = self.residual(best, self.problem.free_velocity)
+        if best_residual <= stop.tolerance:
+            return Solution(best, Status.SOLVED, 0)
+        accuracies = _Accuracies(stop.tolerance)
+        for accuracy in accuracies:
             left = stop.max_iterations - iterations
-            result = self.program.run(no_shift, accuracy, left, stop.max_seconds - seconds)
+            result = self.program.run(self.problem.free_velocity, accuracy, left, stop.max_seconds - seconds)
             seconds += result.seconds
             iterations += result.iterations
             if np.isfinite(result.impulses).all():
@@ -56,16 +62,28 @@ class PreparedConvex:
                 return Solution(best, Status.SOLVED, iterations)
             limit = _LIMITS.get(result.ended)
             if limit is not None or iterations >= stop.max_iterations or seconds >= stop.max_seconds:
-                ended = (limit or Status.ITERATION_LIMIT, f"residual {best_residual:.1e} in the convex model")
+                reason = f"residual {best_residual:.1e} in the convex model"
+                return Solution(best, limit or Status.ITERATION_LIMIT, iterations, reason)
+            accuracies.is_failing = result.ended is not Ended.CONVERGED
+        reason = f"residual {best_residual:.1e} at the tightest tolerances of the conic solver"
+        if accuracies.is_failing:
+            reason = f"the conic solver ended with {result.ended} at residual {best_residual:.1e}"
+        return Solution(best, Status.STALLED, iterations, reason)
+
+
+class _Accuracies:
+    """The tolerances to try: tighter and tighter ones until the conic solver fails, then all others."""
+
+    def __init__(self, tolerance: float) -> None:
+        fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]
+        self._first = fitting[0] if fitting else len(LADDER) - 1
+        self.is_failing = False
+
+    def __iter__(self) -> Iterator[float]:
+        tried = set()
+        for accuracy in LADDER[self._first :: STRIDE]:
+            tried.add(accuracy)
+            yield accuracy
+            if self.is_failing:
                 break
-            if result.ended is Ended.GAVE_UP:
-                ended = (Status.STALLED, f"the conic solver ended with {result.ended} at residual {best_residual:.1e}")
-                break
-            accuracy *= TIGHTENING
-            if accuracy < TIGHTEST:
-                ended = (
-                    Status.STALLED,
-                    f"the conic solver's tolerances are at their floor, residual {best_residual:.1e}",
-                )
-                break
-        return Solution(best, ended[0], iterations, ended[1])
+        yield from (accuracy for accuracy in reversed(LADDER) if accuracy not in tried)

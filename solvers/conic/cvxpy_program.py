@@ -1,9 +1,9 @@
 """The associated contact model written in cvxpy, for any of its conic solvers.
 
-    minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact, Λ = y times a unit
+    minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact, Λ = y times its unit
 
-with G = RᵀR: R = W̃ where the factors are known, else from the eigenvalues of G. The linear term is a parameter: cvxpy
-compiles the program once, and later runs replace b alone.
+with G = RᵀR: R = W̃ where the factors are known, else from the eigenvalues of G. Units and regularisation are those of
+``programs``. The linear term is a parameter: cvxpy compiles the program once, and later runs replace b alone.
 """
 
 import importlib
@@ -15,7 +15,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from ..interface import SolverError
 from .programs import ConicResult, Ended, Scaling
@@ -83,23 +82,25 @@ def installed(cones: bool) -> list[str]:
 class CvxpyProgram:
     """The program over impulses; see ``programs.ConicProgram``."""
 
-    def __init__(self, problem: ContactProblem, residual: Residual, solver: str) -> None:
+    def __init__(self, problem: ContactProblem, solver: str, weight: FloatArray | None = None) -> None:
         cp = cvxpy()
-        self._solver = solver
-        self._free_velocity = problem.free_velocity
-        self._scaling = scaling = Scaling(problem, residual)
+        self._problem, self._solver = problem, solver
+        self._scaling = scaling = Scaling(problem)
         self._impulses = cp.Variable(problem.n_rows)
         self._linear = cp.Parameter(problem.n_rows)
-        root = _root(problem) * np.sqrt(scaling.impulse / scaling.velocity)
+        root = _root(problem)
+        if weight is not None:
+            root = sp.vstack([sp.csc_array(root), sp.diags_array(np.sqrt(weight))], format="csc")
+        root = root @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
         objective = 0.5 * cp.sum_squares(root @ self._impulses) + self._linear @ self._impulses
         self._program = cp.Problem(cp.Minimize(objective), _constraints(problem, scaling, self._impulses))
-        self._linear.value = problem.free_velocity / scaling.velocity
+        self._linear.value = np.zeros(problem.n_rows)
         self._program.get_problem_data(solver)  # compiles, and keeps what it compiled
 
-    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         """See ``ConicProgram``."""
         cp = cvxpy()
-        self._linear.value = self._scaling.shifted(self._free_velocity, shift)
+        self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
         tolerances, most_iterations, most_seconds = _OPTIONS.get(self._solver, ((), "", ""))
         options: dict[str, float] = dict.fromkeys(tolerances, accuracy)
         if most_iterations:
@@ -111,15 +112,25 @@ class CvxpyProgram:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
-            ended = Ended.CONVERGED if self._program.status == cp.OPTIMAL else Ended.GAVE_UP
+            ended = {cp.OPTIMAL: Ended.CONVERGED, cp.UNBOUNDED: Ended.UNBOUNDED}.get(
+                self._program.status, Ended.GAVE_UP
+            )
         except cp.error.SolverError:
             ended = Ended.GAVE_UP
         taken = time.perf_counter() - began
         found = self._impulses.value
-        impulses = np.full(len(self._free_velocity), np.nan) if found is None else self._scaling.impulse * found
+        impulses = np.full(self._problem.n_rows, np.nan) if found is None else self._scaling.impulse * found
         stats = self._program.solver_stats
         count = getattr(stats, "num_iters", None) if stats is not None else None
         return ConicResult(impulses, int(count or 1), taken, ended)
+
+    def regularised(self, weight: FloatArray) -> "CvxpyProgram":
+        """See ``ConicProgram``."""
+        return CvxpyProgram(self._problem, self._solver, weight)
+
+
+def _endings(cp: Any) -> dict[str, Ended]:
+    return {cp.OPTIMAL: Ended.CONVERGED, cp.OPTIMAL_INACCURATE: Ended.NEARLY, cp.UNBOUNDED: Ended.UNBOUNDED}
 
 
 def _root(problem: ContactProblem) -> Any:
@@ -135,13 +146,14 @@ def _constraints(problem: ContactProblem, scaling: Scaling, impulses: Any) -> li
     cp = cvxpy()
     layout, lanes = problem.layout, scaling.lanes
     constraints = []
-    if scaling.has_normal.any():
-        constraints.append(impulses[lanes[scaling.has_normal, 0]] >= 0.0)
+    has_normal = lanes[:, 0] >= 0
+    if has_normal.any():
+        constraints.append(impulses[lanes[has_normal, 0]] >= 0.0)
     for tangents in (1, 2):
         blocks = np.flatnonzero((lanes[:, 1:] >= 0).sum(axis=1) == tangents)
         if not len(blocks):
             continue
-        mu, fixed = layout.friction_coefficient[blocks], layout.fixed_bound[blocks] / scaling.impulse
+        mu, fixed = layout.friction_coefficient[blocks], layout.fixed_bound[blocks] / scaling.block_impulse[blocks]
         normal = lanes[blocks, 0]
         pick = sp.csr_array(
             (mu[normal >= 0], (np.flatnonzero(normal >= 0), normal[normal >= 0])), shape=(len(blocks), problem.n_rows)

@@ -15,7 +15,7 @@ from ..interface import SolverError, described
 from .clarabel_socp import obstacle
 from .convex import PreparedConvex
 from .cvxpy_program import CvxpyProgram, check_solver, takes_cones
-from .fixed_point import PreparedFixedPoint, check_memory
+from .fixed_point import PreparedFixedPoint, check_memory, check_refinement
 
 
 def _refuse_unsupported(solver: "CvxpySOCP | CvxpyCoulomb | CvxpyQP", problem: ContactProblem) -> None:
@@ -27,7 +27,7 @@ def _refuse_unsupported(solver: "CvxpySOCP | CvxpyCoulomb | CvxpyQP", problem: C
 def _prepared_convex(solver: "CvxpySOCP | CvxpyQP", problem: ContactProblem) -> PreparedConvex:
     _refuse_unsupported(solver, problem)
     residual = ModelResidual(problem, Model.CONVEX)
-    return PreparedConvex(problem, residual, CvxpyProgram(problem, residual, solver.solver))
+    return PreparedConvex(problem, residual, CvxpyProgram(problem, solver.solver))
 
 
 MOST_CONTACTS = 2500
@@ -84,6 +84,7 @@ class CvxpyCoulomb:
     Attributes:
         solver: a conic or quadratic solver that cvxpy has installed.
         memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
+        refinement: whether Newton steps on the states that an iterate identifies take it further.
 
     Raises:
         SolverError: if cvxpy has no such solver, or for an option out of range.
@@ -91,6 +92,7 @@ class CvxpyCoulomb:
 
     solver: str = "CLARABEL"
     memory: int = 5
+    refinement: bool = True
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
@@ -98,6 +100,7 @@ class CvxpyCoulomb:
     def __post_init__(self) -> None:
         check_solver(self.solver, cones=False)
         check_memory(self.memory)
+        check_refinement(self.refinement)
 
     @property
     def name(self) -> str:
@@ -113,8 +116,8 @@ class CvxpyCoulomb:
     def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
         """Compile the program, once for all outer iterations."""
         _refuse_unsupported(self, problem)
-        residual = Residual(problem)
-        return PreparedFixedPoint(problem, residual, CvxpyProgram(problem, residual, self.solver), self.memory)
+        program = CvxpyProgram(problem, self.solver)
+        return PreparedFixedPoint(problem, Residual(problem), program, self.memory, self.refinement)
 
 
 @dataclass(frozen=True)

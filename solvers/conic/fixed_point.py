@@ -4,13 +4,27 @@ Coulomb's law is the associated law for the velocity whose normal part is raised
 
     −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact,
 
-so each outer iteration solves one cone program with c_N + s and takes s from the velocity that results. The plain
-iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. Where mixing lets
-the residual rise far above its best value, the pairs are forgotten and the plain iteration goes on from the last s.
+so each outer iteration solves one cone program with c_N + s and takes s from the velocity that results: s ← F(s). The
+plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. Where
+mixing lets the residual rise far above its best value, the pairs are forgotten and the plain iteration goes on.
+
+F exists where the cone program has a solution, that is on D = {s : some velocity WᵀM⁻¹… + c + s e_N lies in K*}, a
+convex set that holds every s' ≥ s with s. Theory (Acary, Cadoux, Lemaréchal & Malick 2011) has a fixed point where
+0 ∈ D, and the iteration stays in D then. Elsewhere F may lead out of D although there is a fixed point, and even in D
+nothing makes F a contraction. So where it ends without one, a proximal iteration follows (nonsmooth proximal point
+algorithm, Acary, Brémond & Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
+
+    Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
+
+G + diag(w) is positive definite: the program always has one solution, which depends continuously on (s, Λ). A fixed
+point solves the problem itself; small ε goes far in a step, large ε damps what oscillates.
+
+Iterates are refined on the states that they identify, see ``newton.refinement``. No decision depends on the tolerance:
+a solve to a tighter one begins with the same iterates, and ends no worse.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,19 +32,23 @@ from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from ..interface import Observer, Solution, SolverError, Status, Stop
+from ..newton.refinement import Refinement
 from .anderson import Anderson
 from .programs import ConicProgram, ConicResult, Ended
+
+LOOSEST = 1e-8
+"""The largest tolerance of a cone program: its solution has an error of about the root of it."""
 
 TIGHTEST = 1e-13
 """A conic solver's tolerance below which its factorisations begin to fail."""
 
-LOOSEST = 1e-8
-"""The tolerance above which a cone program that it gives up is not tried again."""
+INNER = 1e-2
+"""Error that a cone program may have, relative to the best residual so far."""
 
 LOOSENING = 100.0
-"""Factor on the tolerance when the conic solver gives up and its result is no progress either."""
+"""Factor on the least tolerance when the conic solver gives up and its result is no progress either."""
 
-PROGRESS = 0.9
+PROGRESS = 0.95
 """A residual below this fraction of the best one is progress."""
 
 RISE = 10.0
@@ -39,14 +57,43 @@ RISE = 10.0
 INNER_ITERATIONS = 1_000_000
 """Limit of iterations of one cone program, which each conic solver lowers to what makes sense for it."""
 
-PATIENCE = 25
-"""Outer iterations without a new best residual after which the iteration is called stalled."""
+JUMP = 0.1
+"""The iteration goes on from a refined iterate whose residual is below this share of what it was."""
+
+LONGEST_WAIT = 8
+"""Most outer iterations from a refinement that failed to the next one."""
+
+FIRST_SEARCH = 4
+"""Outer iterations of a phase before Newton's method searches from one; then after twice as many, and so on."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One way to iterate.
+
+    Attributes:
+        weight: ε, 0 for De Saxcé's iteration as it is.
+        patience: outer iterations without progress after which it is given up.
+    """
+
+    weight: float
+    patience: int
+
+
+PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
+"""One after the other; each but the first begins at Λ = 0."""
 
 
 def check_memory(memory: int) -> None:
     """Raise ``SolverError`` unless ``memory`` is a number of pairs."""
     if not isinstance(memory, int) or memory < 0:
         raise SolverError(f"memory must be a whole number, 0 or more, got {memory!r}.")
+
+
+def check_refinement(refinement: bool) -> None:
+    """Raise ``SolverError`` unless ``refinement`` is True or False."""
+    if not isinstance(refinement, bool):
+        raise SolverError(f"refinement must be True or False, got {refinement!r}.")
 
 
 @dataclass(frozen=True)
@@ -57,6 +104,7 @@ class PreparedFixedPoint:
     residual: Residual
     program: ConicProgram
     memory: int
+    refinement: bool = True
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate to the judge's residual; ``iterations`` counts cone programs, and ``start`` gives the first s."""
@@ -67,56 +115,168 @@ class PreparedFixedPoint:
             return Solution(np.zeros(n_rows), Status.SOLVED, 0)
         first = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
         velocity = self.problem.relative_velocity(first)
-        best, best_residual = first, self.residual(first, velocity)
-        if best_residual <= stop.tolerance:
+        shift = np.zeros(self.problem.n_contacts) if start is None else lift(self.problem, velocity)
+        outer = _Outer(self, stop, observe, first, self.residual(first, velocity))
+        if outer.lowest <= stop.tolerance:
             return Solution(first, Status.SOLVED, 0)
-        shift = np.zeros(self.problem.n_contacts) if start is None else self._lift(velocity)
-        anderson, deadline = Anderson(self.memory), time.perf_counter() + stop.max_seconds
-        accuracy = max(TIGHTEST, stop.tolerance**2)
-        iteration, since_best, inner = 0, 0, 0
-        while iteration < stop.max_iterations:
-            result = self.program.run(shift, accuracy, INNER_ITERATIONS, deadline - time.perf_counter())
-            iteration, inner = iteration + 1, inner + result.iterations
-            if not np.isfinite(result.impulses).all():
-                status = Status.TIME_LIMIT if self._is_late(result, deadline) else Status.STALLED
-                reason = f"the conic solver ended with {result.ended} at residual {best_residual:.1e}"
-                return Solution(best, status, iteration, reason)
-            velocity = self.problem.relative_velocity(result.impulses)
-            residual = self.residual(result.impulses, velocity)
-            if result.ended is not Ended.CONVERGED and residual > PROGRESS * best_residual and accuracy < LOOSEST:
-                accuracy *= LOOSENING
-            if observe is not None:
-                began = time.perf_counter()
-                shown = result.impulses.copy()
-                shown.setflags(write=False)
-                observe(iteration, shown)
-                deadline += time.perf_counter() - began
-            since_best = 0 if residual < best_residual else since_best + 1
-            if residual < best_residual:
-                best, best_residual = result.impulses, residual
-            if best_residual <= stop.tolerance:
-                return Solution(best, Status.SOLVED, iteration)
-            if self._is_late(result, deadline):
-                reason = f"residual {best_residual:.1e} after {iteration} cone programs of {inner} steps"
-                return Solution(best, Status.TIME_LIMIT, iteration, reason)
-            if since_best >= PATIENCE:
-                reason = f"the residual stays at {best_residual:.1e}; the conic solver ended with {result.ended}"
-                return Solution(best, Status.STALLED, iteration, reason)
-            image = self._lift(velocity)
-            if residual > RISE * best_residual:
+        for phase in PHASES:
+            ended = outer.follow(phase, shift, first)
+            if ended is not None:
+                break
+            first = np.zeros(n_rows)
+            shift = lift(self.problem, self.problem.free_velocity)
+        status, reason = ended or (Status.STALLED, outer.stalled)
+        return Solution(outer.best, status, outer.iteration, reason)
+
+
+def lift(problem: ContactProblem, velocity: FloatArray) -> FloatArray:
+    """Return s = μ‖ξ_T‖ [m/s] of each block, shape (n_blocks,), from ξ over rows."""
+    lanes = problem.layout.pad(velocity)
+    lifted: FloatArray = problem.layout.friction_coefficient * np.sqrt((lanes[:, 1:] ** 2).sum(axis=1))
+    return lifted
+
+
+def raised(problem: ContactProblem, shift: FloatArray) -> FloatArray:
+    """Return c + s e_N over rows [m/s] from s, shape (n_blocks,)."""
+    lanes = problem.layout.pad(problem.free_velocity)
+    lanes[:, 0] += shift
+    velocity: FloatArray = problem.layout.unpad(lanes)
+    return velocity
+
+
+@dataclass
+class _Outer:
+    """The outer iteration of one solve.
+
+    Attributes:
+        prepared: what it iterates on.
+        stop: the limits.
+        observe: is shown every iterate, if given.
+        best: the best Λ so far [N s], shape (n_rows,).
+        lowest: its residual.
+        iteration: cone programs so far.
+        stalled: why the last phase ended.
+    """
+
+    prepared: PreparedFixedPoint
+    stop: Stop
+    observe: Observer | None
+    best: FloatArray
+    lowest: float
+    iteration: int = 0
+    stalled: str = ""
+    _inner: int = 0
+    _deadline: float = field(init=False)
+    refinement: Refinement = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._deadline = time.perf_counter() + self.stop.max_seconds
+        self.refinement = Refinement(self.prepared.problem, self.prepared.residual)
+
+    def follow(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> tuple[Status, str] | None:
+        """Iterate from s and Λ; return status and reason if the solve is over, None if only the phase is."""
+        problem, program, memory = self.prepared.problem, self.prepared.program, self.prepared.memory
+        alpha, weight = _alpha(problem), np.zeros(problem.n_rows)
+        if phase.weight > 0.0:
+            weight = phase.weight * alpha
+            program = program.regularised(weight)
+        anderson, refining = Anderson(memory), _Refining(self)
+        lowest, floor, waited = 1.0, TIGHTEST, 0
+        while self.iteration < self.stop.max_iterations:
+            accuracy = min(max((INNER * lowest) ** 2, floor), LOOSEST)
+            seconds = self._deadline - time.perf_counter()
+            result = program.run(raised(problem, shift) - weight * impulses, accuracy, INNER_ITERATIONS, seconds)
+            self.iteration, self._inner = self.iteration + 1, self._inner + result.iterations
+            self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver ended with {result.ended}"
+            if result.ended is Ended.UNBOUNDED or not np.isfinite(result.impulses).all():
+                self.stalled = f"the conic solver ended with {result.ended} at residual {self.lowest:.1e}"
+                return self._late(result)
+            velocity = problem.relative_velocity(result.impulses)
+            residual = self.prepared.residual(result.impulses, velocity)
+            if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < LOOSEST:
+                floor *= LOOSENING
+            waited = 0 if residual < PROGRESS * lowest else waited + 1
+            found, reached = refining.after(result.impulses, residual, is_last=waited >= phase.patience)
+            self._note(found, reached)
+            if self.lowest <= self.stop.tolerance:
+                return Status.SOLVED, ""
+            late = self._late(result)
+            if late is not None or waited >= phase.patience:
+                return late
+            lowest = min(lowest, residual)
+            if reached < JUMP * residual:
+                impulses, shift = found, lift(problem, problem.relative_velocity(found))
                 anderson.forget()
-            shift = np.maximum(anderson.next(shift, image), 0.0)
-        reason = f"residual {best_residual:.1e} after {iteration} cone programs of {inner} steps"
-        return Solution(best, Status.ITERATION_LIMIT, iteration, reason)
+                continue
+            if residual > RISE * lowest:
+                anderson.forget()
+            point, image = [shift], [lift(problem, velocity)]
+            if phase.weight > 0.0:
+                point, image = [*point, alpha * impulses], [*image, alpha * result.impulses]
+            mixed = anderson.next(np.concatenate(point), np.concatenate(image))
+            shift = np.maximum(mixed[: len(shift)], 0.0)
+            impulses = mixed[len(shift) :] / alpha if phase.weight > 0.0 else impulses
+        return Status.ITERATION_LIMIT, self._so_far()
 
-    @staticmethod
-    def _is_late(result: ConicResult, deadline: float) -> bool:
-        """Whether the time is over, by this clock or by the conic solver's own."""
-        return result.ended is Ended.TIME_LIMIT or time.perf_counter() > deadline
+    def _note(self, impulses: FloatArray, residual: float) -> None:
+        """Keep the best Λ, and show this one with the clock stopped."""
+        if residual < self.lowest:
+            self.best, self.lowest = impulses, residual
+        if self.observe is None:
+            return
+        began = time.perf_counter()
+        shown = impulses.copy()
+        shown.setflags(write=False)
+        self.observe(self.iteration, shown)
+        self._deadline += time.perf_counter() - began
 
-    def _lift(self, velocity: FloatArray) -> FloatArray:
-        """Return s = μ‖ξ_T‖ of each block [m/s]."""
-        layout = self.problem.layout
-        lanes = layout.pad(velocity)
-        lift: FloatArray = layout.friction_coefficient * np.sqrt((lanes[:, 1:] ** 2).sum(axis=1))
-        return lift
+    @property
+    def is_in_time(self) -> bool:
+        """Whether there is time left."""
+        return time.perf_counter() <= self._deadline
+
+    def _late(self, result: ConicResult) -> tuple[Status, str] | None:
+        """Return the time limit if it is over, by this clock or by the conic solver's own."""
+        if result.ended is Ended.TIME_LIMIT or not self.is_in_time:
+            return Status.TIME_LIMIT, self._so_far()
+        return None
+
+    def _so_far(self) -> str:
+        return f"residual {self.lowest:.1e} after {self.iteration} cone programs of {self._inner} steps"
+
+
+class _Refining:
+    """When the iterates of one phase are refined: after failures less and less often, at the end by all means."""
+
+    def __init__(self, outer: _Outer) -> None:
+        self._outer = outer
+        self._seen, self._wait, self._next = 0, 1, 2
+        self._search = FIRST_SEARCH
+
+    def after(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
+        """Return what becomes of the next iterate: it, or better impulses, and the residual."""
+        outer, self._seen = self._outer, self._seen + 1
+        tolerance = outer.stop.tolerance
+        if not outer.prepared.refinement or residual <= tolerance:
+            return impulses, residual
+        if is_last:
+            found, reached = outer.refinement.rescued(impulses, residual, tolerance, lambda: outer.is_in_time)
+        elif self._seen >= self._search:
+            self._search = 2 * self._seen
+            found, reached = outer.refinement.searched(impulses, residual, tolerance, lambda: outer.is_in_time)
+        elif self._seen >= self._next:
+            found, reached = outer.refinement.refined(impulses, residual, tolerance)
+            self._wait = 1 if reached < JUMP * residual else min(2 * self._wait, LONGEST_WAIT)
+            self._next = self._seen + self._wait
+        else:
+            return impulses, residual
+        return found, reached
+
+
+def _alpha(problem: ContactProblem) -> FloatArray:
+    """Return the largest diagonal entry of each row's block of G [1/kg], that of all where it has none."""
+    layout = problem.layout
+    largest = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
+    alpha = np.where(largest > 0.0, largest, largest.max(initial=0.0) or 1.0)
+    of_rows: FloatArray = layout.unpad(np.repeat(alpha, layout.width))
+    return of_rows

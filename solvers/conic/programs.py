@@ -4,8 +4,14 @@
     factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
 
 The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ its multipliers; it never
-assembles G. Both take another normal velocity c_N + s as an update of their data, without a new set-up. Lengths are
-divided by the largest free velocity, impulses by that over the mean of the diagonal of G.
+assembles G. Both take another c as an update of their data, without a new set-up.
+
+Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
+motion has to give away. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). That leaves D^-½ G D^-½ of
+unit diagonal and a c of size one, whatever the masses and units of the contacts, and scales each cone as a whole, which
+keeps it.
+
+Either program may be regularised: G + diag(w) stands in the place of G, in factor form W̃ with the rows diag(√w) below.
 """
 
 from dataclasses import dataclass
@@ -17,7 +23,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 
 Form = Literal["delassus", "factors"]
@@ -30,8 +35,10 @@ class Ended(StrEnum):
     """How one run of a conic solver ended."""
 
     CONVERGED = "its tolerances reached"
+    NEARLY = "its tolerances nearly reached"
     ITERATION_LIMIT = "its iteration limit"
     TIME_LIMIT = "its time limit"
+    UNBOUNDED = "a ray along which the energy falls for ever"
     GAVE_UP = "no further progress"
 
 
@@ -55,14 +62,18 @@ class ConicResult:
 class ConicProgram(Protocol):
     """A cone program that has been set up."""
 
-    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
-        """Solve with c_N + ``shift`` [m/s], shape (n_blocks,), to Clarabel's tolerance ``accuracy``."""
+    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``."""
+        ...
+
+    def regularised(self, weight: FloatArray) -> "ConicProgram":
+        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), for G: a new set-up."""
         ...
 
 
-def conic_program(problem: ContactProblem, residual: Residual, form: Form) -> ConicProgram:
+def conic_program(problem: ContactProblem, form: Form) -> ConicProgram:
     """Return the program of ``problem`` in one of both forms."""
-    return FactorsProgram(problem, residual) if form == "factors" else DelassusProgram(problem, residual)
+    return FactorsProgram(problem) if form == "factors" else DelassusProgram(problem)
 
 
 def factors_obstacle(problem: ContactProblem) -> str | None:
@@ -76,72 +87,93 @@ def factors_obstacle(problem: ContactProblem) -> str | None:
 
 
 class Scaling:
-    """Units of velocity and impulse, and the row of each lane of each block (−1 for none)."""
+    """Units of energy and impulse, and the row of each lane of each block (−1 for none).
 
-    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
-        layout, diagonal = problem.layout, problem.delassus_diagonal
-        mean = float(diagonal.mean()) if len(diagonal) else 0.0
-        self.velocity = residual.scale if residual.scale > 0.0 else 1.0
-        self.impulse = self.velocity / mean if mean > 0.0 else 1.0
-        row_of_slot = np.full(layout.n_blocks * layout.width, -1)
+    Attributes:
+        energy: e [J].
+        impulse: unit of each row's impulse, the same for all rows of a block [N s], shape (n_rows,).
+        block_impulse: the same for each block, shape (n_blocks,).
+        lanes: row of each lane of each block, shape (n_blocks, width).
+    """
+
+    def __init__(self, problem: ContactProblem) -> None:
+        layout, width = problem.layout, problem.layout.width
+        alpha = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
+        alpha = np.where(alpha > 0.0, alpha, alpha.max(initial=0.0) or 1.0)
+        energies = (layout.pad(problem.free_velocity) ** 2).sum(axis=1) / alpha
+        self.energy = float(energies.max(initial=0.0)) or 1.0
+        self.block_impulse: FloatArray = np.sqrt(self.energy / alpha)
+        self.impulse: FloatArray = layout.unpad(np.repeat(self.block_impulse, width))
+        row_of_slot = np.full(layout.n_blocks * width, -1)
         row_of_slot[layout.slot] = np.arange(problem.n_rows)
-        self.lanes = row_of_slot.reshape(layout.n_blocks, layout.width)
-        self.has_normal = self.lanes[:, 0] >= 0
-
-    def shifted(self, free_velocity: FloatArray, shift: FloatArray) -> FloatArray:
-        """Return c with ``shift`` added to its normal rows, over the unit of velocity."""
-        shifted = free_velocity.copy()
-        shifted[self.lanes[self.has_normal, 0]] += shift[self.has_normal]
-        return shifted / self.velocity
+        self.lanes = row_of_slot.reshape(layout.n_blocks, width)
 
 
 class DelassusProgram:
     """The program over impulses."""
 
-    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
-        self._free_velocity = problem.free_velocity
-        self._scaling = scaling = Scaling(problem, residual)
-        quadratic = problem.delassus() * (scaling.impulse / scaling.velocity)
+    def __init__(self, problem: ContactProblem, weight: FloatArray | None = None) -> None:
+        self._problem = problem
+        self._scaling = scaling = Scaling(problem)
+        units = sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
+        delassus = problem.delassus() if weight is None else problem.delassus() + sp.diags_array(weight)
+        quadratic = units @ delassus @ units
         constraints, bounds, cones = _cones(problem, scaling)
-        linear = problem.free_velocity / scaling.velocity
-        self._solver = _solver(quadratic, linear, constraints, bounds, cones)
+        self._solver = _solver(quadratic, np.zeros(problem.n_rows), constraints, bounds, cones)
 
-    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         """See ``ConicProgram``."""
-        linear = self._scaling.shifted(self._free_velocity, shift)
+        linear = velocity * (self._scaling.impulse / self._scaling.energy)
         self._solver.update(q=linear, settings=_settings(accuracy, iterations, seconds))
         result = self._solver.solve()
         impulses = self._scaling.impulse * np.asarray(result.x)
         return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
 
+    def regularised(self, weight: FloatArray) -> "DelassusProgram":
+        """See ``ConicProgram``."""
+        return DelassusProgram(self._problem, weight)
+
 
 class FactorsProgram:
     """The program over scaled velocities."""
 
-    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
+    def __init__(self, problem: ContactProblem, weight: FloatArray | None = None) -> None:
         assert problem.factors is not None
-        self._free_velocity = problem.free_velocity
-        self._scaling = scaling = Scaling(problem, residual)
+        self._problem = problem
+        self._scaling = scaling = Scaling(problem)
         self._rows, self._factor, cones = _dual_cones(problem, scaling)
-        scaled = problem.factors.scaled_directions * np.sqrt(scaling.impulse / scaling.velocity)
+        self._units = scaling.impulse / np.sqrt(scaling.energy)
+        scaled = problem.factors.scaled_directions
+        if weight is not None:
+            scaled = sp.vstack([scaled, sp.diags_array(np.sqrt(weight))], format="csc")
+        scaled = scaled @ sp.diags_array(self._units)
         constraints = -sp.diags_array(self._factor) @ scaled.T.tocsr()[self._rows]
         n_dofs = scaled.shape[0]
-        bounds = self._factor * (problem.free_velocity / scaling.velocity)[self._rows]
-        self._solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, bounds, cones)
+        self._solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(self._rows)), cones)
 
-    def run(self, shift: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         """See ``ConicProgram``."""
-        bounds = self._factor * self._scaling.shifted(self._free_velocity, shift)[self._rows]
-        self._solver.update(b=bounds, settings=_settings(accuracy, iterations, seconds))
+        scaled = velocity * (self._scaling.impulse / self._scaling.energy)
+        self._solver.update(b=self._factor * scaled[self._rows], settings=_settings(accuracy, iterations, seconds))
         result = self._solver.solve()
-        impulses = np.zeros(len(self._free_velocity))
-        impulses[self._rows] = self._scaling.impulse * self._factor * np.asarray(result.z)
+        impulses = np.zeros(self._problem.n_rows)
+        impulses[self._rows] = self._scaling.impulse[self._rows] * self._factor * np.asarray(result.z)
         return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
+
+    def regularised(self, weight: FloatArray) -> "FactorsProgram":
+        """See ``ConicProgram``."""
+        return FactorsProgram(self._problem, weight)
 
 
 def _ended(status: Any) -> Ended:
-    if status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+    if status == clarabel.SolverStatus.Solved:
         return Ended.CONVERGED
+    if status == clarabel.SolverStatus.AlmostSolved:
+        return Ended.NEARLY
+    infeasible = (clarabel.SolverStatus.PrimalInfeasible, clarabel.SolverStatus.AlmostPrimalInfeasible)
+    unbounded = (clarabel.SolverStatus.DualInfeasible, clarabel.SolverStatus.AlmostDualInfeasible)
+    if status in infeasible or status in unbounded:  # each form is the other's dual
+        return Ended.UNBOUNDED
     limits = {
         clarabel.SolverStatus.MaxIterations: Ended.ITERATION_LIMIT,
         clarabel.SolverStatus.MaxTime: Ended.TIME_LIMIT,
@@ -186,9 +218,10 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
         if kind is not None:
             cones.append(kind)
 
+    bounds_of_blocks = layout.fixed_bound / scaling.block_impulse
     for block in range(layout.n_blocks):
         normal, tangents = int(scaling.lanes[block, 0]), [int(row) for row in scaling.lanes[block, 1:] if row >= 0]
-        mu, fixed = float(layout.friction_coefficient[block]), float(layout.fixed_bound[block]) / scaling.impulse
+        mu, fixed = float(layout.friction_coefficient[block]), float(bounds_of_blocks[block])
         if normal >= 0 and (fixed > 0.0 or mu == 0.0 or not tangents):
             add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
         if tangents and mu == 0.0 and fixed == 0.0:

@@ -107,10 +107,15 @@ def confirmed(
     ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones, and an
     iteration adds them in another order than the judge.
     """
-    largest = float(np.abs(problem.delassus_diagonal * impulses).max(initial=0.0))
-    if ROUNDING * largest <= tolerance * residual.scale:
+    if rounding(problem, residual, impulses) <= tolerance:
         return found
     return max(found, residual(impulses, problem.relative_velocity(impulses)))
+
+
+def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
+    """Return the residual that rounding of ξ may leave at Λ, shape (n_rows,), if c is not zero: a generous guess."""
+    largest = float(np.abs(problem.delassus_diagonal * impulses).max(initial=0.0))
+    return ROUNDING * largest / residual.scale if residual.scale > 0.0 else 0.0
 
 
 def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]]) -> PreparedIteration:

@@ -1,11 +1,13 @@
 """Whatever the problem, every solver keeps its word: random families with a solution built in, put in any way.
 
-With PROXBENCH_PROFILE=full each property is tried on five hundred problems.
+With PROXBENCH_PROFILE=full each property is tried on five hundred problems, with ``hunt`` on five thousand.
 """
 
 from typing import Any
 
 import numpy as np
+import pytest
+import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, tried
@@ -79,21 +81,47 @@ def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: Co
 
 @given(problem=problems, solver=solvers, tolerances=st.lists(st.sampled_from([1e-1, 1e-3, 1e-5, 1e-7]), min_size=2))
 def test_a_tighter_tolerance_ends_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float]) -> None:
+    end_no_worse(problem, solver, tolerances, STOP.max_seconds)
+
+
+def end_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float], max_seconds: float) -> None:
     if solver.supports(problem) is not None:
         return
     before = np.inf
     for tolerance in sorted(set(tolerances), reverse=True):
-        trial = tried(solver, problem, Stop(tolerance, STOP.max_iterations, STOP.max_seconds))
+        trial = tried(solver, problem, Stop(tolerance, STOP.max_iterations, max_seconds))
         if trial.solution.status is Status.TIME_LIMIT:
             return
         assert trial.residual <= max(before, tolerance) + 1e-13
         before = trial.residual
 
 
+@given(problem=problems, solver=solvers, seed=seeds, size=st.integers(-6, 3), outside=st.booleans())
+def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
+    problem: ContactProblem, solver: Solver, seed: int, size: int, outside: bool
+) -> None:
+    if solver.supports(problem) is not None:
+        return
+    start = 10.0**size * np.random.default_rng(seed).normal(size=problem.n_rows)
+    if not outside:
+        start = np.abs(start)
+    trial = tried(solver, problem, STOP, start=start)
+    if solver.has_iterates:
+        assert trial.residual <= own_residual(solver, problem, start)
+
+
+@pytest.mark.parametrize("name", available())
+def test_a_tighter_tolerance_ends_no_worse_where_five_contacts_slide_and_the_convex_model_has_no_solution(
+    name: str,
+) -> None:
+    family = Family(n_contacts=5, dim=2, n_dofs=4, mass_range=0, density=0.6, friction=0.5, states=("slip",))
+    end_no_worse(with_solution(family, 1130), create(name), [1e-1, 1e-3, 1e-5, 1e-7], max_seconds=20.0)
+
+
 @st.composite
 def transformed_problems(draw: Any) -> tuple[ContactProblem, Transformed, str]:
     problem = draw(problems)
-    how = draw(st.sampled_from(["units", "order", "tangents", "copies"]))
+    how = draw(st.sampled_from(["units", "order", "tangents", "copies", "form"]))
     random = np.random.default_rng(draw(seeds))
     if how == "units":
         units = {name: 10.0 ** draw(st.integers(-6, 6)) for name in ("mass", "length", "time")}
@@ -102,7 +130,15 @@ def transformed_problems(draw: Any) -> tuple[ContactProblem, Transformed, str]:
         return problem, permuted(problem, random.permutation(problem.n_contacts)), how
     if how == "tangents":
         return problem, rotated(problem, random.uniform(-4.0, 4.0, size=problem.laws.n_laws)), how
+    if how == "form":
+        return problem, without_factors(problem), how
     return problem, duplicated(problem, int(random.integers(problem.n_contacts))), how
+
+
+def without_factors(problem: ContactProblem) -> Transformed:
+    """The problem as its Delassus matrix alone."""
+    bare = ContactProblem.from_delassus(problem.delassus(), problem.free_velocity, laws=problem.laws)
+    return Transformed(bare, sp.csr_array(sp.eye_array(problem.n_rows)))
 
 
 @given(case=transformed_problems(), solver=solvers)

@@ -92,7 +92,7 @@ def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str
     [
         {"plan": {}},
         {"plan": None},
-        {"plugins": [{"file": ["/tmp/evil.py"]}]},
+        {"plugins": [{"file": ["elsewhere/evil.py"]}]},
         {"calibration_seconds": "long"},
     ],
 )

@@ -77,7 +77,7 @@ def test_the_woodpecker_keeps_its_cycle() -> None:
     )
     assert len(motion.cycles) >= PERIODS - 1
     assert all(cycle.is_published for cycle in motion.cycles)
-    assert np.abs(periods / PERIOD - 1.0).max() < 1e-5
+    assert np.abs(periods / PERIOD - 1.0).max() < 1e-6
     assert np.isfinite(toy.trajectory).all()
     assert grown < FEW_MEGABYTES
 

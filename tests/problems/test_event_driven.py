@@ -18,21 +18,7 @@ from proxbench.problems.scenes.woodpecker import DESCENT, PERIOD, published_star
 from proxbench.problems.system import MechanicalSystem
 from proxbench.solvers import Solution, Status, Stop, create
 
-INCIDENTS = (
-    (0.005820757234809802, "unilateral", 2, "closed", "open"),
-    (0.016709825280643503, "unilateral", 3, "open", "closed"),
-    (0.016709825280643503, "unilateral", 3, "closed", "open"),
-    (0.019811178939636433, "unilateral", 1, "open", "closed"),
-    (0.019811178939636433, "unilateral", 1, "closed", "open"),
-    (0.020390700477988667, "unilateral", 3, "open", "closed"),
-    (0.022245391272032778, "unilateral", 3, "closed", "open"),
-    (0.05753380196015821, "unilateral", 2, "open", "closed"),
-    (0.05753380196015821, "unilateral", 2, "closed", "open"),
-    (0.06026253599142089, "unilateral", 2, "open", "closed"),
-    (0.10638265814428989, "friction", 2, "slip", "stick"),
-    (0.14597606514375183, "friction", 2, "stick", "slip"),
-)
-"""Time after the section [s], law, contact from 1 on, before, after; published limit cycle computed with 45 digits."""
+from .published_cycle import INCIDENTS, TIMES
 
 NORMAL_IMPULSES = (4.7907580039e-05, 0.0012845029298, 0.00018723394475, 8.0323966803e-05, 1.1379247394e-05)
 """Λ_N [N s] of the five impacts of a period; published limit cycle computed with 45 digits."""
@@ -52,7 +38,7 @@ def test_one_period_of_the_woodpecker_has_the_published_events() -> None:
     motion = cycle(1.001)
     found = [(event.law, event.contact + 1, event.before, event.after) for event in motion.events]
     assert found == [incident[1:] for incident in INCIDENTS]
-    assert [event.time for event in motion.events] == pytest.approx([incident[0] for incident in INCIDENTS], abs=1e-12)
+    assert [event.time for event in motion.events] == pytest.approx(TIMES, abs=1e-12)
     struck = [event.impulses for event in motion.events if event.after == "closed"]
     assert [impulses[0] for impulses in struck] == pytest.approx(NORMAL_IMPULSES, rel=1e-9)
     assert [impulses[1] / impulses[0] for impulses in struck] == pytest.approx([0.3, -0.3, -0.3, 0.3, 0.3], rel=1e-9)

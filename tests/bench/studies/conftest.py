@@ -3,7 +3,8 @@
 from typing import Any
 
 import pytest
-from proxbench.bench.studies.cases import FIXED, REFERENCE, Case, StudyPlan
+from proxbench.bench.simulations.plan import FIXED
+from proxbench.bench.studies.cases import REFERENCE, Case, StudyPlan
 from proxbench.problems.scenes.woodpecker import PERIOD
 
 

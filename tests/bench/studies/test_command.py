@@ -5,10 +5,11 @@ import json
 from pathlib import Path
 
 import pytest
+from proxbench.bench import drawing
 from proxbench.bench.cli import run_command
 from proxbench.bench.studies.cases import StudyPlan
 from proxbench.bench.studies.running import run_study
-from proxbench.bench.studies.study import Study
+from proxbench.bench.studies.study import Study, read_study
 
 from .conftest import fixed_case, toy_case, toy_plan
 
@@ -93,3 +94,66 @@ def test_an_output_that_exists_is_not_replaced(capsys: pytest.CaptureFixture[str
     assert run_command(["simulate", "woodpecker", "--study", "--output", str(file)]) == 2
     assert "exists already" in capsys.readouterr().err
     assert file.read_text() == "mine"
+
+
+def little_study(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the command line plan a study of one short simulation."""
+    plan = toy_plan(fixed_case(50))
+    monkeypatch.setattr("proxbench.bench.studies.command.make_study_plan", lambda *args, **numbers: plan)
+
+
+@pytest.mark.parametrize("chart", ["", "plain/a"])
+def test_a_chart_that_cannot_be_written_is_refused_before_the_study(
+    chart: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    little_study(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    Path("plain").write_text("")
+    assert run_command(["simulate", "woodpecker", "--study", "--chart", chart]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["plain"]
+
+
+@pytest.mark.parametrize("taken", ["study.csv", "study.svg", "study.png"])
+def test_what_lies_beside_a_new_study_is_replaced_only_by_force(
+    taken: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    little_study(monkeypatch)
+    (tmp_path / taken).write_text("mine")
+    line = ["simulate", "woodpecker", "--study", "--no-progress", "--output", f"{tmp_path}/study.json"]
+    assert run_command(line) == 2
+    assert f"{taken} exists already" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [taken]
+    assert run_command([*line, "--force"]) == 0
+    assert (tmp_path / taken).read_bytes() != b"mine"
+
+
+def test_a_resumed_study_replaces_no_chart_of_another_name(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file, other = tmp_path / "study.json", tmp_path / "mine.svg"
+    Study(toy_plan(fixed_case(50)), file).store()
+    other.write_text("mine")
+    line = ["simulate", "--resume", str(file), "--no-progress", "--chart", str(other)]
+    assert run_command(line) == 2
+    assert "mine.svg exists already" in capsys.readouterr().err
+    assert not read_study(file).measured
+    assert run_command([*line, "--force"]) == 0
+    assert "<svg" in other.read_text(encoding="utf-8")
+
+
+def test_a_drawing_that_fails_comes_after_the_table_and_the_points(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(specification: str) -> str:
+        raise ValueError("nothing can be drawn")
+
+    little_study(monkeypatch)
+    monkeypatch.setattr(drawing.vl_convert, "vegalite_to_svg", fail)
+    file = tmp_path / "study.json"
+    assert run_command(["simulate", "woodpecker", "--study", "--no-progress", "--output", str(file)]) == 2
+    printed = capsys.readouterr()
+    assert f"result  {file}\npoints  {tmp_path}/study.csv" in printed.out
+    assert "its chart is missing: ValueError: nothing can be drawn" in printed.err
+    assert printed.err.count("\n") == 1
+    assert read_study(file).is_finished

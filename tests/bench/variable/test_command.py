@@ -64,9 +64,22 @@ def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureF
     assert "has a fixed step; leave it out to resume" in capsys.readouterr().err
 
 
+def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "toy.npz"
+    assert run_command(f"{TOY} --duration 0.005 --output {file}".split()) == 0
+    before = file.read_bytes()
+    capsys.readouterr()
+    assert run_command(f"simulate --resume {file} --stepper Moreau --duration 0.02".split()) == 2
+    said = "has a variable step and cannot go on with a fixed one; leave --stepper out, or simulate anew."
+    assert capsys.readouterr().err == f"proxbench: {file} {said}\n"
+    assert file.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
+        ("--stepper nonsense", "known are Extrapolated, Moreau, StepDoubling"),
+        ("--stepper moreau", "did you mean 'Moreau'?"),
         ("--stepper Extrapolatde", "there is no stepper 'Extrapolatde'"),
         ("--stepper Extrapolated --step-size 1e-3", "--step-size belongs to --stepper Moreau"),
         ("--stepper Extrapolated(max_step=0.0)", "max_step must be finite and at least min_step"),

@@ -18,6 +18,9 @@ def test_a_stepper_is_made_again_from_its_name(stepper: Extrapolated | StepDoubl
     ("text", "what"),
     [
         ("Extrapolatd", r"there is no stepper 'Extrapolatd'.*Extrapolated"),
+        ("nonsense", "there is no stepper 'nonsense'; known are Extrapolated, Moreau, StepDoubling"),
+        ("moreau", r"there is no stepper 'moreau'; did you mean 'Moreau'\?"),
+        ("Moreau(step_size=1e-3)", r"Moreau\(step_size=1e-3\) is no variable stepper; .* --step-size"),
         ("Extrapolated(tolerence=1e-3)", r"Extrapolated has no option 'tolerence'.*tolerance"),
         ("Extrapolated(levels=2.5)", "levels of Extrapolated must be a whole number"),
         ("StepDoubling(tolerance='x')", "tolerance of StepDoubling must be a number"),

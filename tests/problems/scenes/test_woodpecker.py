@@ -1,9 +1,12 @@
-"""The woodpecker's limit cycle is met with first order by fixed steps."""
+"""The woodpecker's limit cycle is that of the paper, and met with first order by fixed steps."""
 
 import numpy as np
+import pytest
 from proxbench.problems.moreau import Moreau
-from proxbench.problems.scenes.woodpecker import DESCENT, PERIOD, published_start, section_start, woodpecker
+from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD, published_start, section_start, woodpecker
 from proxbench.solvers import Stop, create
+
+from .. import published_cycle
 
 
 def error_after_one_period(steps: int) -> float:
@@ -38,3 +41,10 @@ def test_the_published_start_hops_down_the_pole() -> None:
         heights.append(step.state.position[0])
         assert np.isfinite(step.state.velocity).all()
     assert -0.1 < heights[-1] < -0.015
+
+
+def test_the_incidents_that_tables_are_compared_with_are_those_of_the_published_cycle() -> None:
+    first = [(time - PERIOD, *what) for time, *what in published_cycle.INCIDENTS[-2:]]  # table 1 begins with these
+    rows = [*first, *published_cycle.INCIDENTS[:-2]]
+    assert [(law, contact + 1, *states) for _, law, contact, *states in INCIDENTS] == [tuple(row[1:]) for row in rows]
+    assert [row[0] for row in INCIDENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)

@@ -1,12 +1,15 @@
 """The outer iteration tells truly why it ended, whatever the conic solver inside does."""
 
+import itertools
+
 import numpy as np
 import pytest
-from proxbench.problems import load
+from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.hard.families import Family, with_solution
 from proxbench.problems.judge import Residual
-from proxbench.solvers import Status, Stop, create
+from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.conic.fixed_point import PreparedFixedPoint
-from proxbench.solvers.conic.programs import ConicResult, Ended
+from proxbench.solvers.conic.programs import ConicResult, Ended, Form, conic_program
 
 PROBLEM = load("hard-counterexample")
 
@@ -17,7 +20,10 @@ class EndsWith:
     def __init__(self, ended: Ended, impulse: float) -> None:
         self.result = ConicResult(np.full(PROBLEM.n_rows, impulse), 1, 0.0, ended)
 
-    def run(self, shift: np.ndarray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def regularised(self, weight: np.ndarray) -> "EndsWith":
+        return self
+
+    def run(self, velocity: np.ndarray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         return self.result
 
 
@@ -28,7 +34,7 @@ class EndsWith:
 def test_no_time_left_for_the_conic_solver_is_a_time_limit_and_no_stall(
     ended: Ended, status: Status, impulse: float
 ) -> None:
-    prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), EndsWith(ended, impulse), memory=5)
+    prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), EndsWith(ended, impulse), memory=5, refinement=False)
     solution = prepared.solve(Stop(1e-8, 1000, 60.0))
     assert solution.status is status
     assert np.isfinite(solution.impulses).all()
@@ -44,3 +50,58 @@ def test_a_limit_of_outer_iterations_leaves_the_cone_programs_as_they_are(name: 
     prepared.solve(Stop(1e-8, 1000, 60.0), observe=lambda iteration, impulses: many.append(impulses))
     assert len(few) == 2
     assert np.array_equal(few, many[:2])
+
+
+NO_CONVEX_SOLUTION = with_solution(
+    Family(n_contacts=5, dim=2, n_dofs=4, mass_range=0, density=0.6, friction=0.5, states=("slip",)), 1130
+)
+"""It has a Coulomb solution; its convex model has none, nor has any cone program near De Saxcé's plain iterates."""
+
+
+@pytest.mark.parametrize("form", ["delassus", "factors"])
+@pytest.mark.parametrize("refinement", [True, False])
+def test_proximal_iterations_solve_what_the_plain_ones_cannot_even_begin(form: Form, refinement: bool) -> None:
+    problem = NO_CONVEX_SOLUTION
+    first = conic_program(problem, form).run(problem.free_velocity, 1e-8, 1000, 10.0)
+    assert first.ended is not Ended.CONVERGED
+    solver = create("ClarabelCoulomb", form=form, refinement=refinement)
+    solution = solver.prepare(problem).solve(Stop(1e-7))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-7
+
+
+@pytest.mark.parametrize("form", ["delassus", "factors"])
+def test_a_regularised_program_solves_the_problem_with_that_much_more_on_the_diagonal(form: Form) -> None:
+    """A block pulled along the ground, G = 1 + w: Λ_N = 1/(1 + w), Λ_T at most μΛ_N where the cone says so."""
+    problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 0.1, 0.0), 0.3)
+    program = conic_program(problem, form).regularised(np.full(3, 0.25))
+    impulses = program.run(problem.free_velocity, 1e-12, 1000, 10.0).impulses
+    assert impulses == pytest.approx([0.8, -0.08, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["ClarabelCoulomb", "ClarabelCoulomb(refinement=False)", "CvxpyCoulomb"])
+@pytest.mark.parametrize("problem", [NO_CONVEX_SOLUTION, load("funnel-30")], ids=["no convex solution", "funnel"])
+def test_a_tighter_tolerance_continues_what_a_looser_one_begins(name: str, problem: ContactProblem) -> None:
+    prepared = create(name).prepare(problem)
+    iterates: list[list[np.ndarray]] = []
+    for tolerance in (1e-2, 1e-5, 1e-9):
+        seen: list[np.ndarray] = []
+        prepared.solve(Stop(tolerance, 60), observe=lambda iteration, impulses, seen=seen: seen.append(impulses))
+        iterates.append(seen)
+    for fewer, more in itertools.pairwise(iterates):
+        assert 0 < len(fewer) <= len(more)
+        assert np.array_equal(fewer[:-1], more[: len(fewer) - 1])  # the last may be refined further
+
+
+def test_refinement_reaches_what_an_interior_point_method_cannot() -> None:
+    problem = load("hard-incline-mu1-critical")
+    plain = solve(problem, "ClarabelCoulomb(refinement=False)", tolerance=1e-12)
+    refined = solve(problem, "ClarabelCoulomb", tolerance=1e-12)
+    assert plain.status is Status.STALLED
+    assert refined.status is Status.SOLVED
+    assert judge(problem, refined.impulses).residual <= 1e-12
+
+
+def test_a_refinement_that_is_neither_true_nor_false_is_refused() -> None:
+    with pytest.raises(SolverError, match="refinement"):
+        create("ClarabelCoulomb", refinement=1)

@@ -1,10 +1,13 @@
 """SemismoothNewton settles what sweeps leave open, and is a sweep where these do well."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.hard.families import Family, with_solution
 from proxbench.problems.hard.stacks import stack
 from proxbench.problems.hard.supports import block_on_supports
 from proxbench.solvers import SolverError, Status, Stop, create, solve
@@ -140,3 +143,47 @@ def test_a_mass_ratio_beyond_rounding_is_never_called_solved_nor_infeasible(coun
         assert solution.status in (Status.SOLVED, Status.STALLED, Status.ITERATION_LIMIT)
         assert residual <= 2e-6
         assert np.abs(solution.impulses / problem.answer.impulses[0] - 1.0).max() <= 1e-4
+
+
+HIGH_FRICTION = {
+    "five sliding": (Family(5, dim=2, n_dofs=4, density=0.6, friction=0.5, states=("slip",)), 1130),
+    "twenty of friction 8": (None, "hard-random-mu8"),
+}
+
+
+@pytest.mark.parametrize(("family", "seed"), HIGH_FRICTION.values(), ids=HIGH_FRICTION)
+def test_restarts_solve_what_sweeps_lead_away_from(family: Family | None, seed: int | str) -> None:
+    problem = load(str(seed)) if family is None else with_solution(family, int(seed))
+    swept = solve(problem, "SafeguardedSORprox", tolerance=1e-8, max_iterations=20_000)
+    solution = solve(problem, "SemismoothNewton", tolerance=1e-8, max_iterations=20_000)
+    assert swept.status is Status.STALLED
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-8
+
+
+@pytest.mark.parametrize("limit", [1990, 2050, 2500])
+def test_restarts_obey_the_iteration_limit_and_are_shown(limit: int) -> None:
+    seen: list[int] = []
+    prepared = create("SemismoothNewton").prepare(load("hard-squeezed"))
+    solution = prepared.solve(Stop(1e-8, limit), observe=lambda iteration, _: seen.append(iteration))
+    assert solution.status is Status.ITERATION_LIMIT
+    assert solution.iterations == limit
+    assert seen == list(range(1, limit + 1))
+
+
+def test_nothing_is_restarted_where_rounding_is_what_is_left() -> None:
+    solution = solve(stack(np.array([1.0, 1e8])), "SemismoothNewton", tolerance=1e-10, max_iterations=20_000)
+    assert solution.status is Status.STALLED
+    assert solution.iterations < 2100
+
+
+@pytest.mark.parametrize("name", ["pile-100", "hard-random-mu8"])
+def test_a_tighter_tolerance_continues_what_a_looser_one_begins(name: str) -> None:
+    prepared, iterates = create("SemismoothNewton").prepare(load(name)), []
+    for tolerance in (1e-2, 1e-4, 1e-6):
+        seen: list[np.ndarray] = []
+        prepared.solve(Stop(tolerance, 2500), observe=lambda _, x, seen=seen: seen.append(x.copy()))
+        iterates.append(seen)
+    for fewer, more in itertools.pairwise(iterates):
+        assert 0 < len(fewer) <= len(more)
+        assert np.array_equal(fewer, more[: len(fewer)])

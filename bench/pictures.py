@@ -1,0 +1,44 @@
+"""The pictures of a simulation or study: refused before any work, drawn after everything else is stored and printed."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ..problems.errors import ProxbenchError
+from .errors import BenchError
+from .output_file import refuse_taken
+
+
+def picture_files(path: Path) -> tuple[Path, Path]:
+    """Return the files, .svg and .png, that a picture at ``path`` is written to.
+
+    Raises:
+        BenchError: if ``path`` names no file.
+    """
+    base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
+    if base.name in ("", ".."):
+        raise BenchError(f"a chart cannot be written to {str(path)!r}; name a file.")
+    return base.with_name(f"{base.name}.svg"), base.with_name(f"{base.name}.png")
+
+
+def refuse_pictures(path: Path, force: bool) -> None:
+    """Find out whether a picture can be written at ``path``, and leave everything as it is.
+
+    Raises:
+        BenchError: if it cannot, or if it exists and ``force`` is not given.
+    """
+    refuse_taken(picture_files(path), force)
+
+
+def drawn(draw: Callable[[], list[Path]], result: Path) -> list[Path]:
+    """Draw pictures of what is stored in ``result``; return their files.
+
+    Raises:
+        BenchError: if that fails, for whatever reason; it says how to draw them without simulating again.
+    """
+    try:
+        return draw()
+    except Exception as error:
+        reason = str(error) if isinstance(error, ProxbenchError) else f"{type(error).__name__}: {error}"
+        line = " ".join(reason.split()).rstrip(".")
+        again = f"proxbench simulate --resume {result} --chart NAME"
+        raise BenchError(f"{result} is kept, but its chart is missing: {line}; draw it with: {again}") from error
