@@ -75,6 +75,12 @@ def test_unsolved_steps_are_told_with_their_number_the_worst_one_and_what_the_so
     assert "every step is solved to 1e-04, by the judge" in printed(simulate(pour()))
 
 
+def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
+    text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
+    assert "of another law: it solves the convex model, not Coulomb friction" in text
+    assert "another law" not in printed(simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10)))
+
+
 def test_a_residual_that_is_not_finite_counts_as_unsolved_and_stays_json() -> None:
     simulation = made(np.array([0.1, 0.2]), residual=[np.inf, np.nan])
     assert simulation.unsolved.tolist() == [True, True]
