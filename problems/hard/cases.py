@@ -57,6 +57,8 @@ def _stacks() -> dict[str, Maker]:
         "hard-tower-10-top-1e4": lambda: stacks.sliding_tower(stacks.top_heavy(10, 1e4)),
         "hard-tower-10-bottom-1e8": lambda: stacks.sliding_tower(stacks.bottom_heavy(10, 1e8)),
         "hard-scaled-rows": stacks.scaled_rows,
+        **{f"hard-scaled-rows-{n}": partial(stacks.scaled_rows, n) for n in (3, 15)},
+        **{f"hard-scaled-tower-{n}": partial(stacks.scaled_tower, n) for n in (10, 30)},
         "hard-cradle-3": partial(stacks.cradle, 3, 1.0),
         "hard-cradle-10": partial(stacks.cradle, 10, 0.5),
         "hard-cradle-100": partial(stacks.cradle, 100, 1.0),
@@ -95,7 +97,13 @@ def _rods() -> dict[str, Maker]:
         "hard-counterexample-mu4": partial(rods.rod, (-0.0981, 1.0), 4.0, ("slip-",)),
         "hard-counterexample-mu10": partial(rods.rod, (-0.0981, 1.0), 10.0, ("slip-",)),
         "hard-painleve-jam": partial(rods.rod, (-0.0981, -1.0), 2.0, ("stick",)),
+        "hard-painleve-jam-light": partial(rods.pressing_rod, 2.0, 1e-6),
+        "hard-painleve-jam-heavy": partial(rods.pressing_rod, 2.0, 1e6),
+        "hard-painleve-jam-20": partial(rods.jammed_rods, 20),
         "hard-three-solutions": partial(rods.rod, (0.01, -1.0), 2.0, ("open", "slip+", "stick")),
+        "hard-three-solutions-light": partial(rods.leaving_rod, 2.0, 1e-6),
+        "hard-three-solutions-heavy": partial(rods.leaving_rod, 2.0, 1e6),
+        "hard-three-solutions-3": partial(rods.undecided_rods, (1.0, 1e-2, 1e2)),
         "hard-pressing-rod-mu0.5": partial(rods.pressing_rod, 0.5),
         "hard-pressing-rod-mu1.2": partial(rods.pressing_rod, 1.2),
         "hard-pressing-rod-below": partial(rods.pressing_rod, critical - 1e-3),
@@ -106,6 +114,7 @@ def _rods() -> dict[str, Maker]:
         "hard-leaving-rod-above": partial(rods.leaving_rod, critical + 1e-3),
         "hard-leaving-rod-mu1.4": partial(rods.leaving_rod, 1.4),
         "hard-leaving-rod-mu10": partial(rods.leaving_rod, 10.0),
+        "hard-leaving-rods-20": partial(rods.opening_rods, 20),
         "hard-many-rods": partial(rods.many_rods, 100),
     }
 
@@ -117,7 +126,11 @@ def _spheres() -> dict[str, Maker]:
             made[f"hard-incline-mu{friction:g}-{word}"] = partial(spheres.incline, friction, excess)
     return {
         **made,
+        "hard-inclines-30": partial(spheres.inclines, 30),
         "hard-rolling-sphere": partial(spheres.incline, 0.3, 0.0, 3.5),
+        "hard-rolling-sphere-below": partial(spheres.incline, 0.3, -1e-9, 3.5),
+        "hard-rolling-sphere-above": partial(spheres.incline, 0.3, 1e-9, 3.5),
+        "hard-rolling-spheres-30": partial(spheres.inclines, 30, 3.5),
         "hard-sliding-sphere": partial(spheres.incline, 0.3, 0.1, 3.5),
         "hard-oblique-impact": partial(spheres.oblique_impacts, 1, 0.5, 0.3),
         "hard-oblique-impacts-21": partial(spheres.oblique_impacts, 21, 0.5, 0.3),
@@ -144,6 +157,9 @@ def _degenerate() -> dict[str, Maker]:
         "hard-friction-for-nothing": degenerate.friction_for_nothing,
         "hard-immovable": degenerate.immovable_contact,
         "hard-immovable-100": partial(degenerate.immovable_contact, 100),
+        "hard-immovable-planar": partial(degenerate.immovable_contact, 2, 2),
+        "hard-immovable-spatial": partial(degenerate.immovable_contact, 2, 3),
+        "hard-immovable-among-50": partial(degenerate.immovable_among, 50),
         "hard-squeezed": degenerate.squeezed,
     }
 
@@ -162,8 +178,12 @@ def _mixed() -> dict[str, Maker]:
     return {
         "hard-tresca-joint": mixed.tresca_joint,
         "hard-mixed-laws": mixed.mixed_laws,
+        **{f"hard-mixed-laws-{7 * copies}": partial(mixed.mixed_laws, copies) for copies in (3, 12)},
         "hard-remote-partner": mixed.remote_partner,
+        **{f"hard-remote-brakes-{n}": partial(mixed.remote_brakes, n) for n in (3, 40)},
         "hard-disconnected-parts": mixed.disconnected_parts,
+        "hard-disconnected-parts-few": mixed.few_parts,
+        "hard-disconnected-parts-twice": mixed.disconnected_twice,
         "hard-slider-in-um-mg": slider(**milligram),
         "hard-slider-in-km-t": slider(**tonne),
         "hard-tower-in-um-mg": tower(**milligram),
@@ -192,6 +212,13 @@ def _random() -> dict[str, Maker]:
         "hard-braced-mu10": partial(families.braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
         "hard-braced-redundant-mu1": partial(families.braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
         "hard-float32": partial(families.single_precision, Family(10, 3, n_dofs=40, friction=0.25), 12),
+        "hard-float32-frictionless-20": partial(families.single_precision, Family(20, 1, n_dofs=15), 13),
+        "hard-float32-assembled-5": partial(
+            families.single_precision, Family(5, 2, n_dofs=12, friction=0.25), 14, assembled=True
+        ),
+        "hard-float32-sparse-100": partial(
+            families.single_precision, Family(100, 3, n_dofs=300, density=0.01, friction=0.5), 15
+        ),
     }
 
 

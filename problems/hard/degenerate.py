@@ -5,6 +5,7 @@ import numpy as np
 from ..answer import Answer
 from ..contact import ContactProblem
 from .scale import WEIGHT
+from .stacks import sliding_tower
 
 
 def empty() -> ContactProblem:
@@ -63,11 +64,34 @@ def touching() -> ContactProblem:
     return ContactProblem.from_delassus(np.eye(9), c, 0.5, answer=answer)
 
 
-def immovable_contact(n: int = 2) -> ContactProblem:
-    """Return ``n`` contacts of which the last has G_ii = 0 and c_i < 0: nothing can stop it, there is no solution."""
-    diagonal = np.ones(n)
-    diagonal[-1] = 0.0
-    return ContactProblem.from_delassus(np.diag(diagonal), np.full(n, -1.0), dim=1, answer=Answer(solvable=False))
+def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
+    """Return ``n`` contacts of ``dim`` rows, the last with G_ii = 0 and c_i < 0 in its normal: there is no solution.
+
+    With friction, μ = 0.5, all slide at 0.3 m/s, and an impulse on the last would change its sliding, not its approach.
+    """
+    diagonal, c = np.ones((n, dim)), np.full((n, dim), 0.3)
+    diagonal[-1, 0], c[:, 0] = 0.0, -1.0
+    return ContactProblem.from_delassus(
+        np.diag(diagonal.ravel()), c.ravel(), 0.5, dim=dim, answer=Answer(solvable=False)
+    )
+
+
+def immovable_among(n: int) -> ContactProblem:
+    """Return a sliding tower of ``n`` with one more contact at the ground, halfway in the list, that has no normal.
+
+    It approaches at 1 m/s, which nothing can stop, while all the others have a solution.
+    """
+    tower = sliding_tower(np.ones(n))
+    assert tower.factors is not None
+    directions, place = tower.factors.force_directions.toarray(), 3 * (n // 2)
+    added = np.column_stack([np.zeros(3 * n), directions[:, 1:3]])
+    return ContactProblem.from_factors(
+        np.hstack([directions[:, :place], added, directions[:, place:]]),
+        tower.factors.inverse_mass.matrix,
+        np.insert(tower.free_velocity, [place] * 3, [-1.0, *tower.free_velocity[1:3]]),
+        np.insert(tower.layout.friction_coefficient, n // 2, 0.2),
+        answer=Answer(solvable=False),
+    )
 
 
 def squeezed() -> ContactProblem:

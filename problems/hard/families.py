@@ -96,10 +96,21 @@ def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int)
     return ContactProblem.from_delassus(delassus, c, friction, dim=dim, answer=answer)
 
 
-def single_precision(family: Family, seed: int) -> ContactProblem:
-    """Return a problem of ``family`` given by arrays of float32, which lose nothing of it: its fractions are short."""
+def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
+    """Return a problem of ``family`` given by arrays of float32, which lose nothing of it: its fractions are short.
+
+    It is in factor form, or ``assembled`` in Delassus form, for equal masses and few degrees of freedom.
+    """
     whole = with_solution(family, seed)
     assert whole.factors is not None
+    if assembled:
+        return ContactProblem.from_delassus(
+            whole.delassus().toarray().astype(np.float32),
+            whole.free_velocity.astype(np.float32),
+            np.float32(family.friction),
+            dim=family.dim,
+            answer=whole.answer,
+        )
     directions = whole.factors.force_directions.toarray().astype(np.float32)
     inverse_mass = whole.factors.inverse_mass.matrix.diagonal().astype(np.float32)
     c = whole.free_velocity.astype(np.float32)

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from ..answer import Answer
 from ..contact import ContactProblem
 from ..laws import LawKind, Laws
-from ..transformations import united
+from ..transformations import in_units, united
 from .degenerate import one_row
 from .rods import pressing_rod
 from .stacks import sliding_tower, stack
@@ -31,21 +31,23 @@ def tresca_joint() -> ContactProblem:
     return ContactProblem.from_delassus(sp.eye_array(4), c, laws=laws, answer=answer)
 
 
-def mixed_laws() -> ContactProblem:
-    """Return contacts of one, two and three rows and a joint in one problem, its solution chosen first.
+def mixed_laws(copies: int = 1) -> ContactProblem:
+    """Return six contacts of one, two and three rows and a joint, ``copies`` times, its solution chosen first.
 
     Λ and ξ are complementary by choice (open, closed; stick, slip; at the bound a + μΛ_N), then c = ξ − G Λ; G has full
     rank and is nearly diagonal, so the solution is the only one.
     """
-    kind = np.array([0, 0, 0, 1, 0, 1, 0, 2, 0, 2, 1])
+    one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
+    kind = np.tile([0, 0, 0, 1, 0, 1, 0, 2, 0, 2, 1], copies)
     first_row = np.concatenate([[0], np.cumsum(np.where(kind == LawKind.SPATIAL_FRICTION, 2, 1))[:-1]])
-    partner = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
+    partner = np.concatenate([np.where(one >= 0, one + 11 * copy, -1) for copy in range(copies)])
     friction = np.where(partner >= 0, 0.5, 0.0)
     fixed = np.where(kind > 0, 0.1, 0.0)
-    impulses = np.array([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1])
-    velocity = np.array([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7])
-    root = np.random.default_rng(2).normal(size=(13, 13))
-    delassus = np.eye(13) + 0.02 * (root @ root.T) / 13
+    impulses = np.tile([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1], copies)
+    velocity = np.tile([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7], copies)
+    n_rows = 13 * copies
+    root = np.random.default_rng(2).normal(size=(n_rows, n_rows))
+    delassus = np.eye(n_rows) + 0.02 * (root @ root.T) / n_rows
     answer = Answer(impulses=(impulses,), velocity=velocity)
     return ContactProblem.from_delassus(
         delassus,
@@ -67,6 +69,35 @@ def remote_partner() -> ContactProblem:
     c = np.array([-1.0, -1.0, 1.5, -0.25])
     answer = Answer(impulses=(impulses,), velocity=impulses + c)
     return ContactProblem.from_delassus(np.eye(4), c, laws=laws, answer=answer)
+
+
+def remote_brakes(n: int) -> ContactProblem:
+    """Return ``n`` separate contacts that close with Λ_N = 1, 2 and 3 in turn, and brakes in the plane beside them.
+
+    The spatial friction law k, μ = 0.5, is bounded by the impulse of the contact after contact k. Those of even k slip
+    with Λ_T = −0.5 Λ_N (0.6, 0.8), the others stick with 0.25 Λ_N (0.6, 0.8).
+    """
+    kind = np.repeat([int(LawKind.UNILATERAL), int(LawKind.SPATIAL_FRICTION)], n)
+    partner = np.concatenate([np.full(n, -1), np.roll(np.arange(n), -1)])
+    first_row = np.concatenate([np.arange(n), n + 2 * np.arange(n)])
+    laws = Laws(kind, first_row, np.repeat([0.0, 0.5], n), np.zeros(2 * n), partner)
+    normal, direction = np.resize([1.0, 2.0, 3.0], n), np.array([0.6, 0.8])
+    slips = np.arange(n) % 2 == 0
+    tangent = np.where(slips, -0.5, 0.25) * np.roll(normal, -1)
+    impulses = np.concatenate([normal, np.outer(tangent, direction).ravel()])
+    velocity = np.concatenate([np.zeros(n), np.outer(np.where(slips, 1.0, 0.0), direction).ravel()])
+    answer = Answer(impulses=(impulses,), velocity=velocity)
+    return ContactProblem.from_delassus(sp.eye_array(3 * n), velocity - impulses, laws=laws, answer=answer)
+
+
+def few_parts() -> ContactProblem:
+    """Return an opening row, a jammed rod, joints and a remote partner side by side, a few of every kind of law."""
+    return united([one_row(0.1), pressing_rod(2.0), tresca_joint(), remote_partner()])
+
+
+def disconnected_twice() -> ContactProblem:
+    """Return the disconnected parts twice, the second time a thousand times lighter."""
+    return united([disconnected_parts(), in_units(disconnected_parts(), mass=1e3).problem])
 
 
 def disconnected_parts() -> ContactProblem:

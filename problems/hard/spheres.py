@@ -67,3 +67,14 @@ def scattered(n: int) -> ContactProblem:
     """Return ``n`` spheres thrown at and away from the ground, with friction from 0 to 10."""
     rng = np.random.default_rng(n)
     return separate_contacts(rng.normal(size=(n, 3)), 10.0 * rng.random(n) ** 3)
+
+
+def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
+    """Return ``n`` blocks (or spheres), each on its own incline, at rest and of friction spread from 0.05 to 10.
+
+    The inclines are 1e-9 rad below, at and above their critical angle in turn, see ``incline``.
+    """
+    friction = np.geomspace(0.05, 10.0, n)
+    slope = np.arctan(friction * compliance) + np.resize([-1e-9, 0.0, 1e-9], n)
+    c = GRAVITY * TIME_STEP * np.column_stack([-np.cos(slope), np.sin(slope), np.zeros(n)])
+    return separate_contacts(c, friction, compliance)

@@ -73,18 +73,46 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     )
 
 
-def scaled_rows() -> ContactProblem:
-    """Return a stack of five whose contacts are measured in units 1, 1e3, 1e-3, 1 and 1e6 apart.
+UNITS = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
+"""Units of the contacts of scaled problems, over and over."""
+
+
+def scaled_rows(n: int = 5) -> ContactProblem:
+    """Return a stack of ``n`` ≥ 3 whose contacts are measured in units 1, 1e3, 1e-3, 1 and 1e6 apart, over and over.
 
     With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ.
     """
-    plain = stack(np.ones(5))
-    scales = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
-    assert plain.answer is not None
-    delassus = plain.delassus().toarray() * np.outer(scales, scales)
-    # the residual is relative to the largest velocity, that of the contact measured in the smallest unit
-    answer = Answer(impulses=(plain.answer.impulses[0] / scales,), velocity=np.zeros(5), sensitivity=1e10)
-    return ContactProblem.from_delassus(delassus, scales * plain.free_velocity, dim=1, answer=answer)
+    return _scaled(stack(np.ones(n)), 1, 4.0 * n)
+
+
+def scaled_tower(n: int) -> ContactProblem:
+    """Return the sliding tower of ``n`` equal point masses, its contacts measured in the units of ``scaled_rows``.
+
+    All three rows of a contact have one unit, so that its friction cone is as it was.
+    """
+    return _scaled(sliding_tower(np.ones(n)), 3, 200.0 * n)
+
+
+def _scaled(plain: ContactProblem, dim: int, sensitivity: float) -> ContactProblem:
+    """Return ``plain``, of one known solution, with each contact of ``dim`` rows in a unit of its own."""
+    scales = np.repeat(np.resize(UNITS, plain.n_contacts), dim)
+    known = plain.answer
+    assert known is not None
+    assert known.velocity is not None
+    # only the ground contact, of unit 1, has a free velocity, to which the residual relates every other's; so a contact
+    # in the largest unit may move by the inverse of its scale more
+    answer = Answer(
+        impulses=(known.impulses[0] / scales,),
+        velocity=scales * known.velocity,
+        sensitivity=sensitivity / float(UNITS.min()),
+    )
+    return ContactProblem.from_delassus(
+        plain.delassus().toarray() * np.outer(scales, scales),
+        scales * plain.free_velocity,
+        plain.layout.friction_coefficient,
+        dim=dim,
+        answer=answer,
+    )
 
 
 def cradle(n: int, restitution: float) -> ContactProblem:

@@ -19,6 +19,8 @@ SOUGHT = [name for name in HARD_CASES if ROWS[name] <= (600 if os.environ.get("P
 
 FEW = [name for name in HARD_CASES if 0 < ROWS[name] <= 12 and not create("Enumeration").supports(hard_case(name))]
 
+IMMOVABLE = [name for name in HARD_CASES if name.startswith("hard-immovable")]
+
 
 def answer_of(problem: ContactProblem):  # type: ignore[no-untyped-def]
     assert problem.answer is not None
@@ -57,9 +59,8 @@ def test_known_answers_are_met_by_solvers_that_know_nothing_of_them(name: str) -
 
 UNSOUGHT = {
     "hard-stack-100-top-1e8",
-    "hard-immovable",
-    "hard-immovable-100",
     "hard-squeezed",
+    *IMMOVABLE,
 }
 """Cases that none of the three solves to 1e-9: no double is as accurate as that, or there is no solution."""
 
@@ -78,6 +79,7 @@ def test_enumeration_finds_no_other_answer(name: str) -> None:
 
 NEEDS_MORE_THAN_LEAST_NORM = {
     "hard-scaled-rows",
+    "hard-scaled-rows-3",
     "hard-stack-2-top-heavy",
     "hard-stack-2-top-1e8",
 }
@@ -97,10 +99,53 @@ def test_the_rods_have_the_published_impulses(name: str, published: list[tuple[f
         assert known == pytest.approx(digits, abs=6e-6)
 
 
-def test_impossible_contacts_are_told_by_the_judge() -> None:
-    verdict = judge(hard_case("hard-immovable"), np.array([1.0, 5.0]))
+def test_several_rods_may_each_take_any_of_their_solutions() -> None:
+    known = answer_of(hard_case("hard-three-solutions-3")).impulses
+    assert len({tuple(impulses.tolist()) for impulses in known}) == 3**3
+    (one, _, three) = answer_of(hard_case("hard-three-solutions")).impulses
+    expected = np.concatenate([three, 1e-2 * one, 1e2 * three])
+    assert any(impulses == pytest.approx(expected, rel=1e-14) for impulses in known)
+
+
+@pytest.mark.parametrize("family", ["hard-incline-mu0.1", "hard-incline-mu10", "hard-rolling-sphere"])
+def test_bodies_on_an_incline_hold_up_to_the_critical_angle_and_slide_beyond(family: str) -> None:
+    compliance, friction = (3.5, 0.3) if "sphere" in family else (1.0, float(family.partition("mu")[2]))
+    for word, excess in (("below", -1e-9), ("above", 1e-9)):
+        slope = np.arctan(friction * compliance) + excess
+        acceleration = np.array([0.0, GRAVITY * (np.sin(slope) - friction * compliance * np.cos(slope)), 0.0])
+        velocity = answer_of(hard_case(f"{family}-{word}")).velocity
+        assert velocity == pytest.approx(TIME_STEP * np.maximum(acceleration, 0.0), rel=1e-5, abs=1e-17)
+    assert acceleration[1] > 0.0
+
+
+@pytest.mark.parametrize("name", ["hard-inclines-30", "hard-rolling-spheres-30"])
+def test_of_many_bodies_on_inclines_only_those_beyond_the_critical_angle_slide(name: str) -> None:
+    velocity = answer_of(hard_case(name)).velocity
+    assert velocity is not None
+    slides = velocity.reshape(-1, 3)[:, 1] > 1e-15
+    assert np.array_equal(slides, np.resize([False, False, True], 30))
+
+
+@pytest.mark.parametrize("name", IMMOVABLE)
+def test_contacts_that_nothing_can_stop_are_told_by_the_judge(name: str) -> None:
+    problem = hard_case(name)
+    verdict = judge(problem, np.ones(problem.n_rows))
     assert verdict.infeasible
     assert verdict.residual == np.inf
+    assert not answer_of(problem).solvable
+
+
+def test_beside_the_contact_that_nothing_can_stop_the_others_have_a_solution() -> None:
+    problem = hard_case("hard-immovable-among-50")
+    c = problem.free_velocity.copy()
+    (stuck,) = np.flatnonzero((problem.delassus_diagonal == 0.0) & (c < 0.0))
+    c[stuck] = 0.0
+    harmless = ContactProblem.from_delassus(problem.delassus(), c, laws=problem.laws)
+    assert solve(harmless, "SemismoothNewton", tolerance=1e-8).status is Status.SOLVED
+    assert 0 < stuck < problem.n_rows - 3
+
+
+def test_walls_that_close_in_are_told_by_the_judge() -> None:
     for impulses in ([0.0, 0.0], [1.0, 0.0], [1e9, 1e9]):
         assert judge(hard_case("hard-squeezed"), np.array(impulses)).residual >= 1.0
 
@@ -127,8 +172,9 @@ def test_light_under_heavy_is_solved_with_impulses_right_to_1e_6() -> None:
             assert solution.impulses == pytest.approx(impulses, rel=1e-6)
 
 
-def test_single_precision_input_is_taken_for_what_it_says() -> None:
-    problem = hard_case("hard-float32")
+@pytest.mark.parametrize("name", [name for name in HARD_CASES if name.startswith("hard-float32")])
+def test_single_precision_input_is_taken_for_what_it_says(name: str) -> None:
+    problem = hard_case(name)
     assert problem.free_velocity.dtype == np.float64
     witness = answer_of(problem).witness
     assert witness is not None

@@ -83,7 +83,7 @@ def test_hard_cases_are_solved_in_its_model_or_refused_with_a_reason(name: str, 
         assert judge(problem, found.impulses, Model.pyramid(sides)).residual <= 1e-8
     elif name not in ROUNDED:
         assert found.status is Status.INFEASIBLE
-        assert name in ("hard-immovable", "hard-squeezed")
+        assert name == "hard-squeezed" or name.startswith("hard-immovable")
 
 
 def test_a_ray_that_rounding_makes_of_a_small_pivot_is_no_proof() -> None:
