@@ -1,26 +1,53 @@
-"""The file that --output names, and others that are refused before any work."""
+"""The file that --output names, how it is written, and others that are refused before any work."""
 
+import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import IO
 
+from ..problems.files import replacing
 from .errors import BenchError
+
+PERMISSIONS = 0o666
+"""Who may read and write a result file, less what the user's mask (umask) takes away."""
+
+
+@contextmanager
+def replacing_result(path: Path) -> Iterator[IO[bytes]]:
+    """Replace a result file as a whole or not at all, see ``replacing``, with the permissions of any new file.
+
+    Raises:
+        OSError: if the folder cannot be written.
+    """
+    with replacing(path) as file:
+        mask = os.umask(0o077)  # it can only be read by being set; to a strict one, should another thread make a file
+        os.umask(mask)
+        os.fchmod(file.fileno(), PERMISSIONS & ~mask)
+        yield file
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     """Return the file that ``output`` names, its folder made: the file itself, or a new one in that folder.
 
     Args:
-        output: a file if it ends in ``suffix``, else a folder.
+        output: a file if it ends in ``suffix``; a folder if it is one, or has no suffix.
         stem: what the name of a new file begins with; date and time follow.
         suffix: ending of the file.
         force: whether it may exist.
 
     Raises:
-        BenchError: if it exists and ``force`` is not given, or its folder cannot be made.
+        BenchError: if it exists and ``force`` is not given, has another suffix, or its folder cannot be made.
     """
-    is_file = output.suffix == suffix and not output.is_dir()
+    is_folder = output.is_dir()
+    if output.suffix not in ("", suffix) and not is_folder:
+        raise BenchError(
+            f"--output {output} ends in {output.suffix}, and this result is a {suffix} file; name a file that ends in "
+            f"{suffix}, or a folder (one with a dot in its name must exist)."
+        )
+    is_file = output.suffix == suffix and not is_folder
     file = output if is_file else output / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}{suffix}"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
