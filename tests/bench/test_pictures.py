@@ -16,6 +16,12 @@ def test_another_ending_is_part_of_the_name() -> None:
     assert picture_files(Path("step-1e-3.5")) == (Path("step-1e-3.5.svg"), Path("step-1e-3.5.png"))
 
 
+@pytest.mark.parametrize("suffix", [".pdf", ".PDF", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".bmp"])
+def test_another_format_is_refused(suffix: str, tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=rf"charts are written as \.svg and \.png, not as \{suffix}; leave"):
+        refuse_pictures(tmp_path / f"a{suffix}", force=True)
+
+
 @pytest.mark.parametrize("name", ["", ".", "..", "there/..", "/"])
 def test_what_names_no_file_is_refused(name: str) -> None:
     with pytest.raises(BenchError, match="name a file"):
