@@ -166,10 +166,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"  the solver says: {simulation.statuses[status]}, {count} times", "red"
     solver = simulation.plan.solver
     if solver.model != Model.COULOMB:
-        yield (
-            f"  {solver.name} is right about another law: it solves the {solver.model} model, not Coulomb friction",
-            "red",
-        )
+        yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
 
 
 def _ending(simulation: Simulation) -> tuple[str, str] | None:

@@ -65,7 +65,8 @@ class Tableau:
     def __post_init__(self) -> None:
         n = len(self.vector)
         self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
-        self._values = self.vector.copy()
+        largest = float(np.abs(self.vector).max(initial=0.0))
+        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # ties are told beside 1; no bit is lost
         self._basic = np.arange(n)
         self._nonbasic = np.arange(n, 2 * n + 1)
         self._entering = 2 * n
