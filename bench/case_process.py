@@ -1,6 +1,7 @@
 """The process in which a case runs: where its output goes, what it may take, and how it answers."""
 
 import contextlib
+import faulthandler
 import json
 import os
 import pickle
@@ -63,6 +64,7 @@ def be_the_case(pipe: int, output: int, assignment: Assignment, keeper: int) -> 
         die_with(keeper)
         for stream in (1, 2):
             os.dup2(output, stream)
+        faulthandler.enable(2)  # where it was when a signal killed it is told with what it printed
         os.environ["TMPDIR"] = tempfile.tempdir = str(assignment.folder)
         _limit(assignment.memory_bytes)
         _answer_requests(pipe, assignment)

@@ -6,6 +6,7 @@ the framework: the judge of all solvers runs where plugin files are imported.
 
 import atexit
 import contextlib
+import faulthandler
 import gc
 import json
 import os
@@ -14,6 +15,7 @@ import signal
 import sys
 import threading
 import time
+from importlib import import_module
 
 from ..problems.errors import PluginError
 from ..problems.plugin_files import PluginFile, make_importable, told
@@ -30,6 +32,9 @@ END_SECONDS = 5.0
 """Wall time that the process may take to end after that [s]."""
 
 _LARGEST = 2**16
+
+_WATCHED = ("runner", "frames", "tables")
+"""Modules that are loaded before the trial, with all that they import: only what is there is seen to be replaced."""
 
 _REMEDY = "a plugin file must only define things."
 
@@ -55,8 +60,8 @@ def try_import(file: PluginFile, seconds: float = TRIAL_SECONDS) -> None:
         PluginError: if the process does not come back from that or does not end, or if something is changed or left
             behind that the run depends on.
     """
-    from . import runner  # noqa: F401 - all that a run judges with must be there to be looked at
-
+    for module in _WATCHED:
+        import_module(f".{module}", __package__)
     reading, writing = os.pipe()
     parent = os.getpid()
     child = os.fork()
@@ -112,12 +117,17 @@ def _import_and_leave(file: PluginFile, writing: int, parent: int) -> None:
         os.setsid()
         adopt_orphans()
         die_with(parent)
+        faulthandler.disable()  # how it ends is told in a sentence
         atexit._clear()  # what the run has registered is not this process's to do
         silence = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):
             os.dup2(silence, stream)
         before = Surroundings.now()
-        fault = _imported(file) or _disturbance(before)
+        own = os.getpid()
+        fault = _imported(file)
+        if os.getpid() != own:
+            return  # a process that the file forked: the answer is its parent's
+        fault = fault or _disturbance(before)
         write_message(writing, json.dumps({"fault": fault}).encode())
         send(signal.SIGKILL, descendants(os.getpid()))
         if not fault:

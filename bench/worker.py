@@ -8,6 +8,7 @@ that could run code here, and is waited for no longer than the case's time (``me
 import contextlib
 import os
 import pickle
+import re
 import shutil
 import signal
 import socket
@@ -39,7 +40,12 @@ LARGEST_NUMBERS = 2**32
 """Bytes that the array of an answer may have."""
 
 SHOWN_OUTPUT = 4000
-"""Bytes of captured output that are kept with a failed case."""
+"""Characters of captured output that are kept with a failed case."""
+
+LONGEST_LIST = 16_000
+"""Bytes that the list of extension modules may take, with which Python ends what it says of a deadly signal."""
+
+_MODULES = re.compile(r"\n*Extension modules: [^\n]*")
 
 END_SECONDS = 3.0
 """Wall time that a keeper has to end its case."""
@@ -142,8 +148,9 @@ class Worker:
 
     def output(self) -> str:
         """Return the end of what the case printed."""
-        size = os.fstat(self._output).st_size
-        return os.pread(self._output, SHOWN_OUTPUT, max(0, size - SHOWN_OUTPUT)).decode(errors="replace")
+        size, most = os.fstat(self._output).st_size, SHOWN_OUTPUT + LONGEST_LIST
+        printed = os.pread(self._output, most, max(0, size - most)).decode(errors="replace")
+        return _MODULES.sub("", printed)[-SHOWN_OUTPUT:]
 
     def close(self) -> None:
         """End the process and all that it started."""

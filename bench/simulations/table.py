@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ...problems.model import Model
 from ..counting import counted
 from .simulation import Ending, Simulation
 
@@ -165,6 +166,9 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     missed = simulation.steps["status"][simulation.unsolved]
     for status, count in zip(*np.unique(missed, return_counts=True), strict=True):
         yield f"  the solver says: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
+    solver = simulation.plan.solver
+    if solver.model != Model.COULOMB:
+        yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
 
 
 def _ending(simulation: Simulation) -> tuple[str, str] | None:

@@ -1,8 +1,9 @@
 """Solving the associated (convex) contact model to the judge's residual, with any cone program.
 
 A conic solver's own tolerance is no residual: it is tightened until the judge, held to the convex model, agrees. Where
-it gets too tight for the solver's factorisations, all others follow: how near to that edge a solver comes is a matter
-of luck. A solve to a tighter residual that fails has so tried what one to a looser residual tries, and ends no worse.
+it gets too tight for the solver's factorisations, all others follow, and once more with more careful linear algebra:
+how near to that edge a solver comes is a matter of luck. A solve to a tighter residual that fails has so tried what one
+to a looser residual tries, and ends no worse.
 """
 
 from collections.abc import Iterator
@@ -48,10 +49,12 @@ class PreparedConvex:
         best_residual = self.residual(best, self.problem.free_velocity)
         if best_residual <= stop.tolerance:
             return Solution(best, Status.SOLVED, 0)
-        accuracies = _Accuracies(stop.tolerance)
-        for accuracy in accuracies:
+        accuracies = _Accuracies(stop.tolerance, self.program.can_be_careful)
+        for accuracy, is_careful in accuracies:
             left = stop.max_iterations - iterations
-            result = self.program.run(self.problem.free_velocity, accuracy, left, stop.max_seconds - seconds)
+            result = self.program.run(
+                self.problem.free_velocity, accuracy, left, stop.max_seconds - seconds, is_careful
+            )
             seconds += result.seconds
             iterations += result.iterations
             if np.isfinite(result.impulses).all():
@@ -72,18 +75,21 @@ class PreparedConvex:
 
 
 class _Accuracies:
-    """The tolerances to try: tighter and tighter ones until the conic solver fails, then all others."""
+    """The tolerances to try: tighter and tighter ones until the conic solver fails, then all others, then carefully."""
 
-    def __init__(self, tolerance: float) -> None:
+    def __init__(self, tolerance: float, can_be_careful: bool) -> None:
         fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]
         self._first = fitting[0] if fitting else len(LADDER) - 1
+        self._can_be_careful = can_be_careful
         self.is_failing = False
 
-    def __iter__(self) -> Iterator[float]:
+    def __iter__(self) -> Iterator[tuple[float, bool]]:
         tried = set()
         for accuracy in LADDER[self._first :: STRIDE]:
             tried.add(accuracy)
-            yield accuracy
+            yield accuracy, False
             if self.is_failing:
                 break
-        yield from (accuracy for accuracy in reversed(LADDER) if accuracy not in tried)
+        yield from ((accuracy, False) for accuracy in reversed(LADDER) if accuracy not in tried)
+        if self._can_be_careful:
+            yield from ((accuracy, True) for accuracy in reversed(LADDER))

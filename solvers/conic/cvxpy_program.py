@@ -9,7 +9,7 @@ with G = RᵀR: R = W̃ where the factors are known, else from the eigenvalues o
 import importlib
 import time
 import warnings
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -82,6 +82,8 @@ def installed(cones: bool) -> list[str]:
 class CvxpyProgram:
     """The program over impulses; see ``programs.ConicProgram``."""
 
+    can_be_careful: ClassVar[bool] = False
+
     def __init__(self, problem: ContactProblem, solver: str, weight: FloatArray | None = None) -> None:
         cp = cvxpy()
         self._problem, self._solver = problem, solver
@@ -97,7 +99,9 @@ class CvxpyProgram:
         self._linear.value = np.zeros(problem.n_rows)
         self._program.get_problem_data(solver)  # compiles, and keeps what it compiled
 
-    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(
+        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
+    ) -> ConicResult:
         """See ``ConicProgram``."""
         cp = cvxpy()
         self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)

@@ -190,6 +190,7 @@ class _Outer:
             self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver ended with {result.ended}"
             if result.ended is Ended.UNBOUNDED or not np.isfinite(result.impulses).all():
                 self.stalled = f"the conic solver ended with {result.ended} at residual {self.lowest:.1e}"
+                self._note(self.best, self.lowest)  # an iteration that found nothing is one all the same
                 return self._late(result)
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual(result.impulses, velocity)

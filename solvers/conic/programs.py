@@ -16,7 +16,7 @@ Either program may be regularised: G + diag(w) stands in the place of G, in fact
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import clarabel
 import numpy as np
@@ -29,6 +29,12 @@ Form = Literal["delassus", "factors"]
 
 MOST_ITERATIONS = 200
 """Interior point iterations of one solve; Clarabel needs 10 to 30, or makes no progress."""
+
+REFINEMENTS = 50
+"""Most refinements of one linear solve where Clarabel is to be careful, as long as each halves the error."""
+
+FINEST = 1e-15
+"""The error at which they end."""
 
 
 class Ended(StrEnum):
@@ -60,10 +66,21 @@ class ConicResult:
 
 
 class ConicProgram(Protocol):
-    """A cone program that has been set up."""
+    """A cone program that has been set up.
 
-    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
-        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``."""
+    Attributes:
+        can_be_careful: whether ``run`` heeds ``is_careful``.
+    """
+
+    can_be_careful: ClassVar[bool]
+
+    def run(
+        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
+    ) -> ConicResult:
+        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``.
+
+        ``is_careful`` asks for more accurate linear algebra, where the conic solver has any.
+        """
         ...
 
     def regularised(self, weight: FloatArray) -> "ConicProgram":
@@ -112,6 +129,8 @@ class Scaling:
 class DelassusProgram:
     """The program over impulses."""
 
+    can_be_careful: ClassVar[bool] = True
+
     def __init__(self, problem: ContactProblem, weight: FloatArray | None = None) -> None:
         self._problem = problem
         self._scaling = scaling = Scaling(problem)
@@ -121,10 +140,12 @@ class DelassusProgram:
         constraints, bounds, cones = _cones(problem, scaling)
         self._solver = _solver(quadratic, np.zeros(problem.n_rows), constraints, bounds, cones)
 
-    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(
+        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
+    ) -> ConicResult:
         """See ``ConicProgram``."""
         linear = velocity * (self._scaling.impulse / self._scaling.energy)
-        self._solver.update(q=linear, settings=_settings(accuracy, iterations, seconds))
+        self._solver.update(q=linear, settings=_settings(accuracy, iterations, seconds, is_careful))
         result = self._solver.solve()
         impulses = self._scaling.impulse * np.asarray(result.x)
         return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
@@ -136,6 +157,8 @@ class DelassusProgram:
 
 class FactorsProgram:
     """The program over scaled velocities."""
+
+    can_be_careful: ClassVar[bool] = True
 
     def __init__(self, problem: ContactProblem, weight: FloatArray | None = None) -> None:
         assert problem.factors is not None
@@ -151,10 +174,14 @@ class FactorsProgram:
         n_dofs = scaled.shape[0]
         self._solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(self._rows)), cones)
 
-    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(
+        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
+    ) -> ConicResult:
         """See ``ConicProgram``."""
         scaled = velocity * (self._scaling.impulse / self._scaling.energy)
-        self._solver.update(b=self._factor * scaled[self._rows], settings=_settings(accuracy, iterations, seconds))
+        self._solver.update(
+            b=self._factor * scaled[self._rows], settings=_settings(accuracy, iterations, seconds, is_careful)
+        )
         result = self._solver.solve()
         impulses = np.zeros(self._problem.n_rows)
         impulses[self._rows] = self._scaling.impulse[self._rows] * self._factor * np.asarray(result.z)
@@ -181,11 +208,15 @@ def _ended(status: Any) -> Ended:
     return limits.get(status, Ended.GAVE_UP)
 
 
-def _settings(accuracy: float, iterations: int, seconds: float) -> Any:
+def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool = False) -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.presolve_enable = False  # data updates ask for it
+    if is_careful:
+        settings.iterative_refinement_max_iter = REFINEMENTS
+        settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = FINEST
+        settings.iterative_refinement_stop_ratio = 2.0
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = accuracy
     settings.max_iter = max(1, min(MOST_ITERATIONS, iterations))
     settings.time_limit = max(seconds, 1e-3)

@@ -26,6 +26,10 @@ make of a small pivot.
 RAY_ROUNDING = 1e-12
 """A ray y ≥ 0 with Mᵀ y below this fraction of the largest entry of M is one to rounding."""
 
+FALL_ROUNDING = 1e-6
+"""qᵀy has to fall below zero by this fraction of the largest entry of q: a z ≥ 0 against which y proves nothing would
+need a million times the entries that M and q suggest."""
+
 TIE = 1e-13
 """Ratios that differ by less, relative to the largest of the tied ones or to 1, are tied."""
 
@@ -61,7 +65,8 @@ class Tableau:
     def __post_init__(self) -> None:
         n = len(self.vector)
         self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
-        self._values = self.vector.copy()
+        largest = float(np.abs(self.vector).max(initial=0.0))
+        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # ties are told beside 1; no bit is lost
         self._basic = np.arange(n)
         self._nonbasic = np.arange(n, 2 * n + 1)
         self._entering = 2 * n
@@ -97,7 +102,7 @@ class Tableau:
         return unknowns
 
     def proves_infeasibility(self) -> bool:
-        """Whether the ray that the path has ended on is, to rounding, a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0.
+        """Whether the ray that the path has ended on is, beyond rounding, a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0.
 
         Then yᵀ(M z + q) < 0 for every z ≥ 0, so that none keeps M z + q ≥ 0.
         """
@@ -113,8 +118,8 @@ class Tableau:
             return False
         direction /= largest
         grows = float((direction @ self.matrix).max(initial=0.0))
-        falls = float(self.vector @ direction)
-        return grows <= RAY_ROUNDING * float(np.abs(self.matrix).max()) and falls < 0.0
+        falls, size = float(self.vector @ direction), float(np.abs(self.vector).max())
+        return grows <= RAY_ROUNDING * float(np.abs(self.matrix).max()) and falls < -FALL_ROUNDING * size
 
     @property
     def basic(self) -> IntArray:

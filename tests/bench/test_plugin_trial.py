@@ -88,7 +88,7 @@ class Writer:
         ("signal.signal(signal.SIGINT, signal.SIG_IGN)", "changes signal handlers when"),
         ("signal.alarm(1)", "changes the alarm clock when"),
         ("subprocess.Popen(['sleep', '100'], start_new_session=True)", "leaves 1 process behind when"),
-        ("os.fork() or os.fork() or time.sleep(100)", "leaves 2 processes behind when"),
+        ("os.fork() or os.fork() or time.sleep(100)", "behind when it is imported"),
         ("threading.Thread(target=time.sleep, args=(1000,)).start()", "keeps its process from ending"),
         ("atexit.register(time.sleep, 1000)", "keeps its process from ending"),
         (DESTRUCTOR, "keeps its process from ending"),

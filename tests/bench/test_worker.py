@@ -62,6 +62,12 @@ def test_a_fault_keeps_traceback_and_output() -> None:
     assert len(document["stderr"]) <= 4000
 
 
+def test_a_solver_that_a_signal_kills_leaves_the_place_in_its_code() -> None:
+    printed = carried_out("segfault").document()["stderr"]
+    assert "in do_segfault" in printed
+    assert "Extension modules" not in printed
+
+
 @pytest.mark.parametrize("deed", ["lie", "patch"])
 def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_process(deed: str) -> None:
     points = carried_out(deed).document()["points"]

@@ -107,7 +107,7 @@ def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
         start = np.abs(start)
     trial = tried(solver, problem, STOP, start=start)
     if solver.has_iterates:
-        assert trial.residual <= own_residual(solver, problem, start)
+        assert trial.residual <= (1.0 + 1e-9) * own_residual(solver, problem, start) + 1e-13
 
 
 @pytest.mark.parametrize("name", available())

@@ -82,6 +82,12 @@ def test_a_single_step_is_told_in_the_singular() -> None:
     assert "1 of 1 step is not solved" in printed(made(np.array([0.1]), residual=1e-3))
 
 
+def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
+    text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
+    assert "of another law: it solves the convex model, not Coulomb friction" in text
+    assert "another law" not in printed(simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10)))
+
+
 def test_a_residual_that_is_not_finite_counts_as_unsolved_and_stays_json() -> None:
     simulation = made(np.array([0.1, 0.2]), residual=[np.inf, np.nan])
     assert simulation.unsolved.tolist() == [True, True]

@@ -56,9 +56,7 @@ def test_known_answers_are_met_by_solvers_that_know_nothing_of_them(name: str) -
 
 
 UNSOUGHT = {
-    "hard-stack-10-top-1e8",
     "hard-stack-100-top-1e8",
-    "hard-stack-10-growing-1e8",
     "hard-immovable",
     "hard-immovable-100",
     "hard-squeezed",

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, judge, load, suite
 from proxbench.problems.hard import HARD_CASES, hard_case
+from proxbench.problems.hard.families import Family, braced
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 
 
@@ -164,3 +165,15 @@ def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
     reason = create("Lemke", sides=8).supports(load("funnel-1000"))
     assert reason is not None
     assert "hang together" in reason
+
+
+@pytest.mark.parametrize("seed", [1, 372, 927, 1325, 1550, 2914, 2962])
+def test_a_ray_whose_load_is_rounding_proves_nothing(seed: int) -> None:
+    """Contacts that brace each other bear c = −G (λ, 0) by construction; paths through them may end on rays."""
+    if seed == 1:
+        family = Family(n_contacts=6, dim=2, n_dofs=6, mass_range=4, density=1.0, friction=0.0)
+    else:
+        rng = np.random.default_rng(seed)
+        n_contacts, dim, n_dofs, mass_range = (int(rng.integers(*ends)) for ends in ((1, 8), (1, 4), (1, 9), (0, 7)))
+        family = Family(n_contacts, dim, n_dofs, mass_range, 1.0, 0.0)
+    assert solve(braced(family, seed), "Lemke", tolerance=1e-6).status in (Status.SOLVED, Status.STALLED)
