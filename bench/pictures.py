@@ -21,7 +21,7 @@ def picture_files(path: Path) -> tuple[Path, Path]:
         raise BenchError(
             f"charts are written as .svg and .png, not as {path.suffix}; leave {path.suffix} out of {path}."
         )
-    base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
+    base = path.with_suffix("") if path.suffix.lower() in (".svg", ".png") else path
     if base.name in ("", ".."):
         raise BenchError(f"a chart cannot be written to {str(path)!r}; name a file.")
     return base.with_name(f"{base.name}.svg"), base.with_name(f"{base.name}.png")

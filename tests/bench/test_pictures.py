@@ -7,7 +7,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.pictures import drawn, picture_files, refuse_pictures
 
 
-@pytest.mark.parametrize("name", ["a", "a.svg", "a.png"])
+@pytest.mark.parametrize("name", ["a", "a.svg", "a.png", "a.SVG"])
 def test_a_picture_has_two_files_whatever_its_ending(name: str) -> None:
     assert picture_files(Path("there", name)) == (Path("there/a.svg"), Path("there/a.png"))
 
