@@ -13,8 +13,9 @@ from proxbench.bench.listing import listed, print_listing
     ],
 )
 def test_a_problem_is_described_by_its_sizes_laws_and_form(
-    name: str, words: str, capsys: pytest.CaptureFixture[str]
+    name: str, words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
     rows = [row for row in listed("problems")["problems"] if row["name"] == name]
     print_listing({"problems": rows})
     assert capsys.readouterr().out == f"problems\n  {name}  {words}\n\n"
