@@ -1,32 +1,11 @@
-"""The file that --output names, how it is written, and others that are refused before any work."""
+"""The file that --output names, and others that are refused before any work."""
 
-import os
 import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO
 
-from ..problems.files import replacing
 from .errors import BenchError
-
-PERMISSIONS = 0o666
-"""Who may read and write a result file, less what the user's mask (umask) takes away."""
-
-
-@contextmanager
-def replacing_result(path: Path) -> Iterator[IO[bytes]]:
-    """Replace a result file as a whole or not at all, see ``replacing``, with the permissions of any new file.
-
-    Raises:
-        OSError: if the folder cannot be written.
-    """
-    with replacing(path) as file:
-        mask = os.umask(0o077)  # it can only be read by being set; to a strict one, should another thread make a file
-        os.umask(mask)
-        os.fchmod(file.fileno(), PERMISSIONS & ~mask)
-        yield file
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:

@@ -16,10 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from ..problems.files import PART
+from ..problems.files import PART, replacing
 from .documents import case_fault, info_fault, printable
 from .errors import BenchError
-from .output_file import replacing_result
 
 FORMAT = 1
 """Version of the files."""
@@ -176,7 +175,7 @@ def _put(path: Path, content: bytes) -> None:
     """Write to a temporary file beside ``path``, then put it in place; a folder that is gone is made again."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing_result(path) as file:
+        with replacing(path) as file:
             file.write(content)
     except OSError as error:
         raise BenchError(

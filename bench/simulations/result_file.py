@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from ...problems.archive import ArchiveError, read_arrays
 from ...problems.errors import ProxbenchError
+from ...problems.files import replacing
 from ..errors import BenchError
-from ..output_file import replacing_result
 
 SUFFIX = ".npz"
 
@@ -62,7 +62,7 @@ class ResultKind:
         head = {"kind": self.name, "format": self.format, "version": metadata.version("proxbench"), **about}
         content = {ABOUT: np.frombuffer(json.dumps(head, ensure_ascii=False).encode(), dtype=np.uint8), **arrays}
         try:
-            with replacing_result(path) as file:
+            with replacing(path) as file:
                 np.savez(file, **content)
         except OSError as error:
             raise BenchError(f"cannot write {path}: {error.strerror}; choose another --output.") from None

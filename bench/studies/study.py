@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from ...problems.errors import ProxbenchError
+from ...problems.files import replacing
 from ..documents import printable
 from ..errors import BenchError
 from ..machine import describe_machine
-from ..output_file import replacing_result
 from .cases import Case, StudyPlan, plan_from
 from .measuring import Measured
 from .points import Point
@@ -141,7 +141,7 @@ def _measured(entry: Mapping[str, Any], cases: tuple[Case, ...]) -> tuple[Key, M
 
 def _write(file: Path, text: str) -> None:
     try:
-        with replacing_result(file) as opened:
+        with replacing(file) as opened:
             opened.write(text.encode())
     except OSError as error:
         raise BenchError(f"cannot write {file}: {error.strerror}; choose another --output.") from None

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.output_file import output_file, replacing_result
+from proxbench.bench.output_file import output_file
 from proxbench.bench.simulations.plan import make_simulation_plan
 from proxbench.bench.simulations.running import simulate
 from proxbench.bench.store import Store
 from proxbench.bench.studies.defaults import make_study_plan
 from proxbench.bench.studies.study import Study, write_points
+from proxbench.problems.files import replacing
 
 
 @pytest.fixture(params=[0o022, 0o077], ids=oct)
@@ -58,7 +59,7 @@ def test_a_result_that_replaces_another_has_them_too(mask: int, tmp_path: Path) 
     file = tmp_path / "a"
     file.write_bytes(b"old")
     file.chmod(0o600)
-    with replacing_result(file) as opened:
+    with replacing(file) as opened:
         opened.write(b"new")
     assert stat.S_IMODE(file.stat().st_mode) == 0o666 & ~mask
     assert file.read_bytes() == b"new"
