@@ -3,6 +3,7 @@
 import shutil
 import textwrap
 import time
+from collections.abc import Callable
 from typing import Any
 
 from ..problems.plugin_files import PluginFile
@@ -21,12 +22,19 @@ MEMORY_BYTES = 2**31
 """Memory that checks may take beyond what the framework itself needs."""
 
 
-def checked(target: str, seconds: float = CHECK_SECONDS) -> list[dict[str, Any]]:
+OnCheck = Callable[[str, int, int], None]
+"""Called before every check: what is checked, how many checks of it are done, and of how many."""
+
+
+def checked(
+    target: str, seconds: float = CHECK_SECONDS, on_check: OnCheck = lambda what, done, total: None
+) -> list[dict[str, Any]]:
     """Run all conformance tests on a solver or problem, or on all that a plugin file offers.
 
     Args:
         target: a name, with options where it has some, or the path of a plugin file.
         seconds: time limit of one test.
+        on_check: called before every check, to show how far it is.
 
     Returns:
         For each solver or problem: kind, name, source, passed, and checks, each with check, promise, result ("passed",
@@ -43,7 +51,7 @@ def checked(target: str, seconds: float = CHECK_SECONDS) -> list[dict[str, Any]]
         register(file)
     try:
         with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES) as worker:
-            return [_checked(worker, subject) for subject in _subjects(worker, target, file)]
+            return [_checked(worker, subject, on_check) for subject in _subjects(worker, target, file)]
     finally:
         if file is not None and file not in known:
             forget(file)
@@ -87,9 +95,11 @@ def _subjects(worker: RenewedWorker, target: str, file: PluginFile | None) -> li
     return found
 
 
-def _checked(worker: RenewedWorker, subject: dict[str, str]) -> dict[str, Any]:
-    rows = []
-    for check in SOLVER_CHECKS if subject["kind"] == "solver" else PROBLEM_CHECKS:
+def _checked(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:
+    rows: list[dict[str, Any]] = []
+    checks = SOLVER_CHECKS if subject["kind"] == "solver" else PROBLEM_CHECKS
+    for check in checks:
+        on_check(f"{subject['name']}: {check.name}", len(rows), len(checks))
         began = time.perf_counter()
         try:
             answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)

@@ -267,9 +267,18 @@ def check(
     as_json: Json = False,
 ) -> int:
     """Hold a solver or problem to what it owes its users; exit code 1 if a check fails."""
-    from .check import checked, print_checks
+    from rich.console import Console
 
-    subjects = checked(target, seconds)
+    from .check import checked, print_checks
+    from .progress_bar import ProgressBar
+
+    with ProgressBar(Console(stderr=True), hidden=as_json) as shown:
+
+        def show(what: str, done: int, total: int) -> None:
+            shown.name(what, again=True)
+            shown.count(done, total)
+
+        subjects = checked(target, seconds, show)
     if as_json:
         print(json.dumps(subjects, indent=1, ensure_ascii=False))
     else:

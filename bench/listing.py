@@ -13,6 +13,7 @@ from ..problems.laws import LawKind
 from ..problems.plugins import Offer
 from ..problems.scenes.registry import SCENES
 from ..solvers.registry import available, create, factory, plugin_solvers
+from .counting import counted
 from .errors import BenchError
 
 KINDS = ("solvers", "suites", "problems", "scenes")
@@ -65,9 +66,9 @@ def _problem_text(row: dict[str, Any]) -> str:
         return str(row["error"])
     if not row["available"]:
         return "not generated yet"
-    contacts = f"{row['contacts']} contact{'' if row['contacts'] == 1 else 's'}"
-    laws = " and ".join(row["laws"])
-    return ", ".join((contacts, f"{row['rows']} rows", laws, row["form"], *_origin(row)))
+    sizes = counted(row["contacts"], "contact"), counted(row["rows"], "row")
+    laws = " and ".join(row["laws"]) or "no law"
+    return ", ".join((*sizes, laws, row["form"], *_origin(row)))
 
 
 def _scene_text(row: dict[str, Any]) -> str:

@@ -12,15 +12,21 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     """Return the file that ``output`` names, its folder made: the file itself, or a new one in that folder.
 
     Args:
-        output: a file if it ends in ``suffix``, else a folder.
+        output: a file if it ends in ``suffix``; a folder if it is one, or has no suffix.
         stem: what the name of a new file begins with; date and time follow.
         suffix: ending of the file.
         force: whether it may exist.
 
     Raises:
-        BenchError: if it exists and ``force`` is not given, or its folder cannot be made.
+        BenchError: if it exists and ``force`` is not given, has another suffix, or its folder cannot be made.
     """
-    is_file = output.suffix == suffix and not output.is_dir()
+    is_folder = output.is_dir()
+    if output.suffix not in ("", suffix) and not is_folder:
+        raise BenchError(
+            f"--output {output} ends in {output.suffix}, and this result is a {suffix} file; name a file that ends in "
+            f"{suffix}, or a folder (one with a dot in its name must exist)."
+        )
+    is_file = output.suffix == suffix and not is_folder
     file = output if is_file else output / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}{suffix}"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

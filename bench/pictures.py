@@ -7,14 +7,21 @@ from ..problems.errors import ProxbenchError
 from .errors import BenchError
 from .output_file import refuse_taken
 
+OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
+"""Endings of pictures and pages that nobody means as part of a name."""
+
 
 def picture_files(path: Path) -> tuple[Path, Path]:
     """Return the files, .svg and .png, that a picture at ``path`` is written to.
 
     Raises:
-        BenchError: if ``path`` names no file.
+        BenchError: if ``path`` names no file, or one of another format.
     """
-    base = path.with_suffix("") if path.suffix in (".svg", ".png") else path
+    if path.suffix.lower() in OTHER_FORMATS:
+        raise BenchError(
+            f"charts are written as .svg and .png, not as {path.suffix}; leave {path.suffix} out of {path}."
+        )
+    base = path.with_suffix("") if path.suffix.lower() in (".svg", ".png") else path
     if base.name in ("", ".."):
         raise BenchError(f"a chart cannot be written to {str(path)!r}; name a file.")
     return base.with_name(f"{base.name}.svg"), base.with_name(f"{base.name}.png")

@@ -10,10 +10,15 @@ from typing import IO
 PART = ".part"
 """Suffix of a file that is being written; its name begins with a dot."""
 
+PERMISSIONS = 0o666
+"""What a new file allows, if the process does not mask it."""
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """Open a temporary file beside ``path`` that takes its place when the block ends, and vanishes if it fails.
+
+    It has the permissions of any new file, where temporary ones are their owner's alone.
 
     Raises:
         OSError: if the folder cannot be written.
@@ -21,6 +26,9 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=PART)
     try:
         with os.fdopen(handle, "wb") as file:
+            mask = os.umask(0o077)  # can only be read by being set; to a strict one, should another thread make a file
+            os.umask(mask)
+            os.chmod(temporary, PERMISSIONS & ~mask)
             yield file
             file.flush()
             os.fsync(file.fileno())

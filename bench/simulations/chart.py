@@ -38,9 +38,11 @@ def simulation_chart(simulation: Simulation) -> alt.VConcatChart:
     panels[-1].encoding.x.title = "simulated time [s]"
     panels[-1].encoding.x.axis = alt.Axis()
     balls = f", {scene.n_balls} balls" if scene.n_balls else ""
+    tolerance, missed = np.format_float_scientific(plan.tolerance, trim="-", exp_digits=1), simulation.unsolved.sum()
+    solver = plan.solver.name.partition("(")[0]
     title = alt.TitleParams(
         f"{scene.name.capitalize()}{balls}: what happens over time",
-        subtitle=f"Δt {plan.step_size:g} s, every step to {plan.tolerance:g} with {plan.solver.name}",
+        subtitle=f"Δt {plan.step_size:g} s, steps solved to {tolerance}, {missed} missed, by {solver}",
         anchor="start",
         fontSize=16,
         subtitleFontSize=12,

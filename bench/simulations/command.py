@@ -71,7 +71,7 @@ def simulate(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
     progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
 ) -> int:
-    """Simulate a scene step by step; print a table per 0.1 s, or of the switching incidents where the step is variable.
+    """Simulate a scene step by step; print a table per 0.1 s, or of the switching points where the step is variable.
 
     Every step is stored in a file that can be resumed.
     """

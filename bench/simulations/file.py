@@ -16,10 +16,10 @@ from ...problems.moreau import State
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from .plan import SimulationPlan, make_simulation_plan
-from .result_file import ResultKind, taken_from
+from .result_file import FIXED_KIND, ResultKind, taken_from
 from .simulation import STEP, Simulation
 
-KIND = ResultKind("proxbench simulation", 2, "is no result file of a simulation")
+KIND = ResultKind(FIXED_KIND, 2, "is no result file of a simulation")
 
 
 def write_simulation(simulation: Simulation, path: Path) -> None:
@@ -53,7 +53,8 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         solver: the solver of the plan, if ``create`` does not know it by its name.
 
     Raises:
-        BenchError: if the file is missing, damaged, or no result file of a simulation.
+        BenchError: if the file is missing, damaged, or no result file of a simulation with a fixed step; one with a
+            variable step is read by ``read_variable``.
     """
     about, content = KIND.read(path)
     with taken_from(path):

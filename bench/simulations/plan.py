@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ...problems.moreau import ContactSolver, Moreau
 from ...problems.scenes.registry import SCENES, Scene, make_scene
@@ -140,12 +140,23 @@ REPLACEABLE = ("solver", "tolerance", "max_iterations")
 """What a resumed simulation may take other values of: how steps are solved, not what is simulated."""
 
 
-def check_agreement(plan: SimulationPlan, given: Mapping[str, object], source: str) -> None:
+class Planned(Protocol):
+    """A plan of a scene, whatever its step is."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with its options."""
+
+    def document(self) -> dict[str, Any]:
+        """Return the plan as plain values."""
+
+
+def check_agreement(plan: Planned, given: Mapping[str, object], source: str) -> None:
     """Compare what is asked for with the plan of a simulation that is resumed.
 
     Args:
         plan: the plan as it was stored.
-        given: names as in ``SimulationPlan.document`` and names of options, with the values asked for.
+        given: names as in ``document`` of the plan and names of options, with the values asked for.
         source: what messages call the stored simulation.
 
     Raises:
@@ -172,7 +183,7 @@ def _check_numbers(plan: SimulationPlan) -> None:
     for name in ("step_size", "duration"):
         value = getattr(plan, name)
         if not 0.0 < value < math.inf:
-            raise BenchError(f"{name} must be positive, got {value} s.")
+            raise BenchError(f"{name} must be positive and finite, got {value} s.")
     if plan.step_size > plan.duration:
         raise BenchError(f"step_size {plan.step_size} s must not be longer than the duration, {plan.duration} s.")
     if not 0.0 < plan.tolerance < 1.0:

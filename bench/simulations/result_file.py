@@ -27,6 +27,14 @@ SUFFIX = ".npz"
 ABOUT = "about"
 """The name of the JSON among the arrays."""
 
+FIXED_KIND, VARIABLE_KIND = "proxbench simulation", "proxbench simulation with variable steps"
+
+READERS = {
+    FIXED_KIND: ("a fixed step", "proxbench.bench.simulations.file.read_simulation"),
+    VARIABLE_KIND: ("a variable step", "proxbench.bench.variable.file.read_variable"),
+}
+"""What simulations of each kind have, and the function that reads their files."""
+
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 """What content that nobody wrote may raise where it is read."""
 
@@ -67,7 +75,11 @@ class ResultKind:
         """
         content = _stored_arrays(path)
         about = _about(content)
-        if about.get("kind") != self.name:
+        kind = about.get("kind")
+        if kind != self.name:
+            if kind in READERS:
+                what, reader = READERS[kind]
+                raise BenchError(f"{path} holds a simulation with {what}; read it with {reader}.")
             raise BenchError(f"{path} {self.lacks}; name a file that proxbench simulate wrote.")
         if about.get("format") != self.format:
             raise BenchError(
@@ -111,6 +123,8 @@ def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
             return read_arrays(file)
     except FileNotFoundError:
         raise BenchError(f"there is no result file {path}.") from None
+    except IsADirectoryError:
+        raise BenchError(f"{path} is a folder; name a result file in it, ending in {SUFFIX}.") from None
     except ArchiveError:
         raise _damaged(path) from None
     except OSError as error:

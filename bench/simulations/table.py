@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...problems.model import Model
+from ..counting import counted
 from .simulation import Ending, Simulation
 
 WINDOW_SECONDS = 0.1
@@ -143,8 +144,8 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield "no step is taken yet", ""
         return
     yield (
-        f"total  {total['simulated_seconds']:.4g} s in {total['steps']} steps, {total['wall_seconds']:.3g} s wall: "
-        f"{total['wall_per_simulated_second']:.3g} s per simulated second",
+        f"total  {total['simulated_seconds']:.4g} s in {counted(total['steps'], 'step')}, "
+        f"{total['wall_seconds']:.3g} s wall: {total['wall_per_simulated_second']:.3g} s per simulated second",
         "bold",
     )
     ending = _ending(simulation)
@@ -157,13 +158,14 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     residual = total["largest_residual"]
     worst = "infinite" if residual is None else f"{residual:.1e}"
     yield (
-        f"{total['unsolved_steps']} of {total['steps']} steps are not solved to {tolerance:.0e}; "
+        f"{total['unsolved_steps']} of {counted(total['steps'], 'step')} "
+        f"{'is' if total['unsolved_steps'] == 1 else 'are'} not solved to {tolerance:.0e}; "
         f"largest residual {worst}, at t = {total['largest_residual_time']:.6g} s",
         "bold red",
     )
     missed = simulation.steps["status"][simulation.unsolved]
     for status, count in zip(*np.unique(missed, return_counts=True), strict=True):
-        yield f"  the solver says: {simulation.statuses[status]}, {count} times", "red"
+        yield f"  the solver says: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
     solver = simulation.plan.solver
     if solver.model != Model.COULOMB:
         yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"

@@ -39,7 +39,7 @@ def run_study_command(request: Request, as_json: bool, progress: bool) -> int:
     live = StudyProgress(Console(stderr=True), hidden=not progress or as_json)
     with deferred_interrupts() as stop_asked, live:
         advance_study(study, live, stop_asked)
-    _present(study, file, request.chart or file.with_suffix(""), as_json)
+    _present(study, file, request.chart or file.with_suffix(".svg"), as_json)
     if not study.is_finished:
         raise InterruptedSimulationError(file)
     return 0
@@ -52,7 +52,7 @@ def report_study(file: Path, as_json: bool) -> int:
         BenchError: if the file is missing, damaged, or no study.
     """
     study = read_study(file)
-    _present(study, file, file.with_suffix(""), as_json)
+    _present(study, file, file.with_suffix(".svg"), as_json)
     return 0
 
 
@@ -91,7 +91,7 @@ def _begun(request: Request) -> Study:
         study = _resumed(request, request.resume)
         # the table and the pictures beside a study are its own, and made anew as it goes on
         refuse_taken([_table_file(request.resume)], True)
-        chart = request.chart or request.resume.with_suffix("")
+        chart = request.chart or request.resume.with_suffix(".svg")
         refuse_pictures(chart, request.force or request.chart is None)
         return study
     added = [request.numbers["solver"]] if "solver" in request.numbers else []
@@ -101,7 +101,7 @@ def _begun(request: Request) -> Study:
     file = output_file(request.output, f"{plan.scene}-study", SUFFIX, request.force)
     refuse_taken([_table_file(file)], request.force)
     if request.chart is None:
-        refuse_pictures(file.with_suffix(""), request.force)
+        refuse_pictures(file.with_suffix(".svg"), request.force)
     return Study(plan, file)
 
 

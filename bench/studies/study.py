@@ -106,6 +106,8 @@ def read_study(file: Path) -> Study:
         content = printable(json.loads(file.read_bytes()))
     except FileNotFoundError:
         raise BenchError(f"there is no study {file}; name a file that proxbench simulate --study wrote.") from None
+    except IsADirectoryError:
+        raise BenchError(f"{file} is a folder; name a study in it, ending in {SUFFIX}.") from None
     except OSError as error:
         raise BenchError(f"cannot read {file}: {error.strerror}.") from None
     except (ValueError, RecursionError):

@@ -80,7 +80,7 @@ def _begun(request: Request) -> VariableSimulation:
     if request.resume is not None:
         simulation = begun_variable(request.resume, request.given, request.duration)
         # the pictures beside a result are its own, and drawn anew as it goes on
-        chart = request.chart or request.resume.with_suffix("")
+        chart = request.chart or request.resume.with_suffix(".svg")
         refuse_pictures(chart, request.force or request.chart is None)
         return simulation
     plan = make_variable_plan(request.scene, request.options, duration=request.duration, **request.numbers)
@@ -88,7 +88,7 @@ def _begun(request: Request) -> VariableSimulation:
         refuse_pictures(request.chart, request.force)
     file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
     if request.chart is None:
-        refuse_pictures(file.with_suffix(""), request.force)
+        refuse_pictures(file.with_suffix(".svg"), request.force)
     return VariableSimulation(plan, file)
 
 
@@ -98,7 +98,7 @@ def _drawn(simulation: VariableSimulation, file: Path, chart: Path | None) -> li
     from .figure import write_motion_chart  # altair and pandas take a second to import
 
     begin = simulation.state.time - SHOWN_SECONDS
-    return drawn(lambda: write_motion_chart(simulation, chart or file.with_suffix(""), begin), file)
+    return drawn(lambda: write_motion_chart(simulation, chart or file.with_suffix(".svg"), begin), file)
 
 
 @contextlib.contextmanager

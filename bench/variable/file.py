@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.law_states import LawStates
-from ..simulations.result_file import ResultKind, taken_from
+from ..simulations.result_file import VARIABLE_KIND, ResultKind, taken_from
 from .plan import make_variable_plan
 from .simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
 
-KIND = ResultKind("proxbench simulation with variable steps", 1, "holds no simulation with variable steps")
+KIND = ResultKind(VARIABLE_KIND, 1, "holds no simulation with variable steps")
 
 
 def write_variable(simulation: VariableSimulation, path: Path) -> None:
@@ -53,7 +53,8 @@ def read_variable(path: Path) -> VariableSimulation:
     """Read a result file.
 
     Raises:
-        BenchError: if the file is missing, damaged, or not of a simulation with variable steps.
+        BenchError: if the file is missing, damaged, or not of a simulation with variable steps; one with a fixed
+            step is read by ``read_simulation``.
     """
     about, content = KIND.read(path)
     with taken_from(path):

@@ -1,5 +1,6 @@
 """Switching incidents in the form of table 1 of Studer & Glocker (2005), against the woodpecker's known limit cycle."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from ...problems.laws import FloatArray
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from ..counting import counted
 from .simulation import LAWS, STATES, VariableSimulation
 
 SECTION = ("friction", 1, "stick", "slip")
@@ -102,6 +104,14 @@ def incidents(simulation: VariableSimulation) -> list[Incident]:
         )
         for row in simulation.switches
     ]
+
+
+def switching_words(found: Sequence[Incident]) -> str:
+    """Say how many switching points there are, one for each law that switches, and how many instants they share."""
+    if not found:
+        return "no switching points"
+    instants = len({incident.time for incident in found})
+    return f"{counted(len(found), 'switching point')} at {counted(instants, 'instant')}"
 
 
 def cycles(simulation: VariableSimulation) -> Cycles:

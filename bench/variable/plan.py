@@ -116,7 +116,7 @@ def changed(plan: VariablePlan, **changes: Any) -> VariablePlan:
 
 def _check_numbers(plan: VariablePlan) -> None:
     if not 0.0 < plan.duration < math.inf:
-        raise BenchError(f"duration must be positive, got {plan.duration} s.")
+        raise BenchError(f"duration must be positive and finite, got {plan.duration} s.")
     if not 0.0 < plan.tolerance < 1.0:
         raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
     if not plan.max_iterations >= 1:

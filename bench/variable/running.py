@@ -12,7 +12,7 @@ from ...solvers.interface import Solver
 from ...solvers.registry import create
 from ..errors import BenchError
 from ..simulations.asking import Asked
-from ..simulations.plan import FIXED
+from ..simulations.plan import FIXED, check_agreement
 from ..simulations.running import judged_residual
 from .file import read_variable, write_variable
 from .plan import VariablePlan, changed
@@ -82,10 +82,7 @@ def begun_variable(
         changes["stepper"] = make_stepper(asked.pop("stepper"))
     if "solver" in asked:
         changes["solver"] = _solver(asked.pop("solver"))
-    stored = {"scene": plan.scene.name, **plan.scene.options}
-    for name, value in asked.items():
-        if name not in stored or stored[name] != value:
-            raise BenchError(f"{name} {value} contradicts {file}; leave it out to resume.")
+    check_agreement(plan, asked, str(file))
     if duration is not None:
         changes["duration"] = duration
     simulation.plan = changed(plan, **changes)

@@ -1,4 +1,4 @@
-"""What a simulation with variable steps came to: its incidents as a table, its periods, its cost."""
+"""What a simulation with variable steps came to: its switching points as a table, its periods, its cost."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,12 +11,13 @@ from rich.text import Text
 
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from ..counting import counted
 from ..simulations.simulation import SLACK
-from .incidents import Cycle, Cycles, Incident, cycles, incidents, relative_deviations
+from .incidents import Cycle, Cycles, Incident, cycles, incidents, relative_deviations, switching_words
 from .simulation import VariableSimulation
 
 MOST_ROWS = 30
-"""Incidents that are printed where no period is known; the result file has all."""
+"""Switching points that are printed where no period is known; the result file has all."""
 
 TRANSIENT = 60
 """Periods after which the woodpecker is taken to be on its limit cycle: 0.839 to this power is 3e-5."""
@@ -26,23 +27,26 @@ CONTACTS = {0: "beak", 1: "lower edge", 2: "upper edge"}
 
 
 def print_variable(simulation: VariableSimulation, console: Console) -> None:
-    """Print incidents, periods and cost."""
+    """Print switching points, periods and cost."""
     plan = simulation.plan
     head = f"{plan.scene.name} · {plan.stepper.name} · {plan.solver.name}"
     console.print(Text(head, style="bold"))
     motion = cycles(simulation) if plan.scene.name == "woodpecker" else None
-    published = [cycle for cycle in motion.cycles if cycle.is_published] if motion else []
-    if published:
-        console.print(_published_table(published[-1]))
-    else:
-        console.print(_plain_table(incidents(simulation), simulation))
+    found = incidents(simulation)
+    shown = _shown(motion) if motion else None
+    if motion is not None and shown is not None:
+        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as table 1 of the paper"))
+        console.print(_published_table(motion.cycles[shown]))
+    elif found:
+        console.print(_plain_table(found, simulation))
+    console.print(Text(switching_words(found)))
     lines = [*_period_lines(motion, _is_reference(simulation)), *_cost_lines(simulation)] if motion else []
     for text, style in lines or _cost_lines(simulation):
         console.print(Text(text, style=style))
 
 
 def variable_document(simulation: VariableSimulation) -> dict[str, Any]:
-    """Return plan, cost, incidents and periods as values that JSON can write."""
+    """Return plan, cost, switching points and periods as values that JSON can write."""
     motion = cycles(simulation) if simulation.plan.scene.name == "woodpecker" else None
     found = [
         {"time": one.time, "law": one.law, "contact": one.contact, "before": one.before, "after": one.after}
@@ -92,6 +96,11 @@ def _is_reference(simulation: VariableSimulation) -> bool:
     return all(scene.options[name] == option.default for name, option in known.items() if name != "start")
 
 
+def _shown(motion: Cycles) -> int | None:
+    """Return which complete period is printed, the last one that can be set beside the limit cycle, if any."""
+    return max((number for number, cycle in enumerate(motion.cycles) if cycle.is_published), default=None)
+
+
 def _published_table(cycle: Cycle) -> Table:
     """Return one period in the form of table 1 of the paper, beside the limit cycle."""
     table = _table("row", "law", "contact", "from", "to", "t [s]", "after section [s]", "limit cycle [s]", "off by [s]")
@@ -133,14 +142,22 @@ def _words(incident: Incident) -> tuple[str, str, str, str]:
 
 def _period_lines(motion: Cycles, is_reference: bool) -> Iterator[tuple[str, str]]:
     """Yield what is to be said of the periods, each line with its style."""
+    if not motion.cycles:
+        yield "no complete period, from row 1 of table 1 to the next row 1, yet", ""
+    else:
+        good = sum(cycle.is_published for cycle in motion.cycles)
+        yield (
+            (
+                f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
+                f"{'has' if good == 1 else 'have'} the twelve switching points of table 1 in its order"
+            ),
+            "",
+        )
     if not motion.count:
-        yield "no complete period yet", ""
+        yield "the section, row 2 of table 1, is not met twice yet, so there is no time from section to section", ""
         return
-    good = sum(cycle.is_published for cycle in motion.cycles)
-    yield f"{good} of {len(motion.cycles)} complete periods have the twelve incidents of table 1 in its order", ""
     last = max(1, motion.count - TRANSIENT)
-    about = f"mean of the last {last}" if last > 1 else "the last period"
-    yield f"period   {motion.mean_period(last):.12f} s  ({about}, of {motion.count})", ""
+    yield f"period   {motion.mean_period(last):.12f} s  ({_about(last, motion.count)})", ""
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
     if is_reference:
         period, descent = relative_deviations(motion, last)
@@ -148,6 +165,14 @@ def _period_lines(motion: Cycles, is_reference: bool) -> Iterator[tuple[str, str
             (f"limit cycle {PERIOD:.12f} s and {DESCENT:.12f} m: off by {period:+.1e} and {descent:+.1e}, relatively"),
             "bold",
         )
+
+
+def _about(last: int, count: int) -> str:
+    """Return which times from section to section a mean is of."""
+    some = (
+        f"mean of the last {last} of {count}" if last > 1 else f"the last of {count}" if count > 1 else "the only one"
+    )
+    return f"{some}, from section to section: row 2 to the next row 2"
 
 
 def _cost_lines(simulation: VariableSimulation) -> Iterator[tuple[str, str]]:
@@ -158,8 +183,9 @@ def _cost_lines(simulation: VariableSimulation) -> Iterator[tuple[str, str]]:
         return
     yield (
         (
-            f"total  {total['simulated_seconds']:.6g} s in {total['steps']} steps from {total['shortest_step']:.1e} to "
-            f"{total['longest_step']:.1e} s, {total['rejected']} rejected; {total['solves']} one-step solves, "
+            f"total  {total['simulated_seconds']:.6g} s in {counted(total['steps'], 'step')} from "
+            f"{total['shortest_step']:.1e} to {total['longest_step']:.1e} s, {total['rejected']} rejected; "
+            f"{counted(total['solves'], 'one-step solve')}, "
             f"{total['wall_seconds']:.3g} s wall"
         ),
         "bold",
@@ -169,8 +195,9 @@ def _cost_lines(simulation: VariableSimulation) -> Iterator[tuple[str, str]]:
     if total["unsolved_steps"]:
         yield (
             (
-                f"{total['unsolved_steps']} steps are not solved to {simulation.plan.tolerance:.0e}; largest residual "
-                f"{total['largest_residual']:.1e}"
+                f"{total['unsolved_steps']} of {counted(total['steps'], 'step')} "
+                f"{'is' if total['unsolved_steps'] == 1 else 'are'} not solved to {simulation.plan.tolerance:.0e}; "
+                f"largest residual {total['largest_residual']:.1e}"
             ),
             "bold red",
         )

@@ -87,6 +87,13 @@ def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(row["promise"].endswith(".") for row in subject["checks"])
 
 
+def test_every_check_is_announced_with_how_many_are_done() -> None:
+    told: list[tuple[str, int, int]] = []
+    (subject,) = checked("hard-groove", on_check=lambda *what: told.append(what))
+    names = [row["check"] for row in subject["checks"]]
+    assert told == [(f"hard-groove: {name}", done, len(names)) for done, name in enumerate(names)]
+
+
 def test_a_problem_can_be_checked() -> None:
     (subject,) = checked("hard-groove-frictionless")
     assert subject["kind"] == "problem"

@@ -7,13 +7,19 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.pictures import drawn, picture_files, refuse_pictures
 
 
-@pytest.mark.parametrize("name", ["a", "a.svg", "a.png"])
+@pytest.mark.parametrize("name", ["a", "a.svg", "a.png", "a.SVG"])
 def test_a_picture_has_two_files_whatever_its_ending(name: str) -> None:
     assert picture_files(Path("there", name)) == (Path("there/a.svg"), Path("there/a.png"))
 
 
 def test_another_ending_is_part_of_the_name() -> None:
     assert picture_files(Path("step-1e-3.5")) == (Path("step-1e-3.5.svg"), Path("step-1e-3.5.png"))
+
+
+@pytest.mark.parametrize("suffix", [".pdf", ".PDF", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".bmp"])
+def test_another_format_is_refused(suffix: str, tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=rf"charts are written as \.svg and \.png, not as \{suffix}; leave"):
+        refuse_pictures(tmp_path / f"a{suffix}", force=True)
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "there/..", "/"])

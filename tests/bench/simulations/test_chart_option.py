@@ -22,7 +22,7 @@ def broken_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @both
-@pytest.mark.parametrize("chart", ["", "..", "plain/a", "folder.png"])
+@pytest.mark.parametrize("chart", ["", "..", "plain/a", "folder.png", "c.pdf"])
 def test_a_chart_that_cannot_be_written_is_refused_before_the_simulation(
     line: str, chart: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -63,6 +63,11 @@ def test_a_picture_beside_a_new_result_is_replaced_only_by_force(
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
     assert run_command([*asked, "--force"]) == 0
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_result_may_be_called_like_another_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert run_command([*VARIABLE.split(), "--output", f"{tmp_path}/a.pdf.npz"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"a.pdf.npz", "a.pdf.svg", "a.pdf.png"}
 
 
 @both

@@ -3,6 +3,7 @@
 import json
 import zipfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,11 @@ import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.simulations.file import read_simulation
 from proxbench.bench.simulations.plan import SimulationPlan
+from proxbench.bench.simulations.result_file import READERS
 from proxbench.bench.simulations.running import simulate
+from proxbench.bench.variable.file import read_variable, write_variable
+from proxbench.bench.variable.plan import make_variable_plan
+from proxbench.bench.variable.simulation import VariableSimulation
 from proxbench.problems import load
 from proxbench.problems.storage import save_problem
 
@@ -80,7 +85,7 @@ def test_files_of_others_are_told_apart(tmp_path: Path) -> None:
     save_problem(load("hard-no-motion"), file)
     assert_refused(file, "no result file of a simulation")
     assert_refused(tmp_path / "nowhere.npz", "there is no result file")
-    assert_refused(tmp_path, "cannot read")
+    assert_refused(tmp_path, "is a folder; name a result file in it")
 
 
 @pytest.mark.parametrize(
@@ -97,6 +102,18 @@ def test_files_of_others_are_told_apart(tmp_path: Path) -> None:
 def test_arrays_that_do_not_go_together_are_noticed(stored: Path, changes: dict[str, Any]) -> None:
     rewritten(stored, **changes)
     assert_refused(stored, "is damaged")
+
+
+def test_a_simulation_with_another_kind_of_step_names_what_reads_it(stored: Path, tmp_path: Path) -> None:
+    variable = tmp_path / "variable.npz"
+    write_variable(VariableSimulation(make_variable_plan("woodpecker")), variable)
+    with pytest.raises(BenchError, match=r"holds a simulation with a variable step; read it with .*\.read_variable"):
+        read_simulation(variable)
+    with pytest.raises(BenchError, match=r"holds a simulation with a fixed step; read it with .*\.read_simulation"):
+        read_variable(stored)
+    for _, reader in READERS.values():
+        module, _, name = reader.rpartition(".")
+        assert callable(getattr(import_module(module), name))
 
 
 def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:

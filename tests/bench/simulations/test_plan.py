@@ -16,7 +16,7 @@ Pour = Callable[..., SimulationPlan]
         ({"step_size": 0.0}, "step_size must be positive"),
         ({"step_size": float("nan")}, "step_size must be positive"),
         ({"duration": -1.0}, "duration must be positive"),
-        ({"duration": float("inf")}, "duration must be positive"),
+        ({"duration": float("inf")}, "duration must be positive and finite, got inf s"),
         ({"step_size": 0.2, "duration": 0.1}, "must not be longer than the duration"),
         ({"tolerance": 1.0}, "between 0 and 1"),
         ({"tolerance": float("nan")}, "between 0 and 1"),

@@ -75,6 +75,13 @@ def test_unsolved_steps_are_told_with_their_number_the_worst_one_and_what_the_so
     assert "every step is solved to 1e-04, by the judge" in printed(simulate(pour()))
 
 
+def test_a_single_step_is_told_in_the_singular() -> None:
+    text = printed(made(np.array([0.1, 0.2]), residual=[1e-3, 0.0]))
+    assert "1 of 2 steps is not solved to 1e-04" in text
+    assert "no contact, 1 time\n" in text
+    assert "1 of 1 step is not solved" in printed(made(np.array([0.1]), residual=1e-3))
+
+
 def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
     text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
     assert "of another law: it solves the convex model, not Coulomb friction" in text

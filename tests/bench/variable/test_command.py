@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli import run_command
-from proxbench.bench.variable.file import read_variable
+from proxbench.bench.variable.file import read_variable, write_variable
+from proxbench.bench.variable.plan import make_variable_plan
+from proxbench.bench.variable.simulation import VariableSimulation
 
 TOY = "simulate woodpecker --start cycle --no-progress"
 
@@ -16,7 +18,8 @@ def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
     assert run_command(f"{TOY} --duration 0.3 --output {tmp_path}/toy.npz".split()) == 0
     printed = capsys.readouterr().out
     assert "2 lower edge" in printed
-    assert "1 of 1 complete periods have the twelve incidents of table 1 in its order" in printed
+    assert "complete period 1 of 1, as table 1 of the paper" in printed
+    assert "1 of 1 complete period, from row 1 to the next row 1, has the twelve switching points of table 1" in printed
     assert "one-step solves" in printed
     assert {file.name for file in tmp_path.iterdir()} == {"toy.npz", "toy.svg", "toy.png"}
     drawing = (tmp_path / "toy.svg").read_text(encoding="utf-8")
@@ -64,6 +67,43 @@ def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureF
     assert "has a fixed step; leave it out to resume" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (
+            "woodpecker --friction 0.2",
+            "friction 0.2 contradicts {file}, which has friction 0.3; leave it out to resume.",
+        ),
+        ("--balls 3", "balls 3 contradicts {file}, which has no balls; leave it out to resume."),
+        ("pile", "scene pile contradicts {file}, which has scene woodpecker; leave it out to resume."),
+        ("--no-friction", "friction off contradicts {file}, which has friction 0.3; leave it out to resume."),
+    ],
+)
+def test_what_contradicts_a_stored_variable_step_is_named_beside_what_is_stored(
+    asked: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "toy.npz"
+    write_variable(VariableSimulation(make_variable_plan("woodpecker")), file)
+    assert run_command(f"simulate --resume {file} {asked}".split()) == 2
+    assert capsys.readouterr().err == f"proxbench: {words.format(file=file)}\n"
+
+
+def test_a_report_of_a_simulation_says_how_its_table_is_printed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "toy.npz"
+    write_variable(VariableSimulation(make_variable_plan("woodpecker")), file)
+    assert run_command(["report", str(file)]) == 2
+    assert f"proxbench simulate --resume {file} prints its table" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["there", "there.json"])
+def test_a_folder_is_no_result_file(name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / name).mkdir()
+    assert run_command(["simulate", "--resume", str(tmp_path / name)]) == 2
+    assert f"{name} is a folder; name a " in capsys.readouterr().err
+
+
 def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     assert run_command(f"{TOY} --duration 0.005 --output {file}".split()) == 0
@@ -84,7 +124,8 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
         ("--stepper Extrapolated --step-size 1e-3", "--step-size belongs to --stepper Moreau"),
         ("--stepper Extrapolated(max_step=0.0)", "max_step must be finite and at least min_step"),
         ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
-        ("--duration -1", "duration must be positive"),
+        ("--duration -1", "duration must be positive and finite, got -1.0 s"),
+        ("--duration inf", "duration must be positive and finite, got inf s"),
         ("--solver Nobody", "Nobody"),
     ],
 )

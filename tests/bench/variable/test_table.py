@@ -1,0 +1,90 @@
+"""What is printed of a variable step counts periods, sections and switching points in words that agree."""
+
+import io
+
+import numpy as np
+import pytest
+from proxbench.bench.variable.plan import make_variable_plan
+from proxbench.bench.variable.simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
+from proxbench.bench.variable.table import print_variable
+from proxbench.problems.law_states import LawStates
+from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from rich.console import Console
+
+
+def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[int, ...] = ()) -> VariableSimulation:
+    """A motion along the limit cycle from row ``first`` + 1 on; periods in ``extra`` have an additional switch."""
+    simulation = VariableSimulation(make_variable_plan("woodpecker", duration=(periods + 2.0) * PERIOD))
+    rows = []
+    count = round(periods * len(INCIDENTS))
+    for number in range(first, first + count):
+        period, row = divmod(number, len(INCIDENTS))
+        time, law, contact, before, after = INCIDENTS[row]
+        time += 0.05 + period * PERIOD
+        switch = (time, time, LAWS.index(law), contact, STATES.index(before), STATES.index(after))
+        rows += [switch] * (2 if period in extra and row == 6 else 1)
+    steps = np.zeros(len(rows) + 1, dtype=STEP)
+    steps["time"], steps["length"] = [*(row[0] for row in rows), simulation.plan.until], 1e-3
+    steps["residual"][0] = residual
+    trajectory = np.zeros((len(steps), simulation.trajectory.shape[1]))
+    trajectory[:, 0] = -DESCENT / PERIOD * steps["time"]
+    simulation.restore(steps, np.array(rows, dtype=SWITCH), trajectory, LawStates())
+    return simulation
+
+
+def printed(simulation: VariableSimulation) -> str:
+    console = Console(file=io.StringIO(), width=120)
+    print_variable(simulation, console)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert isinstance(text, str)
+    return text
+
+
+def test_the_table_says_which_period_it_shows_and_the_mean_which_times_it_is_of() -> None:
+    text = printed(pecking(2.25))
+    assert "complete period 2 of 2, as table 1 of the paper\n" in text
+    assert "2 of 2 complete periods, from row 1 to the next row 1, have the twelve switching points of table 1" in text
+    assert "(the last of 2, from section to section: row 2 to the next row 2)" in text
+    assert "27 switching points at 21 instants\n" in text
+
+
+def test_one_section_to_the_next_is_no_mean() -> None:
+    text = printed(pecking(1.25))
+    assert "complete period 1 of 1" in text
+    assert "(the only one, from section to section: row 2 to the next row 2)" in text
+
+
+def test_more_times_from_section_to_section_than_complete_periods_are_no_contradiction() -> None:
+    text = printed(pecking(2 + 1 / 12, first=1))  # from row 2 to row 2 of the period after the next
+    assert "1 of 1 complete period, from row 1 to the next row 1, has the twelve" in text
+    assert "(the last of 2, from section to section" in text
+
+
+def test_the_mean_leaves_out_the_transient() -> None:
+    assert "(mean of the last 3 of 63, from section to section" in printed(pecking(63.25))
+
+
+def test_a_period_of_other_switching_points_is_not_shown() -> None:
+    text = printed(pecking(3.25, extra=(2,)))
+    assert "complete period 2 of 3, as table 1 of the paper\n" in text
+    assert "2 of 3 complete periods, from row 1 to the next row 1, have" in text
+    assert "40 switching points at 30 instants" in text
+
+
+@pytest.mark.parametrize(
+    ("periods", "complete"), [(0.5, "no complete period, from row 1"), (1 + 1 / 12, "1 of 1 complete period,")]
+)
+def test_complete_periods_and_times_from_section_to_section_are_told_apart(periods: float, complete: str) -> None:
+    text = printed(pecking(periods))
+    assert complete in text
+    assert "is not met twice yet, so there is no time from section to section" in text
+
+
+def test_a_single_unsolved_step_is_told_in_the_singular() -> None:
+    assert "1 of 13 steps is not solved to 1e-12; largest residual 1.0e-03" in printed(pecking(1.0, residual=1e-3))
+
+
+def test_nothing_is_tabulated_where_nothing_switches() -> None:
+    text = printed(pecking(0.0))
+    assert "no switching points\n" in text
+    assert "law" not in text.replace("laws", "")

@@ -1,0 +1,59 @@
+"""The page about simulations shows what the program prints, and the options that steppers have."""
+
+import inspect
+import io
+import re
+from pathlib import Path
+
+import pytest
+from proxbench.bench.simulations.plan import make_simulation_plan
+from proxbench.bench.simulations.simulation import Simulation
+from proxbench.bench.simulations.table import print_simulation
+from proxbench.bench.variable.steppers import SEARCHES, STEPPERS
+from proxbench.problems.scenes.registry import make_scene
+from proxbench.problems.scenes.woodpecker import INCIDENTS
+from rich.console import Console
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "simulate-a-scene.md").read_text(encoding="utf-8")
+
+
+def options_table() -> dict[str, list[str]]:
+    """Return the cells beside each option, as the page has them."""
+    found = re.findall(r"^\| `(\w+)` \| (.+) \| (.+) \| (.+) \|$", PAGE, re.MULTILINE)
+    return {name: cells for name, *cells in found}
+
+
+@pytest.mark.parametrize("column", range(len(STEPPERS)), ids=list(STEPPERS))
+def test_every_option_of_a_stepper_is_listed_with_its_default(column: int) -> None:
+    kind = list(STEPPERS.values())[column]
+    defaults = {name: repr(option.default) for name, option in inspect.signature(kind).parameters.items()}
+    shown = {name: cells[1 + column] for name, cells in options_table().items()}
+    assert {name: default for name, default in shown.items() if default != "–"} == defaults
+
+
+def test_every_search_and_the_longest_steps_are_named() -> None:
+    table = options_table()
+    assert re.findall(r"`'(\w+)'`", table["search"][0]) == list(SEARCHES)
+    longest = (make_scene("woodpecker").longest_step, make_scene("pile", {"balls": 1}).longest_step)
+    assert f"{longest[0]:g} for the woodpecker, {longest[1]:g} for balls" in table["max_step"][0]
+
+
+def test_the_columns_of_a_pour_are_those_that_are_printed() -> None:
+    simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}))
+    console = Console(file=io.StringIO(), width=120)
+    print_simulation(simulation, console)
+    head = console.file.getvalue().splitlines()[2]  # type: ignore[attr-defined]
+    (shown,) = (line for line in PAGE.splitlines() if line.startswith(" t [s]"))
+    assert shown.split() == head.split()
+
+
+def test_the_sample_of_the_woodpecker_is_its_limit_cycle() -> None:
+    rows = re.findall(
+        r"^ +(\d+)  (\w+) +(\d) \w+(?: edge)? +(\w+) +(\w+) .* ([+-][\d.]+) +[+-]\d\.\de[+-]\d\d$", PAGE, re.M
+    )
+    shown = [
+        (int(number), law, int(contact) - 1, before, after, time) for number, law, contact, before, after, time in rows
+    ]
+    assert shown == [(number, *what, f"{time:+.9f}") for number, (time, *what) in enumerate(INCIDENTS, 1)]
+    assert "--start cycle --duration 0.35" in PAGE
+    assert "\ntotal  0.35 s in " in PAGE
