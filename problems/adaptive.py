@@ -202,7 +202,12 @@ class _Course:
         """Yield accepted steps; those that a search takes back are never shown."""
         held: VariableStepTaken | None = None  # accepted, but a search may still take it back
         while self._until - self._state.time > 1e-3 * self._plan.min_step:
-            taken = self._tried()
+            try:
+                taken = self._tried()
+            except StepError:
+                if held is not None:
+                    yield held
+                raise
             if taken is None:
                 if held is not None and self._takes_back(held):
                     self._state, self._states, held = held.begin, self._states_before, None
@@ -253,8 +258,7 @@ class _Course:
                 return self._switched(length)
             self._search_on(length, attempt)
             return None
-        if not (np.isfinite(attempt.end.velocity).all() and np.isfinite(attempt.end.position).all()):
-            raise StepError(f"the motion is no longer finite after t = {state.time:.9g} s.", state)
+        self._check_finite(attempt.end)
         error = attempt.errors[-1]
         if error > plan.tolerance and not is_minimal:
             self._rejected += 1
@@ -282,6 +286,7 @@ class _Course:
         except UnsolvedStepError as failure:
             self._unsolved(length, True, str(failure))
             return None
+        self._check_finite(step.state)
         found = law_states(step)
         known = self._states if self._states is not None else found
         times = (begin.time, step.state.time)
@@ -297,6 +302,10 @@ class _Course:
             self._length = 4.0 * length
             self._search.forget(end)
         return taken
+
+    def _check_finite(self, end: State) -> None:
+        if not (np.isfinite(end.velocity).all() and np.isfinite(end.position).all()):
+            raise StepError(f"the motion is no longer finite after t = {self._state.time:.9g} s.", self._state)
 
     def _unsolved(self, length: float, is_minimal: bool, status: str) -> None:
         if is_minimal:
