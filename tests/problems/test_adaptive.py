@@ -310,9 +310,11 @@ def test_directions_of_the_wrong_shape_are_an_error_with_the_time() -> None:
         ({"gap": lambda position: np.ones(2)}, r"gaps g\(q\) is \(2,\), not \(1,\)"),
         ({"force": lambda position, velocity: np.ones((1, 2))}, r"forces h\(q, u\) is \(1, 2\), not \(1,\)"),
         ({"mass": lambda position: np.eye(2)}, r"mass matrix M\(q\) is \(2, 2\), not \(1, 1\)"),
+        ({"gap": lambda position: np.full(1, np.nan)}, r"NaN is among the gaps g\(q\)"),
+        ({"force": lambda position, velocity: np.full(1, np.nan)}, r"NaN is among the forces h\(q, u\)"),
         ({"mass": lambda position: 1.0 / 0.0}, "ZeroDivisionError: float division by zero"),
     ],
-    ids=["gap", "force", "mass", "raising"],
+    ids=["gap", "force", "mass", "NaN gap", "NaN force", "raising"],
 )
 def test_functions_of_a_system_that_fail_are_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
     with pytest.raises(StepError, match=f"t = 0 s.*{what}"):
