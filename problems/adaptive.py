@@ -154,6 +154,21 @@ class VariableStep:
         if not self.min_step <= self.max_step < np.inf:
             raise ProblemError(f"max_step must be finite and at least min_step = {self.min_step}, got {self.max_step}.")
 
+    def check_times(self, begin: float, until: float) -> None:
+        """Check that there is a motion from ``begin`` to ``until`` [s].
+
+        Raises:
+            ProblemError: if ``until`` is not after ``begin``, or the minimal step too short to tell times apart.
+        """
+        if not begin < until < np.inf:
+            raise ProblemError(f"until = {until} s must be finite and after the start at {begin} s.")
+        shortest = LEAST_ULPS * float(np.spacing(max(abs(begin), abs(until))))
+        if self.min_step < shortest:
+            raise ProblemError(
+                f"min_step = {self.min_step} s is too short to tell times up to {until} s apart; choose at least "
+                f"{shortest:.1g} s."
+            )
+
     def steps(self, start: State, until: float, states: LawStates | None = None) -> Iterator[VariableStepTaken]:
         """Yield the accepted steps from ``start`` to the time ``until`` [s].
 
@@ -166,14 +181,7 @@ class VariableStep:
             ProblemError: if ``until`` is not after the start, or the minimal step too short to tell times apart.
             StepError: if an inclusion cannot be solved even over the minimal step, or the motion is no longer finite.
         """
-        if not start.time < until < np.inf:
-            raise ProblemError(f"until = {until} s must be finite and after the start at {start.time} s.")
-        shortest = LEAST_ULPS * float(np.spacing(max(abs(start.time), abs(until))))
-        if self.min_step < shortest:
-            raise ProblemError(
-                f"min_step = {self.min_step} s is too short to tell times up to {until} s apart; choose at least "
-                f"{shortest:.1g} s."
-            )
+        self.check_times(start.time, until)
         try:
             course = _Course(self, start, until, states)
         except Exception as failure:

@@ -84,6 +84,7 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
         ("--stepper Extrapolated --step-size 1e-3", "--step-size belongs to --stepper Moreau"),
         ("--stepper Extrapolated(max_step=0.0)", "max_step must be finite and at least min_step"),
         ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
+        ("--stepper Extrapolated(min_step=1e-30)", "too short to tell times"),
         ("--duration -1", "duration must be positive"),
         ("--solver Nobody", "Nobody"),
     ],
