@@ -289,7 +289,7 @@ class NotANumber(Failing):
 def test_nan_that_a_solver_calls_solved_never_becomes_a_state(search: type[Search]) -> None:
     stepper = replace(variable(woodpecker(), search=search), solver=NotANumber(100, Status.SOLVED))
     reached: list[State] = []
-    with pytest.raises(StepError, match=r"no longer finite after t = 0\.\d+ s") as raised:
+    with pytest.raises(StepError, match="'solved, but with impulses that are not finite'") as raised:
         reached.extend(step.end for step in stepper.steps(section_start(OVERLAP), PERIOD))
     assert all(np.isfinite([*state.position, *state.velocity]).all() for state in [*reached, raised.value.state])
     assert raised.value.state is reached[-1]
