@@ -17,10 +17,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import ProblemError, ProxbenchError
+from .errors import ProblemError
 from .law_states import LawName, LawState, LawStates, law_states
 from .laws import FloatArray
-from .moreau import ContactSolver, State, Step
+from .moreau import ContactSolver, State, Step, StepError, said
 from .smooth_step import Acceptance, Attempt, Extrapolation, OneStep, UnsolvedStepError
 from .switch_search import Anticipating, Search
 from .system import System
@@ -39,18 +39,6 @@ LEAST_ULPS = 64.0
 
 SLACK = 1.0 + 1e-9
 """Lengths that differ by less are equal."""
-
-
-class StepError(ProxbenchError):
-    """A motion cannot be continued.
-
-    Attributes:
-        state: the last good state.
-    """
-
-    def __init__(self, message: str, state: State) -> None:
-        super().__init__(message)
-        self.state = state
 
 
 @dataclass(frozen=True)
@@ -185,7 +173,7 @@ class VariableStep:
         try:
             course = _Course(self, start, until, states)
         except Exception as failure:
-            what = _said(failure)
+            what = said(failure)
             raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
         return course.steps()
 
@@ -242,7 +230,7 @@ class _Course:
         except StepError:
             raise
         except Exception as failure:
-            what, time = _said(failure), self._state.time
+            what, time = said(failure), self._state.time
             raise StepError(
                 f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
             ) from failure
@@ -359,12 +347,6 @@ class _Course:
     def _promising(self, length: float, error: float, levels: int) -> float:
         wanted: float = SAFETY * (self._plan.tolerance / max(error, 1e-300)) ** (1.0 / self._order(levels))
         return length * min(MOST_GROWTH, max(LEAST_SHRINKING, wanted))
-
-
-def _said(failure: Exception) -> str:
-    """Return what an error says, without the full stop."""
-    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
-    return what.rstrip(".")
 
 
 class _Scale:

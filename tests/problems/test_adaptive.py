@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.adaptive import StepError, SwitchingPoint, VariableStep, VariableStepTaken
-from proxbench.problems.moreau import Moreau, State
+from proxbench.problems.adaptive import SwitchingPoint, VariableStep, VariableStepTaken
+from proxbench.problems.moreau import Moreau, State, StepError
 from proxbench.problems.scenes.bouncing import BouncingBall
 from proxbench.problems.scenes.closed_form import ClosedFormScene
 from proxbench.problems.scenes.impacts import NewtonsCradle, ObliqueImpact
