@@ -17,10 +17,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import ProblemError, ProxbenchError
+from .errors import ProblemError
 from .law_states import LawName, LawState, LawStates, law_states
 from .laws import FloatArray
-from .moreau import ContactSolver, State, Step
+from .moreau import ContactSolver, State, Step, StepError, said
 from .smooth_step import Acceptance, Attempt, Extrapolation, OneStep, UnsolvedStepError
 from .switch_search import Anticipating, Search
 from .system import System
@@ -39,18 +39,6 @@ LEAST_ULPS = 64.0
 
 SLACK = 1.0 + 1e-9
 """Lengths that differ by less are equal."""
-
-
-class StepError(ProxbenchError):
-    """A motion cannot be continued.
-
-    Attributes:
-        state: the last good state.
-    """
-
-    def __init__(self, message: str, state: State) -> None:
-        super().__init__(message)
-        self.state = state
 
 
 @dataclass(frozen=True)
@@ -154,6 +142,21 @@ class VariableStep:
         if not self.min_step <= self.max_step < np.inf:
             raise ProblemError(f"max_step must be finite and at least min_step = {self.min_step}, got {self.max_step}.")
 
+    def check_times(self, begin: float, until: float) -> None:
+        """Check that there is a motion from ``begin`` to ``until`` [s].
+
+        Raises:
+            ProblemError: if ``until`` is not after ``begin``, or the minimal step too short to tell times apart.
+        """
+        if not begin < until < np.inf:
+            raise ProblemError(f"until = {until} s must be finite and after the start at {begin} s.")
+        shortest = LEAST_ULPS * float(np.spacing(max(abs(begin), abs(until))))
+        if self.min_step < shortest:
+            raise ProblemError(
+                f"min_step = {self.min_step} s is too short to tell times up to {until} s apart; choose at least "
+                f"{shortest:.1g} s."
+            )
+
     def steps(self, start: State, until: float, states: LawStates | None = None) -> Iterator[VariableStepTaken]:
         """Yield the accepted steps from ``start`` to the time ``until`` [s].
 
@@ -166,18 +169,11 @@ class VariableStep:
             ProblemError: if ``until`` is not after the start, or the minimal step too short to tell times apart.
             StepError: if an inclusion cannot be solved even over the minimal step, or the motion is no longer finite.
         """
-        if not start.time < until < np.inf:
-            raise ProblemError(f"until = {until} s must be finite and after the start at {start.time} s.")
-        shortest = LEAST_ULPS * float(np.spacing(max(abs(start.time), abs(until))))
-        if self.min_step < shortest:
-            raise ProblemError(
-                f"min_step = {self.min_step} s is too short to tell times up to {until} s apart; choose at least "
-                f"{shortest:.1g} s."
-            )
+        self.check_times(start.time, until)
         try:
             course = _Course(self, start, until, states)
         except Exception as failure:
-            what = _said(failure)
+            what = said(failure)
             raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
         return course.steps()
 
@@ -202,7 +198,12 @@ class _Course:
         """Yield accepted steps; those that a search takes back are never shown."""
         held: VariableStepTaken | None = None  # accepted, but a search may still take it back
         while self._until - self._state.time > 1e-3 * self._plan.min_step:
-            taken = self._tried()
+            try:
+                taken = self._tried()
+            except StepError:
+                if held is not None:
+                    yield held
+                raise
             if taken is None:
                 if held is not None and self._takes_back(held):
                     self._state, self._states, held = held.begin, self._states_before, None
@@ -229,7 +230,7 @@ class _Course:
         except StepError:
             raise
         except Exception as failure:
-            what, time = _said(failure), self._state.time
+            what, time = said(failure), self._state.time
             raise StepError(
                 f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
             ) from failure
@@ -253,8 +254,7 @@ class _Course:
                 return self._switched(length)
             self._search_on(length, attempt)
             return None
-        if not (np.isfinite(attempt.end.velocity).all() and np.isfinite(attempt.end.position).all()):
-            raise StepError(f"the motion is no longer finite after t = {state.time:.9g} s.", state)
+        self._check_finite(attempt.end)
         error = attempt.errors[-1]
         if error > plan.tolerance and not is_minimal:
             self._rejected += 1
@@ -282,6 +282,7 @@ class _Course:
         except UnsolvedStepError as failure:
             self._unsolved(length, True, str(failure))
             return None
+        self._check_finite(step.state)
         found = law_states(step)
         known = self._states if self._states is not None else found
         times = (begin.time, step.state.time)
@@ -297,6 +298,10 @@ class _Course:
             self._length = 4.0 * length
             self._search.forget(end)
         return taken
+
+    def _check_finite(self, end: State) -> None:
+        if not (np.isfinite(end.velocity).all() and np.isfinite(end.position).all()):
+            raise StepError(f"the motion is no longer finite after t = {self._state.time:.9g} s.", self._state)
 
     def _unsolved(self, length: float, is_minimal: bool, status: str) -> None:
         if is_minimal:
@@ -342,12 +347,6 @@ class _Course:
     def _promising(self, length: float, error: float, levels: int) -> float:
         wanted: float = SAFETY * (self._plan.tolerance / max(error, 1e-300)) ** (1.0 / self._order(levels))
         return length * min(MOST_GROWTH, max(LEAST_SHRINKING, wanted))
-
-
-def _said(failure: Exception) -> str:
-    """Return what an error says, without the full stop."""
-    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
-    return what.rstrip(".")
 
 
 class _Scale:

@@ -36,7 +36,7 @@ from scipy.integrate import solve_ivp
 
 from .acceleration import SINGULAR, AccelerationLaws, DirectionRates, Modes
 from .contact import ContactProblem
-from .errors import ProblemError
+from .errors import ProblemError, ProxbenchError
 from .judge import judge
 from .laws import FloatArray
 from .moreau import ContactSolver, State
@@ -101,13 +101,25 @@ class EventDriven:
 
         Raises:
             AccumulationError: where impacts accumulate.
-            MotionError: if the start penetrates, a contact problem has no solution, or no mode is consistent; like
-                AccumulationError it holds the motion found up to there.
+            MotionError: if the start penetrates, M, h, g or W are not what they must be, a contact problem has no
+                solution, or no mode is consistent; like AccumulationError it holds the motion found up to there.
             ProblemError: if ``until`` is before the start, or W depends on q while ``direction_rates`` is None.
         """
         if not start.time <= until < np.inf:
             raise ProblemError(f"until must be a time from the start ({start.time} s) on, got {until}.")
         run = _Run(self, start)
+        try:
+            self._run_until(until, run)
+        except ProxbenchError:
+            raise
+        except Exception as failure:
+            raise MotionError(
+                f"after t = {run.time:.9g} s the motion cannot be continued: {type(failure).__name__}: {failure}.",
+                run.motion(),
+            ) from failure
+        return run.motion()
+
+    def _run_until(self, until: float, run: "_Run") -> None:
         run.begin()
         begins = deque([-np.inf], maxlen=EVENTS_AT_ONCE)
         while run.time < until:
@@ -119,7 +131,6 @@ class EventDriven:
                 )
             begins.append(run.time)
             run.advance(until)
-        return run.motion()
 
 
 @dataclass(eq=False)
@@ -140,7 +151,6 @@ class _Run:
         n_contacts = len(np.asarray(self.system.friction))
         self.modes = Modes(np.zeros(n_contacts, dtype=np.bool_), np.zeros(n_contacts))
         self.armed = np.ones(n_contacts, dtype=np.bool_)
-        self._directions = self.system.directions(self.position)
 
     def motion(self) -> Motion:
         """Return what is found so far."""
@@ -148,6 +158,11 @@ class _Run:
 
     def begin(self) -> None:
         """Find the modes at the start."""
+        try:
+            self.system.check(self.position, self.velocity)
+        except ProblemError as reason:
+            raise MotionError(f"the motion cannot begin at t = {self.time:.9g} s: {reason}", self.motion()) from None
+        self._directions = self.system.directions(self.position)
         gap, velocity = self.system.gap(self.position), self._contact_velocity()
         if gap.min(initial=0.0) < -self.options.touching:
             contact = int(np.argmin(gap))
@@ -200,6 +215,8 @@ class _Run:
     def _rates(self, time: float, both: FloatArray) -> FloatArray:
         position, velocity = both[: self.n], both[self.n :]
         acceleration, _ = self.laws.motion(position, velocity, self.modes)
+        if not np.isfinite(acceleration).all():  # with which solve_ivp would never end
+            raise MotionError(f"the motion is no longer finite at t = {time:.9g} s.", self.motion())
         return np.concatenate([velocity, acceleration])
 
     def _switch(self, trigger: Trigger) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from .contact import ContactProblem
-from .errors import ProblemError
+from .errors import ProblemError, ProxbenchError
 from .factors import Factors
 from .laws import FloatArray, IntArray
 from .projection import projection
@@ -50,6 +50,18 @@ class State:
     velocity: FloatArray
     keys: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     impulses: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
+
+
+class StepError(ProxbenchError):
+    """A motion cannot be continued.
+
+    Attributes:
+        state: the last good state.
+    """
+
+    def __init__(self, message: str, state: State) -> None:
+        super().__init__(message)
+        self.state = state
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +154,27 @@ class Moreau:
         return position if moved is None else self.system.move(position, factors.inverse_mass.root_times(moved), 1.0)
 
     def steps(self, state: State, count: int) -> Iterator[Step]:
-        """Yield ``count`` successive steps from ``state``."""
+        """Yield ``count`` successive steps from ``state``.
+
+        Raises:
+            StepError: if the system or the solver fails in one of them, or the motion is no longer finite.
+        """
         for _ in range(count):
-            step = self.step(state)
+            try:
+                step = self.step(state)
+            except Exception as failure:
+                what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {said(failure)}."
+                raise StepError(what, state) from failure
+            if not (np.isfinite(step.state.velocity).all() and np.isfinite(step.state.position).all()):
+                raise StepError(f"the motion is no longer finite after t = {state.time:.9g} s.", state)
             state = step.state
             yield step
+
+
+def said(failure: Exception) -> str:
+    """Return what an error says, without the full stop."""
+    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
+    return what.rstrip(".")
 
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:

@@ -68,7 +68,7 @@ class OneStep:
         last step in their place.
 
         Raises:
-            UnsolvedStepError: if the solver does not solve the inclusion.
+            UnsolvedStepError: if the solver does not solve the inclusion, or its impulses are not finite.
         """
         self.solves += 1
         begin = replace(state, impulses=state.impulses * length)
@@ -76,6 +76,8 @@ class OneStep:
         step = Moreau(system, self.solver, self.stop, length).step(begin)
         if step.status is not None and str(step.status) != "solved":
             raise UnsolvedStepError(str(step.status))
+        if not np.isfinite(step.impulses).all():
+            raise UnsolvedStepError(f"{step.status}, but with impulses that are not finite")
         return replace(step, state=replace(step.state, impulses=step.state.impulses / length))
 
 

@@ -121,11 +121,10 @@ class MechanicalSystem:
 
         Raises:
             ProblemError: if M is not positive definite there, or M, h, g or W has another shape than u and the contacts
-                ask for.
+                ask for, or holds NaN.
         """
         inverse, sparse_inverse = self._inverse_mass(midpoint)
-        force = _of_shape("forces h(q, u)", self.force(midpoint, velocity), velocity.shape, "one for each velocity")
-        free_motion = velocity + inverse @ force * seconds
+        free_motion = velocity + inverse @ self._force(midpoint, velocity) * seconds
         gap = self._gaps(midpoint)
         active = gap < 0.0
         if not active.any():
@@ -140,6 +139,21 @@ class MechanicalSystem:
         gap = self._gaps(position)
         near = gap < limit
         return np.flatnonzero(near), gap[near]
+
+    def check(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Check M, h, g and W at (q, u).
+
+        Raises:
+            ProblemError: if M is not positive definite there, or one of them has another shape than u and the contacts
+                ask for, or holds NaN.
+        """
+        self._inverse_mass(position)
+        self._force(position, velocity)
+        self._gaps(position)
+        self._directions(position)
+
+    def _force(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        return _of_shape("forces h(q, u)", self.force(position, velocity), velocity.shape, "one for each velocity")
 
     def _gaps(self, position: FloatArray) -> FloatArray:
         shape = np.asarray(self.friction).shape
@@ -178,9 +192,11 @@ class MechanicalSystem:
 
 
 def _of_shape(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values`` if they have the shape that they must have."""
+    """Return ``values`` if they have the shape that they must have, and are numbers."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
+    if np.isnan(values).any():
+        raise ProblemError(f"NaN is among the {what}.")
     return values
 
 

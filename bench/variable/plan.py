@@ -84,7 +84,7 @@ def make_variable_plan(
     """Return the plan of one simulation; what is None has a default.
 
     Raises:
-        ProblemError: for an unknown scene or option, or an option out of range.
+        ProblemError: for an unknown scene or option, an option out of range, or a minimal step too short for times.
         SolverError: for an unknown solver or option of it.
         BenchError: for an unknown stepper or option of it, or a number out of range.
     """
@@ -108,6 +108,7 @@ def changed(plan: VariablePlan, **changes: Any) -> VariablePlan:
 
     Raises:
         BenchError: if one is out of range.
+        ProblemError: if one of the stepper is, or its minimal step too short for the times.
     """
     other = replace(plan, **changes)
     _check_numbers(other)
@@ -121,4 +122,4 @@ def _check_numbers(plan: VariablePlan) -> None:
         raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
     if not plan.max_iterations >= 1:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
-    plan.steps()  # checks the options of the stepper
+    plan.steps().check_times(plan.scene.start.time, plan.until)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...problems.adaptive import StepError, VariableStepTaken
-from ...problems.moreau import Step
+from ...problems.adaptive import VariableStepTaken
+from ...problems.moreau import Step, StepError
 from ...solvers.interface import Solver
 from ...solvers.registry import create
 from ..errors import BenchError

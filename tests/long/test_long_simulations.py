@@ -12,7 +12,7 @@ import pytest
 from proxbench.bench.simulations.plan import make_simulation_plan
 from proxbench.bench.simulations.running import simulate
 from proxbench.bench.simulations.simulation import Ending, Simulation
-from proxbench.bench.variable.incidents import cycles
+from proxbench.bench.variable.incidents import cycles, relative_deviations
 from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.running import simulate_variable
 from proxbench.problems.moreau import Moreau
@@ -80,6 +80,17 @@ def test_the_woodpecker_keeps_its_cycle() -> None:
     assert np.abs(periods / PERIOD - 1.0).max() < 1e-6
     assert np.isfinite(toy.trajectory).all()
     assert grown < FEW_MEGABYTES
+
+
+@pytest.mark.skipif(not FULL, reason="needs ninety periods")
+def test_the_woodpecker_comes_to_its_cycle_from_the_published_start() -> None:
+    toy = simulate_variable(make_variable_plan("woodpecker", {"start": "published"}, duration=91.0 * PERIOD))
+    motion = cycles(toy)
+    assert motion.count == 90
+    period, descent = relative_deviations(motion, 30)
+    print(f"woodpecker from the published start, periods 61 to 90: period {period:+.1e}, descent {descent:+.1e}")
+    assert abs(period) < 1e-6
+    assert abs(descent) < 1e-6
 
 
 @pytest.mark.parametrize("solver", ["SORprox", "NSGS"])

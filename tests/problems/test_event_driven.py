@@ -1,6 +1,6 @@
 """Event-driven motion against the woodpecker's published limit cycle and against closed forms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, sin, sqrt
 from typing import Any
 
@@ -227,6 +227,38 @@ def test_a_start_in_penetration_is_named() -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=r"contact 0 is 1\.00e-03 m deep"):
         integrator(ball.general_system()).simulate(State(0.0, np.array([ball.radius - 1e-3]), np.zeros(1)), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("broken", "what"),
+    [
+        ({"mass": lambda q: np.zeros((1, 1))}, "t = 0 s: the mass matrix .* is not positive definite"),
+        ({"directions": lambda q: np.ones((1, 2))}, r"t = 0 s: the shape of the directions W\(q\) is \(1, 2\)"),
+        ({"gap": lambda q: np.ones(2)}, r"t = 0 s: the shape of the gaps g\(q\) is \(2,\)"),
+        ({"gap": lambda q: np.full(1, np.nan)}, r"t = 0 s: NaN is among the gaps"),
+        ({"force": lambda q, u: np.ones(2)}, r"t = 0 s: the shape of the forces h\(q, u\) is \(2,\)"),
+        ({"force": lambda q, u: [1.0 / 0.0]}, "t = 0 s .* ZeroDivisionError"),
+    ],
+)
+def test_a_system_that_is_none_is_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
+    ball = BouncingBall()
+    with pytest.raises(MotionError, match=what) as raised:
+        integrator(replace(ball.general_system(), **broken)).simulate(ball.general_start(), 1.0)
+    assert raised.value.motion.end.time == 0.0
+
+
+@pytest.mark.parametrize(
+    ("failing", "what"),
+    [
+        ({"force": lambda q, u: np.full(1, np.nan if q[0] < 0.5 else -9.81)}, "no longer finite at t = 0"),
+        ({"mass": lambda q: np.eye(1) * (q[0] > 0.5)}, "after t = 0 s .* Singular matrix"),
+    ],
+)
+def test_a_system_that_fails_on_the_way_ends_the_motion(failing: dict[str, Any], what: str) -> None:
+    ball = BouncingBall()
+    assert ball.general_start().position[0] > 0.5
+    with pytest.raises(MotionError, match=what):
+        integrator(replace(ball.general_system(), **failing)).simulate(ball.general_start(), 1.0)
 
 
 @dataclass(frozen=True)

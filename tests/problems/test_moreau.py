@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError, judge
 from proxbench.problems.balls import BallSystem
-from proxbench.problems.moreau import Moreau, State
+from proxbench.problems.moreau import Moreau, State, StepError
 from proxbench.problems.scenes.effects import Friction, Gravity, Restitution, ball_system
 from proxbench.problems.surfaces import Plane
 from proxbench.problems.system import MechanicalSystem
@@ -152,6 +152,33 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_named() -> None:
     )
     with pytest.raises(ProblemError, match="positive definite"):
         stepper(system, 1e-3).step(State(0.0, np.zeros(1), np.zeros(1)))
+
+
+@pytest.mark.parametrize(
+    ("mass", "force", "what"),
+    [
+        (0.0, -10.0, r"a step of 0\.01 s from t = 0\.14 s failed: .* positive definite\."),
+        (1.0, np.inf, r"no longer finite after t = 0\.14 s"),
+    ],
+)
+def test_a_step_that_fails_is_an_error_with_the_time_and_the_last_good_state(
+    mass: float, force: float, what: str
+) -> None:
+
+    system = MechanicalSystem(
+        mass=lambda q: np.eye(1) * (1.0 if q[0] > -0.1 else mass),
+        force=lambda q, u: np.full(1, -10.0 if q[0] > -0.1 else force),
+        gap=lambda q: np.ones(1),
+        directions=lambda q: np.ones((1, 1)),
+        friction=[0.0],
+        restitution_normal=[0.0],
+        restitution_tangential=[0.0],
+        rows_per_contact=1,
+    )
+    reached: list[State] = []
+    with pytest.raises(StepError, match=what) as raised:
+        reached.extend(step.state for step in stepper(system, 1e-2).steps(State(0.0, np.zeros(1), np.zeros(1)), 50))
+    assert raised.value.state is reached[-1]
 
 
 @pytest.mark.parametrize("time_step", [0.0, -1.0, float("nan"), float("inf")])
