@@ -23,7 +23,7 @@ def pour(duration: float = 3.0, **options: object) -> SimulationPlan:
 
 @pytest.fixture(scope="module")
 def jam() -> Simulation:
-    return simulate(pour(outlet=1.2))
+    return simulate(pour(outlet=2.0))
 
 
 @pytest.fixture(scope="module")
