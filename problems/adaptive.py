@@ -229,7 +229,7 @@ class _Course:
             return self._next()
         except StepError:
             raise
-        except Exception as failure:
+        except (Exception, SystemExit) as failure:
             what, time = said(failure), self._state.time
             raise StepError(
                 f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state

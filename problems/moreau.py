@@ -162,7 +162,7 @@ class Moreau:
         for _ in range(count):
             try:
                 step = self.step(state)
-            except Exception as failure:
+            except (Exception, SystemExit) as failure:
                 what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {said(failure)}."
                 raise StepError(what, state) from failure
             if not (np.isfinite(step.state.velocity).all() and np.isfinite(step.state.position).all()):
@@ -171,10 +171,10 @@ class Moreau:
             yield step
 
 
-def said(failure: Exception) -> str:
-    """Return what an error says, without the full stop."""
+def said(failure: BaseException) -> str:
+    """Return what an error says in one line, without the full stop."""
     what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
-    return what.rstrip(".")
+    return " ".join(what.split()).rstrip(".")
 
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...problems.errors import ProxbenchError
 from ...problems.judge import Residual
-from ...problems.moreau import Moreau, Step
+from ...problems.moreau import Moreau, Step, said
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..output_file import output_file
@@ -159,10 +158,8 @@ def _take_step(simulation: Simulation, stepper: Moreau, on_step: Sequence[OnStep
     began = time.perf_counter()
     try:
         step = stepper.step(simulation.state)
-    except ProxbenchError as error:
-        raise _failure(simulation, str(error)) from error
-    except Exception as error:
-        raise _failure(simulation, f"{type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise _failure(simulation, said(error)) from error
     seconds = time.perf_counter() - began
     row = _row(simulation, step, seconds)
     if not all(map(math.isfinite, row[ENERGIES])):

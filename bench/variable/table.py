@@ -1,6 +1,7 @@
 """What a simulation with variable steps came to: its switching points as a table, its periods, its cost."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,8 @@ def variable_document(simulation: VariableSimulation) -> dict[str, Any]:
     """Return plan, cost, switching points and periods as values that JSON can write."""
     motion = cycles(simulation) if simulation.plan.scene.name == "woodpecker" else None
     found = [
-        {"time": one.time, "law": one.law, "contact": one.contact, "before": one.before, "after": one.after}
-        for one in incidents(simulation)
+        {"begin": float(row["begin"]), "end": float(row["end"]), **asdict(incident)}
+        for row, incident in zip(simulation.switches, incidents(simulation), strict=True)
     ]
     periods = None
     if motion is not None:

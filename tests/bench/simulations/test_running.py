@@ -114,7 +114,9 @@ class Misled:
     def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
         rows = self.calls[-1]
         if len(self.calls) >= 3 and self.how == "raise":
-            raise ZeroDivisionError("oh")
+            raise ZeroDivisionError("oh\nno")
+        if len(self.calls) >= 3 and self.how == "exit":
+            raise SystemExit(7)
         wrong = np.nan if len(self.calls) >= 3 and self.how == "nan" else 0.0
         return Solution(np.full(rows, wrong), Status.SOLVED, 1)
 
@@ -127,7 +129,12 @@ def test_a_claim_that_the_judge_refutes_is_counted_as_unsolved(pour: Pour) -> No
 
 @pytest.mark.parametrize(
     ("how", "words"),
-    [("raise", "ZeroDivisionError: oh"), ("nan", "no longer finite"), ("decline", "three is too many")],
+    [
+        ("raise", "ZeroDivisionError: oh no"),
+        ("exit", "SystemExit: 7"),
+        ("nan", "no longer finite"),
+        ("decline", "three is too many"),
+    ],
 )
 def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
     pour: Pour, tmp_path: Path, how: str, words: str

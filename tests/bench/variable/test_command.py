@@ -31,7 +31,9 @@ def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str], tmp_pat
     assert run_command(f"{TOY} --duration 0.01 --json --output {tmp_path}/toy.npz".split()) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["summary"]["finished"]
-    assert document["incidents"][0]["law"] == "unilateral"
+    incident = document["incidents"][0]
+    assert incident["law"] == "unilateral"
+    assert incident["begin"] < incident["time"] < incident["end"]
 
 
 def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -71,8 +71,8 @@ class Tiring:
 
     name, model, has_iterates = "SORprox", Model.COULOMB, False
 
-    def __init__(self) -> None:
-        self._solver, self._left = create("SORprox"), 30
+    def __init__(self, failure: BaseException) -> None:
+        self._solver, self._left, self._failure = create("SORprox"), 30, failure
 
     def supports(self, problem: ContactProblem) -> str | None:
         return self._solver.supports(problem)
@@ -80,16 +80,19 @@ class Tiring:
     def prepare(self, problem: ContactProblem) -> Prepared:
         self._left -= 1
         if self._left < 0:
-            raise RuntimeError("no more")
+            raise self._failure
         return self._solver.prepare(problem)
 
 
-def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_another(tmp_path: Path) -> None:
+@pytest.mark.parametrize("failure", [RuntimeError("no\nmore"), SystemExit(7)], ids=["raises", "exits"])
+def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_another(
+    failure: BaseException, tmp_path: Path
+) -> None:
     file = tmp_path / "toy.npz"
     with pytest.raises(
         BenchError, match=r"step \d+ of the woodpecker with SORprox: .* from t = .* --resume .*toy\.npz"
     ):
-        simulate_variable(replace(plan(), solver=Tiring()), file)
+        simulate_variable(replace(plan(), solver=Tiring(failure)), file)
     kept = read_variable(file)
     assert kept.n_steps > 0
     again = begun_variable(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
