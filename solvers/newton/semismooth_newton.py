@@ -56,6 +56,10 @@ RESTART_WORK = 30_000
 """Rows times iterations after which they are given up too: a Newton step costs in proportion to the rows, or more."""
 
 
+STUCK = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
+"""Where sweeps lead nowhere, and other predictors may."""
+
+
 @dataclass(frozen=True)
 class SemismoothNewton:
     """Newton's method on the projection equations Λ_i = prox(Λ_i − ξ_i/α_i), with safeguarded sweeps in between.
@@ -118,7 +122,9 @@ class PreparedNewton:
             if residual <= stop.tolerance:
                 residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
             ended = monitor.look(advance.iteration, residual, impulses)
-            if ended is not None and ended[0] in (Status.STALLED, Status.DIVERGED) and not self._is_rounding(monitor):
+            if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
+                ended = advance.cycle(impulses)
+            if ended is not None and ended[0] in STUCK and not self._is_rounding(monitor):
                 ended = self._restarted(advance, first, stop) or ended
             if ended is not None:
                 return monitor.solution(ended, advance.iteration, self.problem.n_rows)

@@ -74,11 +74,7 @@ class PreparedIteration:
             if ended is None and monitor.suspects_cycle and isinstance(iterates, Calming) and iterates.calm():
                 monitor.be_patient()
             elif ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
-                before = impulses
-                advance.by(1)
-                previous = iterates.impulses()
-                advance.by(1)
-                ended = monitor.cycle(iterates.impulses(), previous, before)
+                ended = advance.cycle(impulses)
             if ended is not None:
                 return monitor.solution(ended, advance.iteration, n_rows)
             left = stop.max_iterations - advance.iteration
@@ -182,6 +178,13 @@ class Advance:
         for _ in range(count):
             self.iterates.sweep(1)
             self.arrive(self.iterates.impulses())
+
+    def cycle(self, before: FloatArray) -> tuple[Status, str] | None:
+        """Do two sweeps from ``before``, the latest Λ; return how it ended if they lead back there."""
+        self.by(1)
+        previous = self.iterates.impulses()
+        self.by(1)
+        return self.monitor.cycle(self.iterates.impulses(), previous, before)
 
     def arrive(self, impulses: FloatArray) -> None:
         """Count one iteration that led to ``impulses``, an array that nobody writes to any more."""
