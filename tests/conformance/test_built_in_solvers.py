@@ -39,7 +39,7 @@ LONG = {check.name for check in (*HARD_CHECKS, *INVARIANCE_CHECKS)}
 """Checks on more than a hundred problems, or on some many times."""
 
 SLOW = ("Cvxpy", "ClarabelSOCP(", "JORprox(step")
-"""Solvers that take minutes for those, or variants of others that take them; only a full session tries."""
+"""Solvers that take minutes for those, or variants of others that take them; only the full profile tries."""
 
 
 @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
