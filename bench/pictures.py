@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from ..problems.errors import ProxbenchError
+from ..problems.errors import said
 from .errors import BenchError
 from .output_file import refuse_taken
 
@@ -45,7 +45,5 @@ def drawn(draw: Callable[[], list[Path]], result: Path) -> list[Path]:
     try:
         return draw()
     except Exception as error:
-        reason = str(error) if isinstance(error, ProxbenchError) else f"{type(error).__name__}: {error}"
-        line = " ".join(reason.split()).rstrip(".")
         again = f"proxbench simulate --resume {result} --chart NAME"
-        raise BenchError(f"{result} is kept, but its chart is missing: {line}; draw it with: {again}") from error
+        raise BenchError(f"{result} is kept, but its chart is missing: {said(error)}; draw it with: {again}") from error

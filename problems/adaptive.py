@@ -17,10 +17,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import ProblemError
+from .errors import ProblemError, said
 from .law_states import LawName, LawState, LawStates, law_states
 from .laws import FloatArray
-from .moreau import ContactSolver, State, Step, StepError, said
+from .moreau import ContactSolver, State, Step, StepError, check_finite
 from .smooth_step import Acceptance, Attempt, Extrapolation, OneStep, UnsolvedStepError
 from .switch_search import Anticipating, Search
 from .system import System
@@ -254,7 +254,7 @@ class _Course:
                 return self._switched(length)
             self._search_on(length, attempt)
             return None
-        self._check_finite(attempt.end)
+        check_finite(state, attempt.end)
         error = attempt.errors[-1]
         if error > plan.tolerance and not is_minimal:
             self._rejected += 1
@@ -282,7 +282,7 @@ class _Course:
         except UnsolvedStepError as failure:
             self._unsolved(length, True, str(failure))
             return None
-        self._check_finite(step.state)
+        check_finite(begin, step.state)
         found = law_states(step)
         known = self._states if self._states is not None else found
         times = (begin.time, step.state.time)
@@ -298,10 +298,6 @@ class _Course:
             self._length = 4.0 * length
             self._search.forget(end)
         return taken
-
-    def _check_finite(self, end: State) -> None:
-        if not (np.isfinite(end.velocity).all() and np.isfinite(end.position).all()):
-            raise StepError(f"the motion is no longer finite after t = {self._state.time:.9g} s.", self._state)
 
     def _unsolved(self, length: float, is_minimal: bool, status: str) -> None:
         if is_minimal:

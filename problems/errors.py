@@ -30,3 +30,9 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     if len(names) > MOST_NAMES:
         return f"; {len(names)} are known, and proxbench list names them."
     return f"; known are {', '.join(names)}." if names else "; none are known."
+
+
+def said(failure: BaseException) -> str:
+    """Return what an error says in one line, without the full stop."""
+    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
+    return " ".join(what.split()).rstrip(".")

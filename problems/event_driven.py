@@ -36,7 +36,7 @@ from scipy.integrate import solve_ivp
 
 from .acceleration import SINGULAR, AccelerationLaws, DirectionRates, Modes
 from .contact import ContactProblem
-from .errors import ProblemError, ProxbenchError
+from .errors import ProblemError, ProxbenchError, said
 from .judge import judge
 from .laws import FloatArray
 from .moreau import ContactSolver, State
@@ -114,7 +114,7 @@ class EventDriven:
             raise
         except Exception as failure:
             raise MotionError(
-                f"after t = {run.time:.9g} s the motion cannot be continued: {type(failure).__name__}: {failure}.",
+                f"after t = {run.time:.9g} s the motion cannot be continued: {said(failure)}.",
                 run.motion(),
             ) from failure
         return run.motion()

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from .contact import ContactProblem
-from .errors import ProblemError, ProxbenchError
+from .errors import ProblemError, ProxbenchError, said
 from .factors import Factors
 from .laws import FloatArray, IntArray
 from .projection import projection
@@ -165,16 +165,15 @@ class Moreau:
             except (Exception, SystemExit) as failure:
                 what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {said(failure)}."
                 raise StepError(what, state) from failure
-            if not (np.isfinite(step.state.velocity).all() and np.isfinite(step.state.position).all()):
-                raise StepError(f"the motion is no longer finite after t = {state.time:.9g} s.", state)
+            check_finite(state, step.state)
             state = step.state
             yield step
 
 
-def said(failure: BaseException) -> str:
-    """Return what an error says in one line, without the full stop."""
-    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
-    return " ".join(what.split()).rstrip(".")
+def check_finite(begin: State, end: State) -> None:
+    """Raise ``StepError`` unless the state at the end of a step is finite."""
+    if not (np.isfinite(end.velocity).all() and np.isfinite(end.position).all()):
+        raise StepError(f"the motion is no longer finite after t = {begin.time:.9g} s.", begin)
 
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:

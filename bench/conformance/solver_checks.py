@@ -18,8 +18,6 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 import numpy as np
 
 from ...problems.contact import ContactProblem
-from ...problems.errors import ProblemError
-from ...problems.judge import judge
 from ...problems.laws import FloatArray
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
 from ...solvers.interface import Prepared, Solution, Solver, Status, Stop, shows_iterates
@@ -29,7 +27,7 @@ from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
 from .samples import at_rest, empty, infeasible, random_contacts, samples
 from .surroundings_checks import SURROUNDINGS_CHECKS
-from .trial import expect_finite, expect_form
+from .trial import expect_finite, expect_form, own_residual
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances at which claims are held to the judge."""
@@ -128,7 +126,7 @@ def claims_truthfully(solver: Solver) -> None:
         for tolerance in ACCURACIES:
             solution = _solve(solver, problem, Stop(tolerance, MODEST.max_iterations, MODEST.max_seconds))
             if solution.status is Status.SOLVED:
-                residual = _residual(solver, problem, solution)
+                residual = own_residual(solver, problem, solution.impulses)
                 if not residual <= WRONG_FACTOR * tolerance:
                     raise Violation(
                         f"it claims to have solved {problem.name} to {tolerance:g}, but the judge of its model "
@@ -141,7 +139,7 @@ def is_useful(solver: Solver) -> None:
     best, name = np.inf, ""
     for problem in _supported(solver):
         solution = _solve(solver, problem, Stop(USEFUL_ACCURACY, MODEST.max_iterations, MODEST.max_seconds))
-        residual = _residual(solver, problem, solution)
+        residual = own_residual(solver, problem, solution.impulses)
         if residual <= best:
             best, name = residual, problem.name
         if residual <= USEFUL_ACCURACY and solution.status is Status.SOLVED:
@@ -330,14 +328,6 @@ def _solve(solver: Solver, problem: ContactProblem, stop: Stop) -> Solution:
     solution = _prepared(solver, problem).solve(stop)
     expect_form(problem, solution)
     return solution
-
-
-def _residual(solver: Solver, problem: ContactProblem, solution: Solution) -> float:
-    """Return the residual under the solver's own model."""
-    try:
-        return judge(problem, solution.impulses, solver.model).residual
-    except ProblemError as error:
-        raise Violation(f"its supports lets {problem.name} through, but {error}") from error
 
 
 def _needs_iterates(solver: Solver) -> None:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...problems.errors import said
 from ...problems.judge import Residual
-from ...problems.moreau import Moreau, Step, said
+from ...problems.moreau import Moreau, Step
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..output_file import output_file

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...problems.errors import ProxbenchError
+from ...problems.errors import said
 from ...problems.scenes.woodpecker import OVERLAP, section_start
 from ..simulations.plan import SimulationPlan
 from ..simulations.running import simulate
@@ -53,10 +53,11 @@ def measure(plan: StudyPlan, case: Case, member: float, stop_asked: StopAsked = 
     watch = Watch(simulated.scene)
     try:
         found = _run(simulated, watch, stop_asked)
-    except ProxbenchError as error:
-        return Measured(0.0, 0, 0, failure=str(error))
-    except Exception as error:  # a plugin's solver may raise anything, and others are to be measured still
-        return Measured(0.0, 0, 0, failure=f"{type(error).__name__}: {error}")
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # a plugin's solver may raise anything, and others are to be measured still
+        return Measured(0.0, 0, 0, failure=said(error))
     if stop_asked():
         return None
     if found.failure:
