@@ -23,7 +23,6 @@ Iterates are refined on the states that they identify, see ``newton.refinement``
 a solve to a tighter one begins with the same iterates, and ends no worse.
 """
 
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +30,7 @@ import numpy as np
 from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray
+from ..clock import Clock
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from ..newton.refinement import Refinement
 from .anderson import Anderson
@@ -156,6 +156,8 @@ class _Outer:
         lowest: its residual.
         iteration: cone programs so far.
         stalled: why the last phase ended.
+        clock: the time that is left.
+        refinement: what iterates are refined with.
     """
 
     prepared: PreparedFixedPoint
@@ -166,11 +168,11 @@ class _Outer:
     iteration: int = 0
     stalled: str = ""
     _inner: int = 0
-    _deadline: float = field(init=False)
+    clock: Clock = field(init=False)
     refinement: Refinement = field(init=False)
 
     def __post_init__(self) -> None:
-        self._deadline = time.perf_counter() + self.stop.max_seconds
+        self.clock = Clock(self.stop.max_seconds)
         self.refinement = Refinement(self.prepared.problem, self.prepared.residual)
 
     def follow(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> tuple[Status, str] | None:
@@ -184,8 +186,8 @@ class _Outer:
         lowest, floor, waited = 1.0, TIGHTEST, 0
         while self.iteration < self.stop.max_iterations:
             accuracy = min(max((INNER * lowest) ** 2, floor), LOOSEST)
-            seconds = self._deadline - time.perf_counter()
-            result = program.run(raised(problem, shift) - weight * impulses, accuracy, INNER_ITERATIONS, seconds)
+            vector = raised(problem, shift) - weight * impulses
+            result = program.run(vector, accuracy, INNER_ITERATIONS, self.clock.left)
             self.iteration, self._inner = self.iteration + 1, self._inner + result.iterations
             self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver ended with {result.ended}"
             if result.ended is Ended.UNBOUNDED or not np.isfinite(result.impulses).all():
@@ -220,25 +222,14 @@ class _Outer:
         return Status.ITERATION_LIMIT, self._so_far()
 
     def _note(self, impulses: FloatArray, residual: float) -> None:
-        """Keep the best Λ, and show this one with the clock stopped."""
+        """Keep the best Λ, and show this one."""
         if residual < self.lowest:
             self.best, self.lowest = impulses, residual
-        if self.observe is None:
-            return
-        began = time.perf_counter()
-        shown = impulses.copy()
-        shown.setflags(write=False)
-        self.observe(self.iteration, shown)
-        self._deadline += time.perf_counter() - began
-
-    @property
-    def is_in_time(self) -> bool:
-        """Whether there is time left."""
-        return time.perf_counter() <= self._deadline
+        self.clock.show(self.observe, self.iteration, impulses)
 
     def _late(self, result: ConicResult) -> tuple[Status, str] | None:
         """Return the time limit if it is over, by this clock or by the conic solver's own."""
-        if result.ended is Ended.TIME_LIMIT or not self.is_in_time:
+        if result.ended is Ended.TIME_LIMIT or self.clock.is_up:
             return Status.TIME_LIMIT, self._so_far()
         return None
 
@@ -261,10 +252,10 @@ class _Refining:
         if not outer.prepared.refinement or residual <= tolerance:
             return impulses, residual
         if is_last:
-            found, reached = outer.refinement.rescued(impulses, residual, tolerance, lambda: outer.is_in_time)
+            found, reached = outer.refinement.rescued(impulses, residual, tolerance, lambda: not outer.clock.is_up)
         elif self._seen >= self._search:
             self._search = 2 * self._seen
-            found, reached = outer.refinement.searched(impulses, residual, tolerance, lambda: outer.is_in_time)
+            found, reached = outer.refinement.searched(impulses, residual, tolerance, lambda: not outer.clock.is_up)
         elif self._seen >= self._next:
             found, reached = outer.refinement.refined(impulses, residual, tolerance)
             self._wait = 1 if reached < JUMP * residual else min(2 * self._wait, LONGEST_WAIT)

@@ -6,7 +6,6 @@ solution obeys the inequalities as well. Without fixed bounds these are at most 
 """
 
 import itertools
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
@@ -17,6 +16,7 @@ from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray, LawKind
 from ...problems.model import Model
+from ..clock import Clock
 from ..interface import Observer, Solution, SolverError, Status, Stop, described
 
 MOST_CONTACTS = 6
@@ -79,7 +79,7 @@ class PreparedEnumeration:
         if n_rows == 0:
             return Solution(np.zeros(0), Status.SOLVED, 0)
         best, best_residual, tried, singular = np.zeros(n_rows), np.inf, 0, 0
-        deadline = time.perf_counter() + stop.max_seconds
+        clock = Clock(stop.max_seconds)
         for impulses, regular in self._candidates():
             if tried >= stop.max_iterations:
                 reason = f"residual {best_residual:.1e} after {tried} states"
@@ -91,7 +91,7 @@ class PreparedEnumeration:
                 best, best_residual = impulses, residual
             if best_residual <= stop.tolerance:
                 return Solution(best, Status.SOLVED, tried)
-            if time.perf_counter() > deadline:
+            if clock.is_up:
                 return Solution(best, Status.TIME_LIMIT, tried, f"residual {best_residual:.1e} after {tried} states")
         if singular:
             reason = f"none of {tried} states solves it; {singular} are singular and were tried at least norm only"

@@ -4,7 +4,6 @@ Contacts that influence each other only within groups make the matrix fall into 
 work grows with the cube of the largest group, not of the problem.
 """
 
-import time
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,6 +15,7 @@ from ...problems.contact import ContactProblem
 from ...problems.judge import ModelResidual, Residual
 from ...problems.laws import FloatArray, IntArray
 from ...problems.model import Model
+from ..clock import Clock
 from ..interface import Observer, Solution, SolverError, Status, Stop, described
 from .formulation import Complementarity, check_sides, complementarity
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
@@ -99,13 +99,13 @@ class PreparedLemke:
         if self.residual.infeasible:
             return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
         unknowns, pivots, rays, proofs = np.zeros(len(self.formulated.vector)), 0, 0, 0
-        deadline = time.perf_counter() + stop.max_seconds
+        clock = Clock(stop.max_seconds)
         limit: Status | None = None
         for group in self.groups:
             matrix, vector = self.formulated.matrix[group][:, group].toarray(), self.formulated.vector[group]
             for smallest in SMALLEST_PIVOTS:
                 tableau = Tableau(matrix, vector, smallest)
-                limit = _advance(tableau, stop.max_iterations - pivots, deadline)
+                limit = _advance(tableau, stop.max_iterations - pivots, clock)
                 pivots += tableau.pivots
                 if tableau.ending is not Ending.RAY or tableau.proves_infeasibility():
                     break
@@ -135,12 +135,12 @@ class PreparedLemke:
         return Status.STALLED, pivots, f"rounding leaves the residual at {residual:.1e} after {pivots} pivots"
 
 
-def _advance(tableau: Tableau, most: int, deadline: float) -> Status | None:
-    """Pivot to the end, or to ``most`` pivots or the deadline; return the limit that was met, if any."""
+def _advance(tableau: Tableau, most: int, clock: Clock) -> Status | None:
+    """Pivot to the end, or to ``most`` pivots or until the time is up; return the limit that was met, if any."""
     while tableau.ending is Ending.UNFINISHED:
         if tableau.pivots >= most:
             return Status.ITERATION_LIMIT
-        if time.perf_counter() > deadline:
+        if clock.is_up:
             return Status.TIME_LIMIT
         tableau.advance(min(PIVOTS_BETWEEN_LOOKS, most - tableau.pivots))
     return None

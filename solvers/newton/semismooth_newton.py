@@ -170,8 +170,8 @@ class PreparedNewton:
                     monitor.best_residual, monitor.best_impulses = lowest, best
                 if lowest <= stop.tolerance:
                     return Status.SOLVED, ""
-                if monitor.is_late or advance.iteration >= stop.max_iterations:
-                    limit = Status.TIME_LIMIT if monitor.is_late else Status.ITERATION_LIMIT
+                if monitor.clock.is_up or advance.iteration >= stop.max_iterations:
+                    limit = Status.TIME_LIMIT if monitor.clock.is_up else Status.ITERATION_LIMIT
                     return limit, f"residual {monitor.best_residual:.1e} after {advance.iteration} iterations"
                 count = min(max(done, 1), stop.max_iterations - advance.iteration)
                 advance.by(count)
@@ -187,12 +187,12 @@ class PreparedNewton:
         self, attempt: Attempt, impulses: FloatArray, residual: float, stop: Stop, advance: Advance
     ) -> tuple[FloatArray, float]:
         """Return the best Λ of an attempt and its residual."""
-        if advance.iteration >= stop.max_iterations or advance.monitor.is_late:
+        if advance.iteration >= stop.max_iterations or advance.monitor.clock.is_up:
             return impulses, residual
 
         def goes_on(reached: FloatArray) -> bool:
             advance.arrive(reached)
-            return advance.iteration < stop.max_iterations and not advance.monitor.is_late
+            return advance.iteration < stop.max_iterations and not advance.monitor.clock.is_up
 
         return newton_steps(self.equations, self._judged, impulses, residual, attempt, stop.tolerance, goes_on)
 

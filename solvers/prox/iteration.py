@@ -1,6 +1,5 @@
 """The loop that all projected iterations share: sweep, look at the judge's residual, stop or go on."""
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -189,10 +188,4 @@ class Advance:
     def arrive(self, impulses: FloatArray) -> None:
         """Count one iteration that led to ``impulses``, an array that nobody writes to any more."""
         self.iteration += 1
-        if self.observe is None:
-            return
-        began = time.perf_counter()
-        shown = impulses.view()
-        shown.setflags(write=False)
-        self.observe(self.iteration, shown)
-        self.monitor.pause(time.perf_counter() - began)
+        self.monitor.clock.show(self.observe, self.iteration, impulses)

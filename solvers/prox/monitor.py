@@ -5,12 +5,12 @@ The judge's residual is measured every few sweeps. An iteration that no longer l
 creeps (STALLED); one whose residual explodes, or ceases to be a number, has DIVERGED.
 """
 
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...problems.laws import FloatArray
+from ..clock import Clock
 from ..interface import Solution, Status, Stop
 
 LONGEST_INTERVAL = 10
@@ -45,27 +45,19 @@ class Monitor:
         stop: the limits.
         best_residual: the lowest finite residual seen.
         best_impulses: the iterate that has it, None before the first; nobody may write to it after ``look``.
+        clock: the time that is left.
     """
 
     stop: Stop
     best_residual: float = np.inf
     best_impulses: FloatArray | None = None
+    clock: Clock = field(init=False)
     _first: float = np.inf
     _looks_without_progress: int = 0
     _history: list[tuple[int, float]] = field(default_factory=list)
-    _deadline: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._deadline = time.perf_counter() + self.stop.max_seconds
-
-    def pause(self, seconds: float) -> None:
-        """Take ``seconds`` spent outside the solver off its clock."""
-        self._deadline += seconds
-
-    @property
-    def is_late(self) -> bool:
-        """Whether the time is up."""
-        return time.perf_counter() > self._deadline
+        self.clock = Clock(self.stop.max_seconds)
 
     def look(self, iteration: int, residual: float, impulses: FloatArray) -> tuple[Status, str] | None:
         """Note the residual after ``iteration`` sweeps; return status and reason if the solve is over."""
@@ -84,7 +76,7 @@ class Monitor:
             return Status.DIVERGED, f"the residual grew to {residual:.1e} within {iteration} sweeps"
         if iteration >= self.stop.max_iterations:
             return Status.ITERATION_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
-        if self.is_late:
+        if self.clock.is_up:
             return Status.TIME_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
         if iteration >= STALL_SWEEPS and self.best_residual > STALL_PROGRESS * self._best_at(iteration // 4):
             return Status.STALLED, f"the residual stays at {self.best_residual:.1e} since sweep {iteration // 4}"
