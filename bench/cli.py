@@ -25,9 +25,6 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-FILE_WIDTH = 120
-"""Columns of tables that go to a file or a pipe."""
-
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
 
 
@@ -306,6 +303,7 @@ def _report(run_dir: Path, as_json: bool) -> int:
     from .charts import write_charts
     from .frames import load
     from .outcome import FAULTS, Outcome
+    from .presenting import FILE_WIDTH
     from .tables import print_tables, results_table, summary_table, write_tables
 
     frames = load(run_dir)

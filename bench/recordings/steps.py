@@ -1,5 +1,6 @@
 """What recordings of all simulations share: the timelines ``step`` and ``time``, and the curves of the steps."""
 
+from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -27,7 +28,7 @@ BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 ENERGIES = ("kinetic", "potential", "total")
 
 
-class StepRecorder:
+class StepRecorder(ABC):
     """Records a simulation: ``start`` once, then a call after each step, in a ``with`` block that ends the file.
 
     Leaving the block with an error leaves no file; a file that was there before stays as it was.
@@ -135,34 +136,34 @@ class StepRecorder:
             plot("energy [J]", "/curves/energy"),
         ]
 
+    @abstractmethod
     def _blueprint(self, state: State) -> rrb.Blueprint:
         """Return how the file opens."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
         """Log what does not change."""
-        raise NotImplementedError
 
-    def _follow(self, step: Step) -> None:
+    def _follow(self, step: Step) -> None:  # noqa: B027 - few recordings look at all steps
         """Take in a step that may not be drawn."""
 
+    @abstractmethod
     def _draw(self, stream: rr.RecordingStream, state: State) -> None:
         """Log the bodies."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _draw_impulses(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
         """Log the impulses."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _energies(self, state: State) -> tuple[float, float]:
         """Return kinetic and potential energy [J]."""
-        raise NotImplementedError
 
     def _own_curves(self, state: State) -> dict[str, float]:
         """Return further curves."""
         return {}
 
-    def _finish(self, stream: rr.RecordingStream) -> None:
+    def _finish(self, stream: rr.RecordingStream) -> None:  # noqa: B027 - few recordings end with a summary
         """Log what is known only at the end."""
 
 

@@ -1,7 +1,5 @@
 """``proxbench simulate`` with a fixed step."""
 
-import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +7,7 @@ from rich.console import Console
 
 from ..errors import BenchError, InterruptedSimulationError
 from ..pictures import drawn, refuse_pictures
+from ..presenting import present, simulation_files
 from .interrupts import deferred_interrupts
 from .live import LiveSummary
 from .plan import FIXED, make_simulation_plan
@@ -17,9 +16,6 @@ from .request import Request
 from .running import advance, begun_simulation, new_simulation
 from .simulation import Simulation
 from .table import document, print_simulation
-
-FILE_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 
 
 def run_fixed(request: Request, as_json: bool, progress: bool) -> int:
@@ -35,14 +31,8 @@ def run_fixed(request: Request, as_json: bool, progress: bool) -> int:
         advance(simulation, on_step, live, stop_asked)
     file = simulation.file
     assert file is not None
-    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
-    if as_json:
-        print(json.dumps(document(simulation), indent=1, ensure_ascii=False), flush=True)
-    print_simulation(simulation, console)
-    watch = "" if request.record is None else f"\nwatch   rerun {request.record}"
-    console.print(f"\nresult  {file}{watch}", soft_wrap=True, highlight=False)
-    for path in _drawn(simulation, file, request.chart):
-        console.print(f"chart   {path}", soft_wrap=True, highlight=False)
+    files = simulation_files(file, request.record, lambda: _drawn(simulation, file, request.chart))
+    present(lambda: document(simulation), lambda console: print_simulation(simulation, console), files, as_json)
     if not simulation.is_finished:
         raise InterruptedSimulationError(file)
     return int(simulation.unsolved.any())

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...problems.model import Model
-from ..counting import counted
+from ..counting import counted, unsolved_words
 from .simulation import Ending, Simulation
 
 WINDOW_SECONDS = 0.1
@@ -158,8 +158,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     residual = total["largest_residual"]
     worst = "infinite" if residual is None else f"{residual:.1e}"
     yield (
-        f"{total['unsolved_steps']} of {counted(total['steps'], 'step')} "
-        f"{'is' if total['unsolved_steps'] == 1 else 'are'} not solved to {tolerance:.0e}; "
+        f"{unsolved_words(total['unsolved_steps'], total['steps'], tolerance)}; "
         f"largest residual {worst}, at t = {total['largest_residual_time']:.6g} s",
         "bold red",
     )

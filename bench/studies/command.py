@@ -1,7 +1,6 @@
 """``proxbench simulate --study``."""
 
-import json
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.console import Console
@@ -9,6 +8,7 @@ from rich.console import Console
 from ..errors import BenchError, InterruptedSimulationError
 from ..output_file import output_file, refuse_taken
 from ..pictures import drawn, refuse_pictures
+from ..presenting import present
 from ..simulations.interrupts import deferred_interrupts
 from ..simulations.request import Request
 from .defaults import make_study_plan
@@ -18,7 +18,7 @@ from .study import SUFFIX, Study, read_study, write_points
 from .table import print_study, study_document
 
 FILE_WIDTH = 140
-"""Columns of a table that goes to a file or a pipe."""
+"""Columns of the table of points, which goes to a file or a pipe."""
 
 
 def wants_study(study: bool, resume: Path | None) -> bool:
@@ -57,16 +57,18 @@ def report_study(file: Path, as_json: bool) -> int:
 
 
 def _present(study: Study, file: Path, chart: Path, as_json: bool) -> None:
+    files = _files(study, file, chart)
+    present(lambda: study_document(study), lambda console: print_study(study, console), files, as_json, FILE_WIDTH)
+
+
+def _files(study: Study, file: Path, chart: Path) -> Iterator[tuple[str, Path]]:
+    """Make the files of a study one by one, and yield what each is."""
     found, table = points(study), _table_file(file)
-    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
-    if as_json:
-        print(json.dumps(study_document(study), indent=1, ensure_ascii=False), flush=True)
-    print_study(study, console)
-    console.print(f"\nresult  {file}", soft_wrap=True, highlight=False)
+    yield "result", file
     write_points(found, table)
-    console.print(f"points  {table}", soft_wrap=True, highlight=False)
+    yield "points", table
     for path in _drawn(study, file, chart) if found else ():
-        console.print(f"chart   {path}", soft_wrap=True, highlight=False)
+        yield "chart", path
 
 
 def _drawn(study: Study, file: Path, chart: Path) -> list[Path]:

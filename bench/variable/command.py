@@ -1,8 +1,6 @@
 """``proxbench simulate`` with a variable step."""
 
 import contextlib
-import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from ...problems.scenes.registry import SCENES
 from ..errors import BenchError, InterruptedSimulationError
 from ..output_file import output_file
 from ..pictures import drawn, refuse_pictures
+from ..presenting import present, simulation_files
 from ..simulations.interrupts import deferred_interrupts
 from ..simulations.plan import FIXED
 from ..simulations.request import Request
@@ -23,9 +22,6 @@ from .plan import DEFAULT_STEPPER, make_variable_plan
 from .running import OnTaken, advance_variable, begun_variable, one_steps
 from .simulation import VariableSimulation
 from .table import print_variable, variable_document
-
-FILE_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 
 SHOWN_SECONDS = 0.5
 """Simulated time up to the end that the chart shows: some periods of the woodpecker."""
@@ -63,14 +59,8 @@ def run_variable(request: Request, as_json: bool, progress: bool) -> int:
     file = simulation.file
     assert file is not None
     document = variable_document(simulation)
-    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
-    if as_json:
-        print(json.dumps(document, indent=1, ensure_ascii=False), flush=True)
-    print_variable(simulation, console)
-    watch = "" if request.record is None else f"\nwatch   rerun {request.record}"
-    console.print(f"\nresult  {file}{watch}", soft_wrap=True, highlight=False)
-    for path in _drawn(simulation, file, request.chart):
-        console.print(f"chart   {path}", soft_wrap=True, highlight=False)
+    files = simulation_files(file, request.record, lambda: _drawn(simulation, file, request.chart))
+    present(lambda: document, lambda console: print_variable(simulation, console), files, as_json)
     if not simulation.is_finished:
         raise InterruptedSimulationError(file)
     return int(document["summary"]["unsolved_steps"] > 0)

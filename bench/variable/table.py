@@ -12,7 +12,7 @@ from rich.text import Text
 
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ..counting import counted
+from ..counting import counted, unsolved_words
 from ..simulations.simulation import SLACK
 from .incidents import Cycle, Cycles, Incident, cycles, incidents, relative_deviations, switching_words
 from .simulation import VariableSimulation
@@ -196,8 +196,7 @@ def _cost_lines(simulation: VariableSimulation) -> Iterator[tuple[str, str]]:
     if total["unsolved_steps"]:
         yield (
             (
-                f"{total['unsolved_steps']} of {counted(total['steps'], 'step')} "
-                f"{'is' if total['unsolved_steps'] == 1 else 'are'} not solved to {simulation.plan.tolerance:.0e}; "
+                f"{unsolved_words(total['unsolved_steps'], total['steps'], simulation.plan.tolerance)}; "
                 f"largest residual {total['largest_residual']:.1e}"
             ),
             "bold red",

@@ -1,5 +1,7 @@
 """Moreau's midpoint step against motions known in closed form."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError, judge
@@ -139,10 +141,14 @@ def test_a_general_system_and_a_ball_system_agree_on_the_same_ball() -> None:
     assert ends[0].velocity == pytest.approx(ends[1].velocity, abs=1e-12)
 
 
-def test_a_mass_matrix_that_is_not_positive_definite_is_named() -> None:
-    system = MechanicalSystem(
-        mass=lambda q: np.zeros((1, 1)),
-        force=lambda q, u: np.zeros(1),
+def point(
+    mass: Callable[[np.ndarray], np.ndarray],  # type: ignore[type-arg]
+    force: Callable[[np.ndarray, np.ndarray], np.ndarray],  # type: ignore[type-arg]
+) -> MechanicalSystem:
+    """A system of one coordinate whose only contact stays open."""
+    return MechanicalSystem(
+        mass=mass,
+        force=force,
         gap=lambda q: np.ones(1),
         directions=lambda q: np.ones((1, 1)),
         friction=[0.0],
@@ -150,6 +156,10 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_named() -> None:
         restitution_tangential=[0.0],
         rows_per_contact=1,
     )
+
+
+def test_a_mass_matrix_that_is_not_positive_definite_is_named() -> None:
+    system = point(mass=lambda q: np.zeros((1, 1)), force=lambda q, u: np.zeros(1))
     with pytest.raises(ProblemError, match="positive definite"):
         stepper(system, 1e-3).step(State(0.0, np.zeros(1), np.zeros(1)))
 
@@ -164,16 +174,9 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_named() -> None:
 def test_a_step_that_fails_is_an_error_with_the_time_and_the_last_good_state(
     mass: float, force: float, what: str
 ) -> None:
-
-    system = MechanicalSystem(
+    system = point(
         mass=lambda q: np.eye(1) * (1.0 if q[0] > -0.1 else mass),
         force=lambda q, u: np.full(1, -10.0 if q[0] > -0.1 else force),
-        gap=lambda q: np.ones(1),
-        directions=lambda q: np.ones((1, 1)),
-        friction=[0.0],
-        restitution_normal=[0.0],
-        restitution_tangential=[0.0],
-        rows_per_contact=1,
     )
     reached: list[State] = []
     with pytest.raises(StepError, match=what) as raised:

@@ -1,0 +1,50 @@
+"""How a command presents what it has come to: JSON, or tables and the files that were written."""
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+FILE_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
+
+
+def simulation_files(
+    result: Path, recording: Path | None, draw: Callable[[], Iterable[Path]]
+) -> Iterator[tuple[str, str | Path]]:
+    """Yield what the files of a simulation are, its charts drawn last."""
+    yield "result", result
+    if recording is not None:
+        yield "watch", f"rerun {recording}"
+    for path in draw():
+        yield "chart", path
+
+
+def present(
+    document: Callable[[], Mapping[str, Any]],
+    show: Callable[[Console], None],
+    files: Iterable[tuple[str, str | Path]],
+    as_json: bool,
+    width: int = FILE_WIDTH,
+) -> None:
+    """Print one JSON document, or tables and a line for each file.
+
+    Args:
+        document: makes what ``--json`` prints.
+        show: prints the tables.
+        files: what each file is, and its path or how it is opened; those that take long to make, or may fail to be
+            made, are best yielded last, when everything else is printed already.
+        as_json: print the document and nothing else; the files are made all the same.
+        width: columns of tables that go to a file or a pipe.
+    """
+    console = Console(width=None if sys.stdout.isatty() else width, quiet=as_json)
+    if as_json:
+        print(json.dumps(document(), indent=1, ensure_ascii=False), flush=True)
+    else:
+        show(console)
+        console.print()
+    for what, path in files:
+        console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
