@@ -2,8 +2,9 @@
 
 Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
 console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
-``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` leaves a
-block out.
+A text block shows lines that the last command above it prints, in their order; times in µs, ms or seconds of wall may
+differ, and ``...`` stands for measured times without a unit. ``<!-- file: NAME -->`` before a Python block also writes
+it to that file; ``<!-- skip: next "REASON" -->`` leaves a block out.
 """
 
 import doctest
@@ -24,6 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli import main; main()")
 LONGEST_COMMAND = 120.0
+MEASURED = re.compile(r"[\d.]+ (?:µs|ms|s(?= wall| per simulated second))")
 WIDEST_LINE = 96
 """Characters of code that fit on a page without scrolling."""
 
@@ -44,6 +46,28 @@ def run_console(example: Example) -> None:
         if expected:
             same = doctest.OutputChecker().check_output(expected, done.stdout, FLAGS)
             assert same, f"$ {command}\nprints\n{done.stdout}\nand not\n{expected}"
+        example.namespace["last_printed"] = done.stdout
+
+
+def compare_sample(example: Example) -> None:
+    """Compare a text block with what the last command printed."""
+    printed = example.namespace.get("last_printed")
+    assert printed is not None, "no command above this text prints it; skip the block and say where it comes from"
+    missing = first_missing(comparable(example.parsed), comparable(printed))
+    assert missing is None, f"the command prints no such line after those above it:\n{missing}\nit prints\n{printed}"
+
+
+def comparable(text: str) -> list[str]:
+    """Return the lines that say something, without measured times and the widths that depend on them."""
+    lines = (re.sub("─+", "─", MEASURED.sub("…", line)) for line in text.splitlines())
+    return [" ".join(line.split()) for line in lines if line.strip()]
+
+
+def first_missing(shown: Iterable[str], printed: Iterable[str]) -> str | None:
+    """Return the first line of ``shown`` that does not follow in ``printed`` on those before it, None if all do."""
+    rest = iter(printed)
+    check = doctest.OutputChecker().check_output
+    return next((line for line in shown if not any(check(line, candidate, FLAGS) for candidate in rest)), None)
 
 
 def commands(block: str) -> Iterator[tuple[str, str]]:
@@ -73,6 +97,7 @@ def parsed(page: Path) -> Document:
     parsers = (
         PythonCodeBlockParser(doctest_optionflags=FLAGS),
         CodeBlockParser("console", run_console),
+        CodeBlockParser("text", compare_sample),
         file_comments,
         SkipParser(),
     )
@@ -119,8 +144,18 @@ def test_examples_fit_on_the_page(page: str) -> None:
         ("```console\n$ proxbench run --problem no-such-problem\n```\n", "there is no problem 'no-such-problem'"),
         ("```console\n$ proxbench --version\nproxbench of another name\n```\n", "proxbench of another name"),
         ("```console\n$ other-program\n```\n", "only proxbench is run"),
+        ("```console\n$ proxbench --version\n```\n\n```text\nanother name\n```\n", "prints no such line"),
+        ("```text\nfrom nowhere\n```\n", "no command above this text"),
     ],
-    ids=["error", "other value", "exit code", "other output", "other program"],
+    ids=[
+        "error",
+        "other value",
+        "exit code",
+        "other output",
+        "other program",
+        "other sample",
+        "sample without command",
+    ],
 )
 def test_a_wrong_example_is_noticed(wrong: str, noticed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -140,3 +175,17 @@ def test_blocks_share_one_namespace_and_the_files_they_name(tmp_path: Path, monk
         encoding="utf-8",
     )
     assert run_page(page) == 5
+
+
+def test_samples_may_differ_in_measured_times_alone() -> None:
+    shown = "a row   1.5 ms  1e-4\n ────\n\ntotal  0.5 s in 9 steps, 6 s wall\n b  ...  2\n"
+    printed = "\na row  90 µs  1e-4\n ─────\nother\ntotal  0.5 s in 9 steps, 12.5 s wall\n b  0.3  2\n"
+    assert first_missing(comparable(shown), comparable(printed)) is None
+    for old, new in (("1e-4", "1e-5"), ("9 steps", "8 steps"), ("0.5 s in", "0.6 s in"), ("3  2", "3  4")):
+        assert first_missing(comparable(shown), comparable(printed.replace(old, new))) is not None
+
+
+@pytest.mark.parametrize("page", pages_with_examples())
+def test_what_is_skipped_has_a_reason(page: str) -> None:
+    skips = re.findall(r"^<!-- skip: .*$", (ROOT / page).read_text("utf-8"), re.MULTILINE)
+    assert [skip for skip in skips if not re.fullmatch(r'<!-- skip: next ".+" -->', skip)] == []
