@@ -17,7 +17,7 @@ from proxbench.problems.transformations import Transformed, duplicated, in_units
 from proxbench.solvers import Solver, Status, Stop, available, create
 
 TOLERANCE = 1e-6
-STOP = Stop(TOLERANCE, max_iterations=3000, max_seconds=0.5)
+STOP = Stop(TOLERANCE, max_iterations=3000, max_seconds=10.0)
 
 FRICTION = [0.0, 0.125, 0.5, 1.0, 8.0]
 

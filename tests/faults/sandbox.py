@@ -65,7 +65,7 @@ class Sandbox:
                 continue
         return found
 
-    def left_behind(self, patience: float = 5.0) -> list[str]:
+    def left_behind(self, patience: float = 30.0) -> list[str]:
         """Return processes and temporary files that are left after a moment of patience."""
         deadline = time.monotonic() + patience
         while True:

@@ -107,4 +107,4 @@ def wait_for_server(sandbox: Sandbox, process: Any) -> None:
 
 def left_by_a_killed_run(sandbox: Sandbox) -> list[str]:
     """Return what a killed run leaves, but for the file it was writing, which goes when the run is resumed."""
-    return [left for left in sandbox.left_behind(patience=10.0) if not left.endswith(".part")]
+    return [left for left in sandbox.left_behind() if not left.endswith(".part")]
