@@ -22,7 +22,7 @@ from .factors import InverseMass
 from .laws import FloatArray, IntArray, Laws
 from .pieces import Pieces
 from .surfaces import Surface
-from .system import ActiveContacts, StepAssembly
+from .system import ActiveContacts, Overlaps, StepAssembly
 
 SPHERE_INERTIA = 0.4
 """J/(m r²) of a homogeneous ball."""
@@ -139,6 +139,14 @@ class BallSystem:
         gap = gap + np.where(second < 0, limit, 2.0 * limit)
         near = gap < limit
         return keys[near], gap[near]
+
+    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
+        """Return all overlaps, or None if none of them is deeper than ``tolerated`` [m]."""
+        _, first, second, gap, normal = self._touching(self.centres(position))
+        if not (gap < -tolerated).any():
+            return None
+        starts, chunks, values = _force_directions(first, second, normal, self.radii, self.dofs_per_ball, 1)
+        return Overlaps(gap, Pieces(starts, chunks, values, self.n_balls), self.inverse_mass)
 
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
         keys, first, second, gap, normal = self._touching(centres)

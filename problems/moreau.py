@@ -7,7 +7,7 @@ From t_B to t_E = t_B + Δt:
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
 
-Penetrations that last may be moved back to an allowed depth at the end of each step (see ``projection``).
+What penetrates at q_E may be moved apart to an allowed depth (see ``projection``).
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from .contact import ContactProblem
 from .errors import ProblemError, ProxbenchError, said
 from .factors import Factors
 from .laws import FloatArray, IntArray
-from .projection import projection
+from .projection import projected
 from .system import ActiveContacts, StepAssembly, System
 
 
@@ -95,8 +95,8 @@ class Moreau:
         stop: the stop criterion handed to the solver at each step.
         time_step: Δt [s], positive.
         warm_start: start each solve from the last step's impulses, contact by contact.
-        depth: penetration [m] beyond which active contacts are moved apart at the end of a step (see ``projection``);
-            None for the rule as it stands, in which a penetration lasts as long as its contact.
+        depth: penetration [m] beyond which bodies are moved apart at the end of a step (see ``projection``); None for
+            the rule as it stands, in which a penetration lasts as long as its contact.
 
     Raises:
         ProblemError: if Δt or the depth is not positive.
@@ -124,34 +124,22 @@ class Moreau:
         time = state.time + self.time_step
         if contacts is None:
             velocity = assembly.free_motion
-            end = State(time, self.system.move(midpoint, velocity, half), velocity)
+            end = State(time, self._end(midpoint, velocity), velocity)
             return Step(end, None, np.zeros(0), None, None, 0)
         problem = step_problem(assembly, contacts, state.velocity)
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
         velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.directions.times(solution.impulses))
         held = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
-        position = self.system.move(midpoint, velocity, half)
-        if self.depth is not None:
-            position = self._projected(position, velocity, problem, contacts, self.depth)
-        end = State(time, position, velocity, contacts.keys, held)
+        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, held)
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
 
-    def _projected(
-        self,
-        position: FloatArray,
-        velocity: FloatArray,
-        problem: ContactProblem,
-        contacts: ActiveContacts,
-        depth: float,
-    ) -> FloatArray:
-        """Return q_E moved to where no active contact is deeper than ``depth``."""
-        factors = problem.factors
-        assert factors is not None
-        approach = contacts.directions.transposed_times(velocity)[:: contacts.rows_per_contact]
-        gap = contacts.gap + 0.5 * self.time_step * approach
-        moved = projection(problem.factor_pieces(), gap, depth)
-        return position if moved is None else self.system.move(position, factors.inverse_mass.root_times(moved), 1.0)
+    def _end(self, midpoint: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return q_E, projected if a depth is given."""
+        position = self.system.move(midpoint, velocity, 0.5 * self.time_step)
+        if self.depth is None or not np.isfinite(position).all():  # callers report a motion that is not finite
+            return position
+        return projected(self.system, position, self.depth)
 
     def steps(self, state: State, count: int) -> Iterator[Step]:
         """Yield ``count`` successive steps from ``state``.

@@ -2,10 +2,12 @@
 
 The rule imposes contact laws on velocities. Bodies that meet within a step penetrate by up to |γ_N| Δt before their
 contact is active, and where they then stay together, ξ_N = 0 keeps them that deep for ever. The projection moves the
-end of a step to the nearest position, in the metric of M, in which no active contact is deeper than allowed:
+end of a step to the nearest position, in the metric of M, in which no contact is deeper than allowed:
 
-    δq = M⁻¹ W_N p,      0 ≤ g_E + d + W_Nᵀ δq  ⊥  p ≥ 0,      g_E = g_M + W_Nᵀ u_E Δt/2.
+    δq = M⁻¹ W_N p,      0 ≤ g + d + W_Nᵀ δq  ⊥  p ≥ 0,      for the contacts with g(q_E) < 0.
 
+What δq closes, or the curvature of g leaves, is met in another pass at q_E + δq. Contacts are searched at q_E and not
+taken over from the midpoint, because bodies that meet in the second half of a step would be pushed into each other.
 Velocities stay as they are, so no kinetic energy is made (Acary, *Projected event-capturing time-stepping schemes for
 nonsmooth mechanical systems*, CMAME 256, 2013). The depth d that stays keeps lasting contacts active.
 """
@@ -14,31 +16,52 @@ import numpy as np
 from numba import njit
 
 from .laws import FloatArray
-from .pieces import Pieces
+from .system import Overlaps, System
+
+MOST_PASSES = 3
+"""Most searches and moves at the end of one step. What is left over is met again in the next step."""
 
 LARGEST_SWEEPS = 50
-"""Most sweeps of one projection. What is left over is met again in the next step."""
+"""Most sweeps of one pass."""
 
 ACCURACY = 0.1
-"""A projection is over when no active contact is deeper than (1 + ``ACCURACY``) times the depth that is allowed."""
+"""A projection is over when no contact is deeper than (1 + ``ACCURACY``) times the depth that is allowed."""
 
 
-def projection(scaled: Pieces, gap: FloatArray, depth: float) -> FloatArray | None:
-    """Return δ with δq = S δ, M⁻¹ = S Sᵀ, or None if nothing is too deep.
+def projected(system: System, position: FloatArray, depth: float) -> FloatArray:
+    """Return q moved to where no contact is deeper than ``depth``, or to the shallowest of all passes.
 
     Args:
-        scaled: W̃ = Sᵀ W in pieces, a contact a block, N its first lane.
-        gap: g_E of each contact [m], shape (n_contacts,).
+        system: what moves.
+        position: q, shape (n_coordinates,).
         depth: d [m], positive.
 
     Returns:
-        δ, shape (n_chunks · length,).
+        The position, shape (n_coordinates,), whose deepest contact is not deeper than that at q; q itself if nothing is
+        too deep there.
     """
-    if not len(gap) or gap.min() >= -(1.0 + ACCURACY) * depth:
-        return None
+    tolerated = (1.0 + ACCURACY) * depth
+    overlaps = system.overlaps(position, tolerated)
+    best, best_gap = position, -np.inf
+    for _ in range(MOST_PASSES):
+        if overlaps is None:
+            return position
+        if overlaps.gap.min() > best_gap:
+            best, best_gap = position, overlaps.gap.min()
+        position = system.move(position, _displacement(overlaps, depth), 1.0)
+        overlaps = system.overlaps(position, tolerated)
+    return position if overlaps is None or overlaps.gap.min() > best_gap else best
+
+
+def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
+    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that the columns of SᵀW_N are all that is swept over."""
+    normals = overlaps.normals
+    root = overlaps.inverse_mass.root_blocks(normals.length)
+    assert root is not None
+    scaled = normals.scaled(root)
     moved = np.zeros((scaled.n_chunks + 1) * scaled.length)  # the last chunk is the idle one
-    _project(scaled.starts, scaled.chunks, scaled.values, gap, depth, moved)
-    return moved[: -scaled.length]
+    _project(scaled.starts, scaled.chunks, scaled.values, overlaps.gap, depth, moved)
+    return overlaps.inverse_mass.root_times(moved[: -scaled.length])
 
 
 @njit(cache=True)

@@ -20,7 +20,7 @@ from .errors import ProblemError
 from .law_states import LawStates, law_states
 from .laws import FloatArray, IntArray
 from .moreau import ContactSolver, Moreau, State, Step
-from .system import StepAssembly, System
+from .system import Overlaps, StepAssembly, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +97,9 @@ class _Held:
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         return self.system.gaps_below(position, limit)
+
+    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
+        return self.system.overlaps(position, tolerated)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         assembly = self.system.assemble(midpoint, velocity, seconds)

@@ -53,6 +53,21 @@ class StepAssembly:
     contacts: ActiveContacts | None
 
 
+@dataclass(frozen=True, eq=False)
+class Overlaps:
+    """The contacts that penetrate at one position q, and the metric in which to move them apart.
+
+    Attributes:
+        gap: g(q) [m], negative, shape (n_contacts,).
+        normals: W_N, the normal columns of W(q), in pieces, one block of one lane a contact.
+        inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
+    """
+
+    gap: FloatArray
+    normals: Pieces
+    inverse_mass: InverseMass
+
+
 class System(Protocol):
     """What a stepper needs of a system."""
 
@@ -66,6 +81,10 @@ class System(Protocol):
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``, which is not negative."""
+        ...
+
+    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
+        """Return the contacts with g(q) < 0, or None if none of them is deeper than ``tolerated`` [m]."""
         ...
 
 
@@ -139,6 +158,19 @@ class MechanicalSystem:
         gap = self._gaps(position)
         near = gap < limit
         return np.flatnonzero(near), gap[near]
+
+    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
+        """Return the contacts with g(q) < 0, or None if none of them is deeper than ``tolerated`` [m].
+
+        Raises:
+            ProblemError: as ``assemble``, for M, g and W.
+        """
+        gap = self._gaps(position)
+        if not (gap < -tolerated).any():
+            return None
+        columns = self._directions(position)[:, :: self.rows_per_contact]
+        closed = gap < 0.0
+        return Overlaps(gap[closed], _one_chunk(columns[:, closed], 1), self._inverse_mass(position)[1])
 
     def check(self, position: FloatArray, velocity: FloatArray) -> None:
         """Check M, h, g and W at (q, u).

@@ -88,6 +88,27 @@ def test_contacts_come_ordered_by_key() -> None:
     assert (contacts.gap < 0).all()
 
 
+@pytest.mark.parametrize(("dimension", "friction"), [(2, None), (2, 0.3), (3, None), (3, 0.3)])
+def test_overlaps_are_the_gaps_and_normal_columns_of_a_step_at_the_same_place(
+    dimension: int, friction: float | None
+) -> None:
+    system, position = heap(dimension, friction)
+    contacts = system.assemble(position, np.zeros(system.n_balls * system.dofs_per_ball), 1e-3).contacts
+    overlaps = system.overlaps(position, 0.0)
+    assert contacts is not None
+    assert overlaps is not None
+    assert np.array_equal(overlaps.gap, contacts.gap)
+    columns = contacts.directions.to_csc().toarray()[:, :: contacts.rows_per_contact]
+    assert np.array_equal(overlaps.normals.to_csc().toarray(), columns)
+
+
+def test_there_are_no_overlaps_where_none_is_deeper_than_tolerated() -> None:
+    system, position = heap(3, 0.3)
+    depth = -system.gaps_below(position, 0.0)[1].min()
+    assert system.overlaps(position, 1.001 * depth) is None
+    assert system.overlaps(position, 0.999 * depth) is not None
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("friction", -0.1), ("restitution_normal", 1.5), ("dimension", 4), ("masses", np.array([0.0])), ("radii", [-1.0])],

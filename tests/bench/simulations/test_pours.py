@@ -97,9 +97,10 @@ def test_penetrations_do_not_last(flow: Simulation, jam: Simulation) -> None:
     allowed = float(jam.plan.scene.options["projection"] or 0.0)
     assert jam.steps["penetration"][-1] <= 1.11 * allowed
     assert jam.steps["penetration"][jam.steps["time"] > 0.4].max() <= 0.03
-    # beside what may last, states of flowing balls hold fresh impacts: half a step at 3 m/s
-    fresh = 0.5 * flow.plan.step_size * 3.0 / flow.plan.scene.length
-    assert flow.steps["penetration"].max() <= 1.11 * allowed + fresh
+    # fresh impacts are moved apart too; depths of states are extrapolated over half a step, here of less than 3 m/s,
+    # along normals of balls that turn about each other meanwhile: s²/2 over the distance of 2 radii
+    way = 0.5 * flow.plan.step_size * 3.0 / flow.plan.scene.length
+    assert flow.steps["penetration"].max() <= 1.11 * allowed + way**2 / 4.0
 
 
 def test_without_projection_they_do() -> None:
@@ -124,7 +125,9 @@ def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
     simulation = simulate(pour(1.0, outlet=1.2))
     growth = np.diff(simulation.steps["kinetic_energy"] + simulation.steps["potential_energy"])
     mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.01**3
-    lift = SMALL["balls"] * mass * 9.81 * 0.01 * simulation.steps["impact_depth"][1:]
+    impact = simulation.steps["impact_depth"]
+    # what ends too deep without having been in contact is lifted before it has been counted, at the next midpoint
+    lift = SMALL["balls"] * mass * 9.81 * 0.01 * np.maximum(impact[1:], np.append(impact[2:], 0.0))
     assert (growth <= lift + 1e-12).all()
 
 
