@@ -14,12 +14,18 @@ class Clock:
     """
 
     def __init__(self, seconds: float) -> None:
-        self._deadline = time.perf_counter() + seconds
+        self._limit = seconds
+        self._began = time.perf_counter()
+
+    @property
+    def used(self) -> float:
+        """Time used so far [s]."""
+        return time.perf_counter() - self._began
 
     @property
     def left(self) -> float:
         """Time left [s], negative if it is up."""
-        return self._deadline - time.perf_counter()
+        return self._limit - self.used
 
     @property
     def is_up(self) -> bool:
@@ -34,4 +40,4 @@ class Clock:
         shown = impulses.view()
         shown.setflags(write=False)
         observe(iteration, shown)
-        self._deadline += time.perf_counter() - began
+        self._began += time.perf_counter() - began

@@ -173,7 +173,7 @@ class _Outer:
 
     def __post_init__(self) -> None:
         self.clock = Clock(self.stop.max_seconds)
-        self.refinement = Refinement(self.prepared.problem, self.prepared.residual)
+        self.refinement = Refinement(self.prepared.problem, self.prepared.residual, self.clock)
 
     def follow(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> tuple[Status, str] | None:
         """Iterate from s and Λ; return status and reason if the solve is over, None if only the phase is."""

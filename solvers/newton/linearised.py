@@ -49,11 +49,13 @@ class Equations:
 
     Attributes:
         row_alpha: α of the law that each row belongs to [1/kg], shape (n_rows,).
+        entries: stored entries of G.
     """
 
     def __init__(self, problem: ContactProblem, residual: Residual) -> None:
         laws = problem.laws
         self._delassus, self._free = problem.delassus(), problem.free_velocity
+        self.entries = int(self._delassus.nnz)
         self.row_alpha: FloatArray = np.zeros(problem.n_rows)
         self.row_alpha[laws.first_row] = residual.alpha
         spatial = laws.kind == LawKind.SPATIAL_FRICTION

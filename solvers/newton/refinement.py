@@ -13,19 +13,29 @@ from collections.abc import Callable
 from ...problems.contact import ContactProblem
 from ...problems.judge import Residual
 from ...problems.laws import FloatArray
+from ..clock import Clock
+from .linear_solver import LinearSolver
 from .linearised import Equations
 from .steps import SEARCHING, THOROUGH, Attempt, newton_steps
+from .work import Work
 
 CLOSE = Attempt(damping=1e-12, most_steps=4, patience=1)
 """What is tried on identified states: each step has to lower the residual, and by half to be followed by another."""
 
 
 class Refinement:
-    """Newton steps from the iterates of another method, kept only where the judge's residual falls."""
+    """Newton steps from the iterates of another method, kept only where the judge's residual falls.
 
-    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
+    Args:
+        problem: the problem.
+        residual: its residual.
+        clock: the time that is left; no step is begun that would not end in it.
+    """
+
+    def __init__(self, problem: ContactProblem, residual: Residual, clock: Clock) -> None:
         self._problem, self._residual = problem, residual
         self._equations: Equations | None = None
+        self._solver = LinearSolver(clock, Work(entries=0))
 
     def refined(self, impulses: FloatArray, residual: float, tolerance: float) -> tuple[FloatArray, float]:
         """Return better impulses [N s], shape (n_rows,), and their residual, or those given."""
@@ -58,7 +68,7 @@ class Refinement:
             if lowest <= tolerance or not goes_on():
                 break
             found, reached = newton_steps(
-                self._equations, self._judged, impulses, residual, attempt, tolerance, lambda _: goes_on()
+                self._equations, self._solver, self._judged, impulses, residual, attempt, tolerance, lambda _: goes_on()
             )
             if reached < lowest:
                 best, lowest = found, reached

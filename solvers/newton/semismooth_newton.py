@@ -4,16 +4,14 @@ Sweeps find quickly which contacts are open, stick and slip, but settle the impu
 contacts hang together; Newton's method does the reverse. So sweeps come first, and Newton's method is tried when they
 are slow. What it finds is kept only where the judge's residual has fallen.
 
-Newton's method converges from nearby alone, and sweeps of high friction may lead away for ever. Where they stall, the
-solve begins anew with other predictors (block Gauss–Seidel, then the first sweeps): Newton's method is tried from
-their 0th, 1st, 2nd, 4th, 8th, … iterate, with two dampings, with and without a search along its steps (``steps``). Such
-restarts are what there is of globalisation where the equations have neither a potential nor a monotone map: no merit
-function is free of local minima then (Acary, Brémond & Huber 2018).
+Newton's method converges from nearby alone, and sweeps of high friction may lead away for ever. Where they lead
+nowhere, Newton's method is tried from other predictors (``restarts``), from the best iterate and from the first.
 
-No decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse.
+No decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse. None
+depends on the speed of the machine either, but near the deadline, where no Newton step is begun that would not end in
+time (``linear_solver``).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,14 +22,15 @@ from ...problems.judge import Residual
 from ...problems.laws import FloatArray
 from ...problems.model import Model
 from ..interface import Observer, Solution, Status, Stop, described
-from ..prox.block_gauss_seidel import BlockIterates, BlockSweep
 from ..prox.delassus_sweep import DelassusSweep
-from ..prox.iteration import Advance, Iterates, confirmed, first_impulses, rounding
+from ..prox.iteration import Advance, confirmed, first_impulses, rounding
 from ..prox.monitor import Monitor, sweeps_to_next_look
 from ..prox.safeguarded import SafeguardedIterates
 from ..prox.step_size import check_relaxation, diagonal_step_sizes
+from .attempts import Attempts
 from .linearised import Equations
-from .steps import DAMPED, SHARP, THOROUGH, Attempt, newton_steps
+from .restarts import Restarts
+from .steps import DAMPED, SHARP, THOROUGH
 
 SWEEPS_BEFORE = 200
 """Sweeps before Newton's method is thought of, and between two measurements of how fast they converge."""
@@ -45,16 +44,6 @@ IN_TURN = (SHARP, DAMPED, *THOROUGH)
 
 SUCCESS = 0.1
 """After an attempt that lowers the residual to this fraction the next follows at once; after others, sweeps do."""
-
-RESTART_SWEEPS = 128
-"""Sweeps of one predictor after a restart."""
-
-RESTART_STEPS = 1000
-"""Iterations after which restarts are given up."""
-
-RESTART_WORK = 30_000
-"""Rows times iterations after which they are given up too: a Newton step costs in proportion to the rows, or more."""
-
 
 STUCK = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
 """Where sweeps lead nowhere, and other predictors may."""
@@ -115,7 +104,9 @@ class PreparedNewton:
         monitor = Monitor(stop)
         iterates = SafeguardedIterates(self.sweep, first)
         advance = Advance(iterates, monitor, observe)
-        pace, wait, attempts = Pace(), SWEEPS_BEFORE, 0
+        attempts = Attempts(self.problem, self.residual, self.equations, advance)
+        restarts = Restarts(attempts, self.sweep, first)
+        pace, wait, tried = Pace(), SWEEPS_BEFORE, 0
         while True:
             impulses = iterates.impulses()
             residual = self.residual(impulses, iterates.relative_velocity())
@@ -124,80 +115,38 @@ class PreparedNewton:
             ended = monitor.look(advance.iteration, residual, impulses)
             if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
                 ended = advance.cycle(impulses)
-            if ended is not None and ended[0] in STUCK and not self._is_rounding(monitor):
-                ended = self._restarted(advance, first, stop) or ended
+            if leads_nowhere(ended) and not self._is_rounding(monitor) and restarts.are_due:
+                before = monitor.best_residual
+                ended = restarts.tried() or ended
+                advance.iterates = iterates
+                if leads_nowhere(ended) and monitor.best_residual <= SUCCESS * before:
+                    iterates.move_to(restarts.best)
+                    pace, ended = Pace(), None
+                    continue
             if ended is not None:
                 return monitor.solution(ended, advance.iteration, self.problem.n_rows)
             if pace.sweeps >= wait and pace.sweeps_a_digit(residual) > SLOW:
-                attempt = IN_TURN[attempts % len(IN_TURN)]
-                found, lowest = self._tried(attempt, impulses, residual, stop, advance)
+                found, lowest = attempts.tried(IN_TURN[tried % len(IN_TURN)], impulses, residual)
                 if lowest < residual:
                     iterates.move_to(found)
                 if lowest > SUCCESS * residual:
-                    attempts, wait = attempts + 1, 2 * wait
+                    tried, wait = tried + 1, 2 * wait
                     pace = Pace()
                 continue
             count = min(stop.max_iterations - advance.iteration, sweeps_to_next_look(advance.iteration))
             advance.by(count)
+            attempts.work.count_sweeps(count)
             pace.note(count, residual)
-
-    def _restarted(self, advance: Advance, first: FloatArray, stop: Stop) -> tuple[Status, str] | None:
-        """Try Newton's method from the iterates of other predictors; return how that ended, None if it did not help.
-
-        Every iterate counts and is shown, those of the predictors included; the monitor keeps the best.
-        """
-        monitor, began = advance.monitor, advance.iteration
-        most = min(RESTART_STEPS, RESTART_WORK // max(self.problem.n_rows, 1))
-        predictors: tuple[Callable[[FloatArray], Iterates], ...] = (
-            lambda start: BlockIterates(BlockSweep.over(self.problem, 1.0, True), start),
-            lambda start: SafeguardedIterates(self.sweep, start),
-        )
-        for predictor in predictors:
-            iterates, done = predictor(first), 0
-            advance.iterates = iterates
-            while done <= RESTART_SWEEPS and advance.iteration - began < most:
-                impulses = iterates.impulses()
-                residual = self._judged(impulses)
-                if not np.isfinite(residual):
-                    break
-                candidates = [(impulses, residual)]
-                for attempt in THOROUGH:
-                    candidates.append(self._tried(attempt, impulses, residual, stop, advance))
-                    if candidates[-1][1] <= stop.tolerance:
-                        break
-                best, lowest = min(candidates, key=lambda candidate: candidate[1])
-                if lowest < monitor.best_residual:
-                    monitor.best_residual, monitor.best_impulses = lowest, best
-                if lowest <= stop.tolerance:
-                    return Status.SOLVED, ""
-                if monitor.clock.is_up or advance.iteration >= stop.max_iterations:
-                    limit = Status.TIME_LIMIT if monitor.clock.is_up else Status.ITERATION_LIMIT
-                    return limit, f"residual {monitor.best_residual:.1e} after {advance.iteration} iterations"
-                count = min(max(done, 1), stop.max_iterations - advance.iteration)
-                advance.by(count)
-                done += count
-        return None
 
     def _is_rounding(self, monitor: Monitor) -> bool:
         """Whether the best residual is what rounding may leave, and nothing else would find less."""
         impulses = monitor.best_impulses
         return impulses is not None and monitor.best_residual <= rounding(self.problem, self.residual, impulses)
 
-    def _tried(
-        self, attempt: Attempt, impulses: FloatArray, residual: float, stop: Stop, advance: Advance
-    ) -> tuple[FloatArray, float]:
-        """Return the best Λ of an attempt and its residual."""
-        if advance.iteration >= stop.max_iterations or advance.monitor.clock.is_up:
-            return impulses, residual
 
-        def goes_on(reached: FloatArray) -> bool:
-            advance.arrive(reached)
-            return advance.iteration < stop.max_iterations and not advance.monitor.clock.is_up
-
-        return newton_steps(self.equations, self._judged, impulses, residual, attempt, stop.tolerance, goes_on)
-
-    def _judged(self, impulses: FloatArray) -> float:
-        return self.residual(impulses, self.problem.relative_velocity(impulses))
+def leads_nowhere(ended: tuple[Status, str] | None) -> bool:
+    """Whether sweeps that ended so, None where they go on, lead nowhere and other predictors may do better."""
+    return ended is not None and ended[0] in STUCK
 
 
 class Pace:

@@ -1,14 +1,11 @@
 """Newton steps on the projection equations, until they no longer help.
 
-Each step solves J δ = right (``linearised``), in impulses scaled by √α, so that neither the units nor the mass ratios
-of contacts decide over pivots:
+Each step solves the linearised equations, scaled and damped (``linear_solver``).
 
-    (D J D + damping · I) y = D right,      δ = D y,      D = diag(1/√α).
-
-Where contacts over-determine the bodies J has no full rank. The damping makes the step the proximal one, which leaves
-the solution where it is: it weighs δ, not Λ, and δ vanishes there (Levenberg 1944; Marquardt 1963; for equations whose
-solutions are not isolated: Yamashita & Fukushima 2001). Little damping gives Newton's quadratic convergence; more keeps
-undetermined impulses from running away.
+Where contacts over-determine the bodies their matrix has no full rank. The damping makes the step the proximal one,
+which leaves the solution where it is: it weighs δ, not Λ, and δ vanishes there (Levenberg 1944; Marquardt 1963; for
+equations whose solutions are not isolated: Yamashita & Fukushima 2001). Little damping gives Newton's quadratic
+convergence; more keeps undetermined impulses from running away.
 
 Far from a solution a full step may lead to other states that lead back, a cycle. A search along the step, for the first
 of t = 1, ½, …, 1/64 with
@@ -23,17 +20,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from ...problems.laws import FloatArray
-from .linearised import Equations, Linearised
+from .linear_solver import LinearSolver
+from .linearised import Equations
 
 HOPELESS = 1e2
 """An attempt ends when the residual exceeds this many times the one it began with."""
-
-PIVOT_THRESHOLD = 0.1
-"""A diagonal pivot is taken unless it is below this fraction of its column: that keeps the factors sparse."""
 
 SUFFICIENT = 1e-4
 """Share of the linear decrease that a shortened step has to reach."""
@@ -80,6 +73,7 @@ SEARCHING = THOROUGH[1]
 
 def newton_steps(
     equations: Equations,
+    solver: LinearSolver,
     measure: Callable[[FloatArray], float],
     impulses: FloatArray,
     first: float,
@@ -91,6 +85,7 @@ def newton_steps(
 
     Args:
         equations: the projection equations.
+        solver: of their linear systems.
         measure: the judge's residual by the judge's arithmetic: rounding must not pass for progress.
         impulses: Λ [N s], shape (n_rows,).
         first: its residual.
@@ -100,7 +95,7 @@ def newton_steps(
     """
     best, lowest, present, waited = impulses, first, first, 0
     for _ in range(attempt.most_steps):
-        step = newton_step(equations, impulses, attempt.damping)
+        step = newton_step(equations, solver, impulses, attempt.damping)
         if step is None:
             break
         before, present = present, measure(step)
@@ -131,30 +126,14 @@ def _shortened(
     return point, present
 
 
-def newton_step(equations: Equations, impulses: FloatArray, damping: float) -> FloatArray | None:
-    """Return Λ after one step, shape (n_rows,), or None where the system cannot be solved."""
+def newton_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, damping: float) -> FloatArray | None:
+    """Return Λ after one step, shape (n_rows,), or None where the system cannot be solved or would take too long."""
     system = equations.linearised(impulses)
     if len(system.active) == 0:
         return system.base
-    step = _solved(system, 1.0 / np.sqrt(equations.row_alpha[system.active]), damping)
+    step = solver.solve(system, 1.0 / np.sqrt(equations.row_alpha[system.active]), damping)
     if step is None or not np.isfinite(step).all():
         return None
     moved = system.base
     moved[system.active] += step
     return moved
-
-
-def _solved(system: Linearised, scale: FloatArray, damping: float) -> FloatArray | None:
-    """Return δ over the active rows."""
-    scaling = sp.diags_array(scale)
-    matrix = scaling @ system.matrix @ scaling + damping * sp.eye_array(len(scale))
-    try:
-        factors = splu(
-            sp.csc_matrix(matrix),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=PIVOT_THRESHOLD,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError:  # exactly singular
-        return None
-    return np.asarray(scale * factors.solve(scale * system.right))

@@ -1,0 +1,63 @@
+"""Attempts at Newton's method within the limits of one solve, and what they cost."""
+
+from ...problems.contact import ContactProblem
+from ...problems.judge import Residual
+from ...problems.laws import FloatArray
+from ..prox.iteration import Advance
+from .linear_solver import LinearSolver
+from .linearised import Equations
+from .steps import Attempt, newton_steps
+from .work import Work
+
+
+class Attempts:
+    """Newton's method from any iterate of one solve.
+
+    Args:
+        problem: the problem.
+        residual: its residual.
+        equations: its projection equations.
+        advance: counts and shows each step; its monitor has the limits.
+
+    Attributes:
+        problem: as given.
+        advance: as given.
+        work: what sweeps and Newton steps have taken; who sweeps adds to it.
+    """
+
+    def __init__(self, problem: ContactProblem, residual: Residual, equations: Equations, advance: Advance) -> None:
+        self.problem, self.advance = problem, advance
+        self.work = Work(equations.entries)
+        self._residual, self._equations = residual, equations
+        self._solver = LinearSolver(advance.monitor.clock, self.work)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a limit of the solve is reached."""
+        monitor = self.advance.monitor
+        return self.advance.iteration >= monitor.stop.max_iterations or monitor.clock.is_up
+
+    def tried(
+        self, attempt: Attempt, impulses: FloatArray, residual: float, work_until: float = float("inf")
+    ) -> tuple[FloatArray, float]:
+        """Return the best Λ [N s] of an attempt, shape (n_rows,), and its residual.
+
+        Args:
+            attempt: how far Newton's method is followed.
+            impulses: Λ to begin with, shape (n_rows,).
+            residual: its residual.
+            work_until: nominal seconds of the whole solve after which no further step is begun.
+        """
+        if self.is_over or self.work.seconds >= work_until:
+            return impulses, residual
+
+        def goes_on(reached: FloatArray) -> bool:
+            self.advance.arrive(reached)
+            return not self.is_over and self.work.seconds < work_until
+
+        tolerance = self.advance.monitor.stop.tolerance
+        return newton_steps(self._equations, self._solver, self.judged, impulses, residual, attempt, tolerance, goes_on)
+
+    def judged(self, impulses: FloatArray) -> float:
+        """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
+        return self._residual(impulses, self.problem.relative_velocity(impulses))

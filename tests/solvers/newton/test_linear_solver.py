@@ -1,0 +1,114 @@
+"""Linear systems of Newton steps are solved exactly, and only where that ends in time."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from proxbench.problems import load
+from proxbench.solvers import Status, Stop, create
+from proxbench.solvers.clock import Clock
+from proxbench.solvers.newton import linear_solver
+from proxbench.solvers.newton.linear_solver import LinearSolver
+from proxbench.solvers.newton.linearised import Linearised
+from proxbench.solvers.newton.work import Work
+
+
+class Machine:
+    """A machine whose time passes only by reading the clock [s] and by factorising.
+
+    It is slow: a part of 50 rows takes what one of 500 does elsewhere, so that small problems stand for large ones.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, seconds_per_entry_squared: float) -> None:
+        self.now, self.reading, self.factorised = 0.0, 1e-5, linear_solver.factorised
+        self.rows: list[int] = []
+        self._cost = seconds_per_entry_squared
+        monkeypatch.setattr("proxbench.solvers.clock.time", SimpleNamespace(perf_counter=self.read))
+        monkeypatch.setattr(linear_solver, "factorised", self.factorise)
+        monkeypatch.setattr(linear_solver, "FIRST_PART", 50)
+        monkeypatch.setattr(linear_solver, "SMALL", 500)
+
+    def read(self) -> float:
+        self.now += self.reading
+        return self.now
+
+    def factorise(self, matrix: sp.csr_array) -> object:
+        self.now += self._cost * matrix.nnz**2
+        self.rows.append(matrix.shape[0])
+        return self.factorised(matrix)
+
+
+def grid(side: int) -> Linearised:
+    """The equations of a grid in the plane, all of whose rows are active."""
+    line = sp.diags_array([-1.0, 4.0, -1.0], offsets=[-1, 0, 1], shape=(side, side))
+    along = sp.diags_array([-1.0, -1.0], offsets=[-1, 1], shape=(side, side))
+    matrix = sp.csr_array(sp.kron(sp.eye_array(side), line) + sp.kron(along, sp.eye_array(side)))
+    rows = side**2
+    return Linearised(np.zeros(rows), np.arange(rows), matrix, np.linspace(-1.0, 1.0, rows))
+
+
+def test_a_step_solves_its_scaled_and_damped_system_and_is_counted() -> None:
+    system, work = grid(20), Work(entries=0)
+    scale, damping = np.logspace(-1, 1, 400), 1e-3
+    step = LinearSolver(Clock(math.inf), work).solve(system, scale, damping)
+    damped = system.matrix.toarray() + np.diag(damping / scale**2)
+    assert step is not None
+    assert np.abs(damped @ step - system.right).max() <= 1e-12
+    assert work.seconds > 0.0
+
+
+def test_a_singular_system_has_no_step() -> None:
+    system = Linearised(np.zeros(2), np.arange(2), sp.csr_array(np.ones((2, 2))), np.ones(2))
+    assert LinearSolver(Clock(math.inf), Work(entries=0)).solve(system, np.ones(2), 0.0) is None
+
+
+def test_without_a_time_limit_nothing_is_factorised_to_learn_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = Machine(monkeypatch, 1.0)
+    LinearSolver(Clock(math.inf), Work(entries=0)).solve(grid(50), np.ones(2500), 0.0)
+    assert machine.rows == [2500]
+
+
+@pytest.mark.parametrize("whole", [1e-2, 1.0, 1e2, 1e3])
+@pytest.mark.parametrize("limit", [0.5, 5.0, 50.0])
+def test_a_factorisation_that_would_come_too_late_is_not_begun(
+    limit: float, whole: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Time grows with the square of the entries, less than what is allowed for: no attempt ends after the limit."""
+    system = grid(100)
+    machine = Machine(monkeypatch, whole / system.matrix.nnz**2)
+    clock = Clock(limit)
+    step = LinearSolver(clock, Work(entries=0)).solve(system, np.ones(10_000), 0.0)
+    assert not clock.is_up
+    assert (step is not None) == (10_000 in machine.rows)
+    if whole <= limit / 20:
+        assert step is not None
+    if whole > limit:
+        assert step is None
+
+
+def test_parts_do_not_change_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = grid(60)
+    plain = LinearSolver(Clock(math.inf), Work(entries=0)).solve(system, np.ones(3600), 0.0)
+    machine = Machine(monkeypatch, 1.0 / system.matrix.nnz**2)
+    after_parts = LinearSolver(Clock(20.0), Work(entries=0)).solve(system, np.ones(3600), 0.0)
+    assert len(machine.rows) > 2
+    assert machine.rows[-1] == 3600
+    assert np.array_equal(plain, after_parts)
+
+
+@pytest.mark.parametrize("whole", [0.1, 3.0, 100.0])
+@pytest.mark.parametrize("limit", [0.5, 1.0])
+def test_a_solve_ends_at_its_time_limit_whatever_a_factorisation_takes(
+    limit: float, whole: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps of ``whole`` seconds, and looks of some 4 ms, on a pile that is not solved in the time."""
+    problem = load("pile-300")
+    prepared = create("SemismoothNewton").prepare(problem)
+    machine = Machine(monkeypatch, whole / problem.delassus().nnz ** 2)
+    machine.reading = 2e-3
+    solution = prepared.solve(Stop(1e-13, 10**7, limit))
+    assert solution.status is Status.TIME_LIMIT
+    assert limit <= machine.now <= limit + 0.03
+    assert machine.rows

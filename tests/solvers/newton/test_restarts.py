@@ -1,0 +1,112 @@
+"""Restarts begin where the solve has come closest, and are limited by counted work."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, load
+from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.judge import Residual
+from proxbench.solvers import Solution, Status, Stop, create
+from proxbench.solvers.newton import restarts as restarts_module
+from proxbench.solvers.newton.attempts import Attempts
+from proxbench.solvers.newton.linearised import Equations
+from proxbench.solvers.newton.restarts import Restarts
+from proxbench.solvers.newton.work import Work
+from proxbench.solvers.prox.delassus_sweep import DelassusSweep
+from proxbench.solvers.prox.iteration import Advance
+from proxbench.solvers.prox.monitor import Monitor
+from proxbench.solvers.prox.safeguarded import SafeguardedIterates
+from proxbench.solvers.prox.step_size import diagonal_step_sizes
+
+
+def restarts_of(problem: ContactProblem, first: np.ndarray, stop: Stop) -> tuple[Restarts, Advance, Attempts]:
+    """The restarts of a solve that has done nothing yet."""
+    sweep = DelassusSweep.over(problem, problem.delassus_blocks(), diagonal_step_sizes(problem, 1.5))
+    advance = Advance(SafeguardedIterates(sweep, first), Monitor(stop), None)
+    residual = Residual(problem)
+    attempts = Attempts(problem, residual, Equations(problem, residual), advance)
+    return Restarts(attempts, sweep, first), advance, attempts
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_they_begin_from_the_best_iterate(seed: int) -> None:
+    """One step from impulses that have the states of the solution solves the problem; from others it does not."""
+    problem = with_solution(Family(6, dim=2, n_dofs=30, friction=0.5, states=("slip", "open")), seed)
+    assert problem.answer is not None
+    witness = np.asarray(problem.answer.witness)
+    far = np.random.default_rng(seed).uniform(10.0, 20.0, problem.n_rows)
+    restarts, advance, attempts = restarts_of(problem, far, Stop(1e-9))
+    near = witness * (1.0 + 1e-3)
+    advance.monitor.look(0, attempts.judged(near), near)
+    assert restarts.tried() == (Status.SOLVED, "")
+    assert advance.iteration == 1
+    assert attempts.judged(restarts.best) <= 1e-9
+
+
+@pytest.mark.parametrize("name", ["five sliding", "hard-random-mu8"])
+def test_they_try_the_first_iterate_too(name: str) -> None:
+    """Whatever is held for the best, even impulses without use, the first iterate leads to a solution."""
+    five = Family(5, dim=2, n_dofs=4, density=0.6, friction=0.5, states=("slip",))
+    problem = with_solution(five, 1130) if name == "five sliding" else load(name)
+    restarts, advance, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8))
+    useless = np.full(problem.n_rows, 1e6)
+    advance.monitor.look(0, attempts.judged(useless), useless)
+    assert restarts.tried() == (Status.SOLVED, "")
+
+
+def test_they_come_again_only_after_the_work_has_doubled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restarts_module, "LEAST", 0.1)
+    problem = load("hard-squeezed")
+    restarts, _, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6))
+    assert restarts.are_due
+    assert restarts.tried() is None
+    assert not restarts.are_due
+    attempts.work.seconds *= 2.0
+    assert restarts.are_due
+
+
+@pytest.mark.parametrize(("before", "least", "expected"), [(0.0, 0.1, 0.1), (0.2, 0.1, 0.2), (0.2, 100.0, 0.3)])
+def test_they_stay_within_their_share_of_the_work(
+    before: float, least: float, expected: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit is 0.6 s of a clock that stands still; one Newton step may go beyond the share, and no sweep."""
+    monkeypatch.setattr("proxbench.solvers.clock.time", SimpleNamespace(perf_counter=lambda: 0.0))
+    monkeypatch.setattr(restarts_module, "LEAST", least)
+    problem = load("hard-squeezed")
+    restarts, _, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6, 0.6))
+    attempts.work.seconds = before
+    assert restarts.tried() is None
+    assert expected <= attempts.work.seconds - before <= expected + 0.01
+
+
+@pytest.mark.parametrize("name", ["hard-squeezed", "pile-100"])
+def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock of one machine runs a thousand times as fast as that of the other; neither comes to its limit."""
+    prepared = create("SemismoothNewton").prepare(load(name))
+
+    def solved(reading: float) -> Solution:
+        now = 0.0
+
+        def read() -> float:
+            nonlocal now
+            now += reading
+            return now
+
+        monkeypatch.setattr("proxbench.solvers.clock.time", SimpleNamespace(perf_counter=read))
+        return prepared.solve(Stop(1e-9, 2300, 2.0))
+
+    fast, slow = solved(1e-8), solved(1e-5)
+    assert (fast.status, fast.iterations) == (slow.status, slow.iterations)
+    assert fast.status is not Status.TIME_LIMIT
+    assert np.array_equal(fast.impulses, slow.impulses)
+
+
+def test_work_grows_with_sweeps_and_faster_than_the_fill_of_factors() -> None:
+    sweeps, more, small, large = (Work(entries) for entries in (10**6, 10**6, 0, 0))
+    sweeps.count_sweeps(10)
+    more.count_sweeps(30)
+    small.count_step(10**4, 10**6)
+    large.count_step(10**4, 10**8)
+    assert more.seconds == pytest.approx(3.0 * sweeps.seconds)
+    assert large.seconds > 1e3 * small.seconds
