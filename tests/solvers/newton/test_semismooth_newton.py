@@ -59,8 +59,8 @@ def test_planar_velocities_are_among_those_of_enumeration(seed: int, friction: f
     free = directions.T @ rng.normal(size=12)
     problem = ContactProblem.from_factors(directions, inverse_mass, free, friction, dim=2)
     solution = solve(problem, "SemismoothNewton", tolerance=1e-11)
-    if solution.status is not Status.SOLVED:
-        return
+    assert solution.status is Status.SOLVED, solution.message
+    assert judge(problem, solution.impulses).residual <= 1e-10
     known = create("Enumeration").prepare(problem).all_solutions(1e-9)  # type: ignore[attr-defined]
     velocities = [problem.relative_velocity(other) - problem.relative_velocity(solution.impulses) for other in known]
     assert min(np.abs(difference).max() for difference in velocities) <= 1e-6 * np.abs(free).max()
