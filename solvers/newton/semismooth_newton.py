@@ -117,12 +117,13 @@ class PreparedNewton:
                 ended = advance.cycle(impulses)
             if leads_nowhere(ended) and not self._is_rounding(monitor) and restarts.are_due:
                 before = monitor.best_residual
-                ended = restarts.tried() or ended
+                over = restarts.tried()
                 advance.iterates = iterates
-                if leads_nowhere(ended) and monitor.best_residual <= SUCCESS * before:
+                if over is None and monitor.best_residual <= SUCCESS * before:
                     iterates.move_to(restarts.best)
-                    pace, ended = Pace(), None
+                    pace = Pace()
                     continue
+                ended = over or ended
             if ended is not None:
                 return monitor.solution(ended, advance.iteration, self.problem.n_rows)
             if pace.sweeps >= wait and pace.sweeps_a_digit(residual) > SLOW:
