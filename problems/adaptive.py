@@ -13,6 +13,7 @@ it depends on no unit and vanishes only where nothing moves. M⁻¹h Δt_max cou
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
@@ -75,6 +76,7 @@ class VariableStepTaken:
         substeps: the one-step solves behind its last sequence, each with its length [s].
         solves: one-step inclusions solved since the start, those of rejected attempts included.
         rejected: attempts rejected since the start.
+        seconds: wall time of all attempts since the start [s], until this step was accepted.
     """
 
     begin: State
@@ -85,6 +87,7 @@ class VariableStepTaken:
     substeps: tuple[tuple[Step, float], ...]
     solves: int
     rejected: int
+    seconds: float
 
 
 class Scheme(Protocol):
@@ -192,6 +195,7 @@ class _Course:
         self._trying = self._length
         self._levels = 2
         self._rejected = 0
+        self._spent = self._began = 0.0
         self._saw_switch = False
 
     def steps(self) -> Iterator[VariableStepTaken]:
@@ -225,6 +229,7 @@ class _Course:
 
     def _tried(self) -> VariableStepTaken | None:
         """Try one step; say when it was, whatever fails in it."""
+        self._began = perf_counter()
         try:
             return self._next()
         except StepError:
@@ -234,6 +239,8 @@ class _Course:
             raise StepError(
                 f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
             ) from failure
+        finally:
+            self._spent += perf_counter() - self._began
 
     def _next(self) -> VariableStepTaken | None:
         """Try one step; return it if it was accepted."""
@@ -322,7 +329,10 @@ class _Course:
         self._states_before = self._states
         self._state, self._states = end, states
         self._scale.note(end)
-        return VariableStepTaken(begin, end, error, states, switches, substeps, self._rule.solves, self._rejected)
+        seconds = self._spent + perf_counter() - self._began
+        return VariableStepTaken(
+            begin, end, error, states, switches, substeps, self._rule.solves, self._rejected, seconds
+        )
 
     def _order(self, levels: int) -> int:
         return self._plan.scheme.order(levels, self._plan.system)

@@ -103,15 +103,13 @@ def advance_variable(
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)
-    written = last = clock()
-    counts = (0, 0)
+    written = clock()
+    counts = (0, 0, 0.0)
     try:
         stepper = simulation.plan.steps(Asked(simulation.plan.solver))
         for taken in stepper.steps(simulation.state, simulation.plan.until, simulation.states):
-            now = clock()
-            row = _row(simulation, taken, counts, now - last)
-            simulation.append(taken, row)
-            counts = (taken.solves, taken.rejected)
+            simulation.append(taken, _row(simulation, taken, counts))
+            counts = (taken.solves, taken.rejected, taken.seconds)
             for call in on_step:
                 call(taken)
             simulation.wall_seconds = clock() - began
@@ -121,7 +119,6 @@ def advance_variable(
             on_progress(simulation)
             if stop_asked():
                 break
-            last = clock()
     except StepError as error:
         raise _failure(simulation, error) from error
     finally:
@@ -148,10 +145,14 @@ def _failure(simulation: VariableSimulation, error: StepError) -> BenchError:
     )
 
 
-def _row(
-    simulation: VariableSimulation, taken: VariableStepTaken, counts: tuple[int, int], seconds: float
-) -> tuple[float, ...]:
-    """Return the values of one accepted step in the order of ``STEP``."""
+def _row(simulation: VariableSimulation, taken: VariableStepTaken, before: tuple[int, int, float]) -> tuple[float, ...]:
+    """Return the values of one accepted step in the order of ``STEP``.
+
+    Args:
+        simulation: what the step is of.
+        taken: the step.
+        before: solves, rejected attempts and wall time [s] up to the step before.
+    """
     scene, end = simulation.plan.scene, taken.end
     steps = [step for step, _ in taken.substeps]
     depths = [-float(step.contacts.gap.min()) for step in steps if step.contacts is not None]
@@ -159,15 +160,15 @@ def _row(
         end.time,
         end.time - taken.begin.time,
         taken.error,
-        taken.solves - counts[0],
-        taken.rejected - counts[1],
+        taken.solves - before[0],
+        taken.rejected - before[1],
         len(taken.states.closed),
         sum(step.iterations for step in steps),
         max(judged_residual(step) for step in steps),
         scene.kinetic_energy(end.velocity),
         scene.potential_energy(end.position),
         max(depths, default=0.0) / scene.length,
-        seconds,
+        taken.seconds - before[2],
     )
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.variable.file import is_variable, read_variable
 from proxbench.bench.variable.plan import VariablePlan, make_variable_plan
 from proxbench.bench.variable.running import advance_variable, begun_variable, one_steps, simulate_variable
-from proxbench.problems import ContactProblem, Model
+from proxbench.problems import ContactProblem, Model, adaptive
+from proxbench.problems.moreau import Step
 from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
+from proxbench.problems.smooth_step import OneStep
 from proxbench.solvers import create
 from proxbench.solvers.interface import Prepared
 
@@ -34,6 +37,25 @@ def test_rows_describe_the_accepted_steps() -> None:
     assert len(simulation.switches) == sum(len(step.switches) for step in taken)
     last = simulation.trajectory[-1]
     assert steps["potential_energy"][-1] == pytest.approx(potential_energy(last[:3]), rel=1e-12)
+
+
+def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a clock that a one-step solve moves on by a second, and nothing else at all, seconds are solves.
+
+    A step is known to last only after the next one was tried, and what a search takes back has cost time as well.
+    """
+    now, take = [0.0], OneStep.take
+
+    def timed(*arguments: Any, **options: Any) -> Step:
+        now[0] += 1.0
+        return take(*arguments, **options)
+
+    monkeypatch.setattr(OneStep, "take", timed)
+    monkeypatch.setattr(adaptive, "perf_counter", lambda: now[0])
+    steps = simulate_variable(plan()).steps
+    assert len(set(steps["solves"])) > 3  # of equal rows, one could have the time of another
+    assert (steps["rejected"] > 0).any()
+    np.testing.assert_array_equal(steps["seconds"], steps["solves"])
 
 
 def test_no_energy_is_gained(tmp_path: Path) -> None:
