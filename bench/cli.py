@@ -51,10 +51,13 @@ def run_command(arguments: list[str]) -> int:
 def _exit_code(error: Exception) -> int:
     """Return the exit code of an error that has a sentence for users; raise any other one again."""
     from ..problems.errors import ProxbenchError
-    from .errors import InterruptedWorkError
+    from ..problems.moreau import StepError
+    from .errors import FailedSimulationError, InterruptedWorkError
 
     if isinstance(error, InterruptedWorkError):
         return 130
+    if isinstance(error, FailedSimulationError | StepError):
+        return 1
     if isinstance(error, ProxbenchError):
         return 2
     raise error
@@ -187,13 +190,15 @@ def run(
     return _report(folder, as_json)
 
 
-@app.command(short_help="Record solvers iterating side by side.")
+@app.command(short_help="Record solvers iterating side by side, or a stored simulation.")
 def record(
-    problem: Annotated[str, typer.Argument(help="Problem to solve.")],
+    problem: Annotated[str, typer.Argument(help="Problem to solve, or result file of a simulation (.npz).")],
     solver: Annotated[
-        list[str], typer.Option(help="Solver with options, SORprox(relaxation=1.5); repeat it to compare.")
-    ],
-    output: Annotated[Path, typer.Option(help="Recording to write, ending in .rrd.")],
+        list[str] | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5); repeat it to compare.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Recording to write, ending in .rrd; of a simulation, beside it if left out.")
+    ] = None,
     plugin: PluginFiles = None,
     tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
     max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of each solver.")] = 1000,
@@ -201,11 +206,23 @@ def record(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing recording.")] = False,
     as_json: Json = False,
 ) -> int:
-    """Record what solvers do in each iteration, side by side, to watch it with: rerun FILE."""
+    """Record what solvers do in each iteration, side by side, or a stored simulation, to watch it with: rerun FILE."""
     from ..solvers.interface import Stop
+    from .errors import BenchError
     from .plan import make_plan, resolved
     from .recordings.solves import record_solves
 
+    if problem.endswith(".npz"):
+        from .stored_simulations import record_simulation
+
+        if solver:
+            raise BenchError(f"{problem} holds a simulation with its solver; leave --solver out.")
+        return record_simulation(Path(problem), output, force, as_json)
+    for option, given in (("--solver", solver), ("--output", output)):
+        if not given:
+            raise BenchError(f"a recording of solvers needs {option}; see proxbench record --help.")
+    assert solver is not None
+    assert output is not None
     plan = make_plan([problem], solver, tolerances=[tolerance])
     stop = Stop(tolerance, max_iterations, max_seconds)
     made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, output, force)
@@ -283,16 +300,23 @@ def check(
     return int(not all(subject["passed"] for subject in subjects))
 
 
-@app.command(short_help="Print tables and draw charts of a stored run.")
+@app.command(short_help="Print tables and draw charts of what is stored.")
 def report(
-    run_dir: Annotated[Path, typer.Argument(help="Folder of a stored run, or file of a study (.json).")],
+    run_dir: Annotated[
+        Path, typer.Argument(help="Folder of a stored run, file of a study (.json) or of a simulation (.npz).")
+    ],
+    plugin: PluginFiles = None,
     as_json: Json = False,
 ) -> int:
-    """Print the tables of a stored run or study, and write its tables and charts again."""
+    """Print the tables of a stored run, study or simulation, and draw its charts again."""
     if run_dir.suffix == ".json":
         from .studies.command import report_study
 
         return report_study(run_dir, as_json)
+    if run_dir.suffix == ".npz" and not run_dir.is_dir():
+        from .stored_simulations import report_simulation
+
+        return report_simulation(run_dir, as_json)
     return _report(run_dir, as_json)
 
 

@@ -9,6 +9,10 @@ class BenchError(ProxbenchError):
     """A run, its options or its files do not hold together."""
 
 
+class FailedSimulationError(BenchError):
+    """A step of a simulation failed; the steps before it are kept."""
+
+
 class InterruptedWorkError(ProxbenchError):
     """Something was interrupted from outside; what was finished is kept."""
 

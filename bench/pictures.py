@@ -36,14 +36,26 @@ def refuse_pictures(path: Path, force: bool) -> None:
     refuse_taken(picture_files(path), force)
 
 
-def drawn(draw: Callable[[], list[Path]], result: Path) -> list[Path]:
+def drawn(
+    draw: Callable[[], list[Path]],
+    result: Path,
+    what: str = "chart",
+    again: str = "draw it with: proxbench simulate --resume {} --chart NAME",
+) -> list[Path]:
     """Draw pictures of what is stored in ``result``; return their files.
 
+    Args:
+        draw: draws them and returns their files.
+        result: what they are drawn from.
+        what: what they are called.
+        again: how they are drawn without simulating again, {} in place of the result.
+
     Raises:
-        BenchError: if that fails, for whatever reason; it says how to draw them without simulating again.
+        BenchError: if that fails, for whatever reason; it says how to draw them later.
     """
     try:
         return draw()
     except Exception as error:
-        again = f"proxbench simulate --resume {result} --chart NAME"
-        raise BenchError(f"{result} is kept, but its chart is missing: {said(error)}; draw it with: {again}") from error
+        raise BenchError(
+            f"{result} is kept, but its {what} is missing: {said(error)}; {again.format(result)}"
+        ) from error

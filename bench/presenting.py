@@ -13,14 +13,14 @@ FILE_WIDTH = 120
 
 
 def simulation_files(
-    result: Path, recording: Path | None, draw: Callable[[], Iterable[Path]]
+    result: Path, draw: Callable[[], Iterable[Path]], record: Callable[[], Iterable[Path]]
 ) -> Iterator[tuple[str, str | Path]]:
-    """Yield what the files of a simulation are, its charts drawn last."""
+    """Yield what the files of a simulation are, its charts and its recording made last."""
     yield "result", result
-    if recording is not None:
-        yield "watch", f"rerun {recording}"
     for path in draw():
         yield "chart", path
+    for path in record():
+        yield "watch", f"rerun {path}"
 
 
 def present(

@@ -56,11 +56,6 @@ class Store:
         Raises:
             BenchError: if it is none.
         """
-        if folder.suffix == ".npz" and folder.is_file():
-            raise BenchError(
-                f"{folder} is a file and no stored run; if it is of a simulation, proxbench simulate --resume {folder} "
-                "prints its table."
-            )
         if not (folder / "run.json").is_file():
             raise BenchError(f"{folder} is no stored run (it has no run.json); name the folder of a run.")
         return Store(folder)

@@ -1,6 +1,7 @@
 """What recordings of all simulations share: the timelines ``step`` and ``time``, and the curves of the steps."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -25,13 +26,16 @@ SMALLEST = 1e-16
 BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
 
+NOT_STARTED = "the recorder was not started; call its start with the state before the first step."
+
 ENERGIES = ("kinetic", "potential", "total")
 
 
 class StepRecorder(ABC):
     """Records a simulation: ``start`` once, then a call after each step, in a ``with`` block that ends the file.
 
-    Leaving the block with an error leaves no file; a file that was there before stays as it was.
+    Leaving the block with an error keeps what was recorded until then. If nothing was started, or the file cannot be
+    ended, there is none, and a file that was there before stays as it was.
 
     Args:
         file: the recording, ending in ``.rrd``.
@@ -60,13 +64,13 @@ class StepRecorder(ABC):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         try:
-            if kind is None and self._stream is not None:
+            if self._stream is not None:
                 self._finish(self._stream)
                 self._write_curves(self._stream)
         except BaseException as problem:
             self._recording.__exit__(type(problem), problem, problem.__traceback__)
             raise
-        self._recording.__exit__(kind, error, at)
+        self._recording.__exit__(None, None, None)
 
     def start(self, state: State) -> None:
         """Draw the state before the first step."""
@@ -87,18 +91,44 @@ class StepRecorder(ABC):
             BenchError: if the recorder was not started.
         """
         if self._stream is None:
-            raise BenchError("the recorder was not started; call its start with the state before the first step.")
+            raise BenchError(NOT_STARTED)
         self._count += 1
-        states = None
-        if step.problem is not None:
-            lanes = step.problem.layout.pad(step.impulses)
-            states = contact_states(step.problem.layout, lanes)
+        states = _states(step)
         self._follow(step)
         if self._count % self._every == 0:
-            self._set_time(self._stream, step.state)
-            self._draw(self._stream, step.state)
-            self._draw_impulses(self._stream, step, states)
+            self._show(self._stream, step, states)
         self._note(step.state, step, states)
+
+    def replay(self, times: FloatArray, curves: Mapping[str, FloatArray], drawn: Iterable[tuple[int, Step]]) -> None:
+        """Record a simulation that is over, of which some steps are known as a whole; instead of a call for each.
+
+        Args:
+            times: the start and the ends of all steps [s], shape (n_steps + 1,).
+            curves: values at these times by the name of the curve, nan where nothing is drawn.
+            drawn: steps that are drawn in the order of time, with their numbers from 1; what else curves show is known
+                of them alone.
+
+        Raises:
+            BenchError: if the recorder was not started.
+        """
+        if self._stream is None:
+            raise BenchError(NOT_STARTED)
+        at_start = self._curves
+        self._times = times.tolist()
+        self._curves = {name: values.tolist() for name, values in curves.items()}
+        for name in at_start.keys() - curves.keys():
+            self._curves[name] = [*at_start[name], *[np.nan] * (len(times) - 1)]
+        for number, step in drawn:
+            self._count, states = number, _states(step)
+            self._follow(step)
+            self._show(self._stream, step, states)
+            for name, value in {**_counts(states), **self._own_curves(step.state)}.items():
+                self._curves[name][number] = value
+
+    def _show(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
+        self._set_time(stream, step.state)
+        self._draw(stream, step.state)
+        self._draw_impulses(stream, step, states)
 
     def _set_time(self, stream: rr.RecordingStream, state: State) -> None:
         stream.set_time(STEP, sequence=self._count)
@@ -108,8 +138,7 @@ class StepRecorder(ABC):
         """Keep the numbers of one instant for the curves."""
         values = {"step_size": np.log10(state.time - self._times[-1]) if self._times else np.nan}
         self._times.append(state.time)
-        counts = np.zeros(len(ContactState), dtype=np.int64) if states is None else count_states(states)
-        values |= {f"contacts/{kind.name.lower()}": float(counts[kind]) for kind in ContactState}
+        values |= _counts(states)
         values["iterations"] = float(step.iterations) if step is not None else 0.0
         values["residual"] = np.log10(max(step_residual(step), SMALLEST)) if step is not None else np.nan
         kinetic, potential = self._energies(state)
@@ -175,6 +204,19 @@ def step_residual(step: Step) -> float:
     directions = contacts.directions
     moved: FloatArray = problem.factors.inverse_mass.times(directions.times(step.impulses))
     return Residual(problem)(step.impulses, directions.transposed_times(moved) + problem.free_velocity)
+
+
+def _states(step: Step) -> States | None:
+    """Return what the contacts of a step do, None without any."""
+    if step.problem is None:
+        return None
+    return contact_states(step.problem.layout, step.problem.layout.pad(step.impulses))
+
+
+def _counts(states: States | None) -> dict[str, float]:
+    """Return how many contacts do what, by the name of the curve."""
+    counts = np.zeros(len(ContactState), dtype=np.int64) if states is None else count_states(states)
+    return {f"contacts/{kind.name.lower()}": float(counts[kind]) for kind in ContactState}
 
 
 def _colour_of(curve: str) -> tuple[int, int, int]:

@@ -27,7 +27,7 @@ _OPTIONS = (
 )
 """Options of scenes that the command line passes on under their own name."""
 
-_NUMBERS = ("step_size", "stepper", "solver", "tolerance", "max_iterations")
+_NUMBERS = ("step_size", "stepper", "solver", "tolerance", "max_iterations", "states")
 
 
 def simulate(
@@ -41,6 +41,9 @@ def simulate(
     solver: Annotated[str | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5).")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Judged residual that each step shall reach.")] = None,
     max_iterations: Annotated[int | None, typer.Option(help="Iterations of the solver in one step.")] = None,
+    states: Annotated[
+        int | None, typer.Option(help="States that are kept, evenly over time, at least; twice as many at most.")
+    ] = None,
     balls: Annotated[int | None, typer.Option(help="Number of balls.")] = None,
     outlet: Annotated[float | None, typer.Option(help="Radius of the outlet in ball radii; 0 closes it.")] = None,
     seed: Annotated[int | None, typer.Option(help="Of the jitter of the start.")] = None,

@@ -1,8 +1,8 @@
-"""Result files of simulations: the plan, the steps and the last state, see ``result_file``.
+"""Result files of simulations: the plan, the steps and states, see ``result_file``.
 
-about          the plan, the names of statuses, wall time
+about          plan, names of statuses, wall time, why a step failed, files beside, doublings of the spacing of states
 steps          one row a step, see ``simulation.STEP``
-time, position, velocity, keys, impulses      the last state, from which the simulation goes on bit by bit
+state_…        states, from the last of which the simulation goes on bit by bit, see ``kept_states``
 """
 
 from collections.abc import Mapping
@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.moreau import State
 from ...solvers.interface import Solver
 from ..errors import BenchError
+from .beside import beside_from
+from .failure import failure_from
+from .kept_states import kept_arrays, restore_kept
 from .plan import SimulationPlan, make_simulation_plan
 from .result_file import FIXED_KIND, ResultKind, taken_from
 from .simulation import STEP, Simulation
 
-KIND = ResultKind(FIXED_KIND, 2, "is no result file of a simulation")
+KIND = ResultKind(FIXED_KIND, 3, "is no result file of a simulation")
 
 
 def write_simulation(simulation: Simulation, path: Path) -> None:
@@ -32,16 +34,12 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         "plan": simulation.plan.document(),
         "statuses": list(simulation.statuses),
         "wall_seconds": simulation.wall_seconds,
+        "failure": None if simulation.failure is None else simulation.failure.document(),
+        "beside": simulation.beside.document(path),
+        "doublings": simulation.thinning.doublings,
     }
-    state = simulation.state
-    arrays = {
-        "steps": simulation.steps,
-        "time": np.array(state.time),
-        "position": state.position,
-        "velocity": state.velocity,
-        "keys": state.keys,
-        "impulses": state.impulses,
-    }
+    simulation.thinning.offer(simulation.state)  # an interruption may have come between a step and this
+    arrays = {"steps": simulation.steps, **kept_arrays(simulation.thinning)}
     KIND.write(path, about, arrays)
 
 
@@ -60,7 +58,11 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     with taken_from(path):
         plan = _plan(about["plan"], solver)
         simulation = Simulation(plan, tuple(about["statuses"]), float(about["wall_seconds"]), path)
-        simulation.restore(_steps(content, len(simulation.statuses)), _state(content, plan))
+        simulation.failure = failure_from(about["failure"])
+        simulation.beside = beside_from(about["beside"], path)
+        steps = _steps(content, len(simulation.statuses))
+        restore_kept(simulation.thinning, content, int(about["doublings"]), steps["time"])
+        simulation.restore(steps, simulation.states[-1])
     return simulation
 
 
@@ -75,24 +77,3 @@ def _steps(content: Mapping[str, NDArray[Any]], n_statuses: int) -> NDArray[np.v
     if steps.dtype != STEP or steps.ndim != 1 or (steps["status"] >= n_statuses).any():
         raise ValueError("these are no steps")
     return steps
-
-
-def _state(content: Mapping[str, NDArray[Any]], plan: SimulationPlan) -> State:
-    """Return the stored state.
-
-    Raises:
-        ValueError: if it is none of the scene.
-    """
-    start, steps = plan.scene.start, content["steps"]
-    time, keys, impulses = float(content["time"]), content["keys"], content["impulses"]
-    vectors = {name: content[name] for name in ("position", "velocity")}
-    if any(
-        vector.shape != getattr(start, name).shape or vector.dtype != np.float64 or not np.isfinite(vector).all()
-        for name, vector in vectors.items()
-    ):
-        raise ValueError("position and velocity are not those of the scene")
-    if keys.dtype != np.int64 or impulses.dtype != np.float64 or keys.shape != impulses.shape[:1] or impulses.ndim != 2:
-        raise ValueError("keys and impulses do not go together")
-    if time != (steps["time"][-1] if len(steps) else start.time):
-        raise ValueError("the state is not that after the last step")
-    return State(time, vectors["position"], vectors["velocity"], keys, impulses)

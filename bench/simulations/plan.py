@@ -10,6 +10,7 @@ from ...problems.scenes.registry import SCENES, Scene, make_scene
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import create
 from ..errors import BenchError
+from .thinning import STATES
 
 FIXED = "Moreau"
 """The stepper of fixed step size."""
@@ -45,6 +46,7 @@ class SimulationPlan:
         solver: solves the contact problem of each step.
         tolerance: judged residual that every step shall reach.
         max_iterations: of the solver, in one step.
+        states: how many states are kept at least, where there are more; twice as many at most.
     """
 
     scene: Scene
@@ -53,6 +55,7 @@ class SimulationPlan:
     solver: Solver
     tolerance: float
     max_iterations: int
+    states: int = STATES
 
     @property
     def n_steps(self) -> int:
@@ -86,6 +89,7 @@ class SimulationPlan:
             "solver": self.solver.name,
             "tolerance": self.tolerance,
             "max_iterations": self.max_iterations,
+            "states": self.states,
         }
 
 
@@ -98,13 +102,14 @@ def make_simulation_plan(
     solver: str | Solver | None = None,
     tolerance: float | None = None,
     max_iterations: int | None = None,
+    states: int | None = None,
 ) -> SimulationPlan:
     """Return the plan of one simulation; what is None is taken from the scene.
 
     Raises:
         ProblemError: for an unknown scene or option, with the nearest name, or an option out of range.
         SolverError: for an unknown solver or option of it, with the nearest name.
-        BenchError: for a step size, duration, tolerance or number of iterations out of range.
+        BenchError: for a step size, duration, tolerance, number of iterations or of states out of range.
     """
     made = make_scene(scene, options)
     default = _FEW_CONTACTS if SCENES[made.name].has_few_contacts else _MANY_CONTACTS
@@ -116,6 +121,7 @@ def make_simulation_plan(
         create(chosen) if isinstance(chosen, str) else chosen,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
+        STATES if states is None else states,
     )
     _check_numbers(plan)
     return plan
@@ -190,3 +196,5 @@ def _check_numbers(plan: SimulationPlan) -> None:
         raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
     if not plan.max_iterations >= 1:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
+    if not plan.states >= 1:
+        raise BenchError(f"states must be at least 1, got {plan.states}.")

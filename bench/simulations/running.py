@@ -10,9 +10,10 @@ from ...problems.errors import said
 from ...problems.judge import Residual
 from ...problems.moreau import Moreau, Step
 from ...solvers.interface import Solver
-from ..errors import BenchError
+from ..errors import BenchError, FailedSimulationError
 from ..output_file import output_file
 from .asking import Asked
+from .failure import Failure
 from .file import read_simulation, write_simulation
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
 from .result_file import SUFFIX
@@ -56,7 +57,8 @@ def simulate(
         The simulation; ``is_finished`` says whether it was stopped before its end.
 
     Raises:
-        BenchError: if the output exists or cannot be written, or a step fails; the steps before it are stored.
+        BenchError: if the output exists or cannot be written.
+        FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = new_simulation(plan, output, force)
     advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
@@ -94,7 +96,8 @@ def resume_simulation(
 
     Raises:
         BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has passed ``duration``
-            already; and as in ``simulate``.
+            already.
+        FailedSimulationError: as in ``simulate``.
     """
     simulation = begun_simulation(file, given, duration, solver)
     advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
@@ -127,9 +130,14 @@ def advance(
     stop_asked: Callable[[], bool],
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> None:
-    """Take the steps that are left; whatever ends them, the result file holds all that were completed."""
+    """Take the steps that are left; whatever ends them, the result file holds all that were completed.
+
+    Raises:
+        FailedSimulationError: if a step fails; ``failure`` of the simulation says why.
+    """
     if simulation.is_finished:
         return
+    simulation.failure = None
     plan = simulation.plan
     stepper = plan.stepper(Asked(plan.solver, plan.others))
     clock = time.perf_counter
@@ -160,26 +168,21 @@ def _take_step(simulation: Simulation, stepper: Moreau, on_step: Sequence[OnStep
     try:
         step = stepper.step(simulation.state)
     except (Exception, SystemExit) as error:
-        raise _failure(simulation, said(error)) from error
+        raise _failed(simulation, said(error)) from error
     seconds = time.perf_counter() - began
     row = _row(simulation, step, seconds)
     if not all(map(math.isfinite, row[ENERGIES])):
-        raise _failure(simulation, "the motion is no longer finite")
+        raise _failed(simulation, "the motion is no longer finite")
     simulation.append(row, step.state)
     for call in on_step:
         call(number, step)
 
 
-def _failure(simulation: Simulation, what: str) -> BenchError:
-    kept = (
-        ""
-        if simulation.file is None
-        else f"; the steps before it are kept: go on with --resume {simulation.file} and another --solver"
-    )
-    return BenchError(
-        f"step {simulation.n_steps + 1} of the {simulation.plan.scene.name}, from t = {simulation.state.time:.6g} s, "
-        f"failed with {simulation.plan.solver.name}: {what.rstrip('.')}{kept}."
-    )
+def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
+    """Note that the next step failed; return the error that says so."""
+    number, time = simulation.n_steps + 1, simulation.state.time
+    simulation.failure = Failure(number, time, simulation.plan.solver.name, what.rstrip("."))
+    return simulation.failure.error(simulation.file)
 
 
 def _row(simulation: Simulation, step: Step, seconds: float) -> tuple[float, ...]:

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from ...problems.moreau import State
 from ...solvers.interface import Status
 from ..outcome import ROUNDING
+from .beside import Beside
+from .failure import Failure
 from .plan import SimulationPlan
+from .thinning import Thinning
 
 STEP = np.dtype(
     [
@@ -56,6 +59,7 @@ class Ending(StrEnum):
     EMPTIED = "emptied"
     JAMMED = "jammed"
     STOPPED = "stopped"
+    FAILED = "failed"
 
 
 @dataclass(eq=False)
@@ -67,16 +71,23 @@ class Simulation:
         statuses: what ``steps["status"]`` is an index into.
         wall_seconds: wall time of everything: steps, judging, storing, showing.
         file: the result file, None if nothing is stored.
+        failure: why the next step could not be taken, None if nothing failed since the simulation last went on.
+        beside: where its chart and its recording are.
+        thinning: keeps states evenly over simulated time.
     """
 
     plan: SimulationPlan
     statuses: tuple[str, ...] = STATUSES
     wall_seconds: float = 0.0
     file: Path | None = None
+    failure: Failure | None = None
+    beside: Beside = field(default_factory=Beside)
     _rows: NDArray[np.void] = field(default_factory=lambda: np.zeros(1024, dtype=STEP), repr=False)
+    thinning: Thinning = field(init=False, repr=False)
     _reached: tuple[int, State] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        self.thinning = Thinning(self.plan.states, self.plan.scene.start, self.plan.step_size)
         self._reached = (0, self.plan.scene.start)
 
     @property
@@ -90,6 +101,11 @@ class Simulation:
         return self._reached[1]
 
     @property
+    def states(self) -> list[State]:
+        """States from the first to the last, evenly over simulated time."""
+        return self.thinning.states
+
+    @property
     def steps(self) -> NDArray[np.void]:
         """The steps taken, a structured array of dtype ``STEP``, shape (n_steps,)."""
         return self._rows[: self._reached[0]]
@@ -97,7 +113,7 @@ class Simulation:
     @property
     def is_finished(self) -> bool:
         """Whether nothing is left to simulate: the duration is over, the last ball through, or the outlet jammed."""
-        return self.ending is not Ending.STOPPED
+        return self.ending not in (Ending.STOPPED, Ending.FAILED)
 
     @property
     def ending(self) -> "Ending":
@@ -106,7 +122,9 @@ class Simulation:
             return Ending.EMPTIED
         if self._is_jammed:
             return Ending.JAMMED
-        return Ending.DURATION if self.n_steps >= self.plan.n_steps else Ending.STOPPED
+        if self.n_steps >= self.plan.n_steps:
+            return Ending.DURATION
+        return Ending.STOPPED if self.failure is None else Ending.FAILED
 
     @property
     def _is_emptied(self) -> bool:
@@ -147,8 +165,10 @@ class Simulation:
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         self._rows[count] = row
         self._reached = (count + 1, state)
+        self.thinning.offer(state)
 
     def restore(self, steps: NDArray[np.void], state: State) -> None:
         """Put stored steps and the state they led to in place of everything."""
         self._rows = np.concatenate([steps, np.zeros(1024, dtype=STEP)])
         self._reached = (len(steps), state)
+        self.thinning.offer(state)

@@ -71,6 +71,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
     return {
         "finished": simulation.is_finished,
         "ended": simulation.ending.value,
+        "failure": None if simulation.failure is None else simulation.failure.what,
         "steps": simulation.n_steps,
         "simulated_seconds": seconds,
         "wall_seconds": simulation.wall_seconds,
@@ -140,15 +141,15 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     """Yield the total, and in words what was not solved, each with its style."""
     total = summary(simulation)
+    ending = _ending(simulation)
     if not total["steps"]:
-        yield "no step is taken yet", ""
+        yield ("no step is taken yet", "") if ending is None or simulation.failure is None else ending
         return
     yield (
         f"total  {total['simulated_seconds']:.4g} s in {counted(total['steps'], 'step')}, "
         f"{total['wall_seconds']:.3g} s wall: {total['wall_per_simulated_second']:.3g} s per simulated second",
         "bold",
     )
-    ending = _ending(simulation)
     if ending:
         yield ending
     tolerance = simulation.plan.tolerance
@@ -178,6 +179,8 @@ def _ending(simulation: Simulation) -> tuple[str, str] | None:
     if simulation.ending is Ending.JAMMED:
         left = n_balls - int(simulation.steps["balls_through"][-1])
         return f"jammed at {seconds}: {left} of {n_balls} balls rest above the outlet and none passes", "bold yellow"
+    if simulation.ending is Ending.FAILED and simulation.failure is not None:
+        return simulation.failure.what, "bold red"
     if simulation.ending is Ending.STOPPED:
         return f"stopped before its end at {simulation.plan.duration:g} s", "yellow"
     return None

@@ -118,6 +118,7 @@ def fixed_plan(
         solver=case.solver,
         tolerance=case.tolerance,
         max_iterations=case.max_iterations,
+        states=1,  # what it comes to is noted while it runs
     )
 
 
@@ -132,6 +133,7 @@ def variable_plan(plan: StudyPlan, case: Case, options: Mapping[str, Any], facto
         solver=case.solver,
         tolerance=case.tolerance,
         max_iterations=case.max_iterations,
+        states=1,
     )
 
 

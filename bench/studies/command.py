@@ -85,6 +85,8 @@ def _begun(request: Request) -> Study:
     for name in ("step_size", "stepper", "tolerance", "max_iterations"):
         if name in request.numbers:
             raise BenchError(f"a study varies --{name.replace('_', '-')} itself; leave it out.")
+    if "states" in request.numbers:
+        raise BenchError("a study keeps no states of its simulations; leave --states out.")
     if request.record is not None:
         raise BenchError("a study is of many simulations and has no recording; leave --record out.")
     if request.resume is not None:

@@ -1,25 +1,27 @@
 """``proxbench simulate`` with a variable step."""
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
 from ...problems.scenes.registry import SCENES
-from ..errors import BenchError, InterruptedSimulationError
+from ..errors import BenchError, FailedSimulationError, InterruptedSimulationError
 from ..output_file import output_file
-from ..pictures import drawn, refuse_pictures
+from ..pictures import drawn
 from ..presenting import present, simulation_files
+from ..simulations.beside import Beside, chosen_beside, recorded
 from ..simulations.interrupts import deferred_interrupts
 from ..simulations.plan import FIXED
 from ..simulations.request import Request
 from ..simulations.result_file import SUFFIX
-from .file import is_variable
+from .file import is_variable, write_variable
 from .live import VariableLive
 from .plan import DEFAULT_STEPPER, make_variable_plan
-from .running import OnTaken, advance_variable, begun_variable, one_steps
+from .running import advance_variable, begun_variable
 from .simulation import VariableSimulation
 from .table import print_variable, variable_document
 
@@ -49,60 +51,74 @@ def run_variable(request: Request, as_json: bool, progress: bool) -> int:
     """Carry out the simulation, print what it came to, and draw it; return 1 if an inclusion was not solved.
 
     Raises:
-        BenchError: if what is asked for makes no simulation, a step fails, or something cannot be written.
+        BenchError: if what is asked for makes no simulation, or something cannot be written.
+        FailedSimulationError: if a step failed, when everything else is printed and drawn.
         InterruptedSimulationError: if somebody stopped it.
     """
     simulation = _begun(request)
     live = VariableLive(Console(stderr=True), hidden=not progress or as_json)
-    with _recorded(simulation, request) as on_step, deferred_interrupts() as stop_asked, live:
-        advance_variable(simulation, on_step, live, stop_asked)
+    # a failure is raised again when everything is shown
+    with deferred_interrupts() as stop_asked, live, contextlib.suppress(FailedSimulationError):
+        advance_variable(simulation, (), live, stop_asked)
+    code = show_variable(simulation, as_json)
+    if not simulation.is_finished and simulation.file is not None:
+        raise InterruptedSimulationError(simulation.file)
+    return code
+
+
+def show_variable(simulation: VariableSimulation, as_json: bool) -> int:
+    """Print what a stored simulation came to, and draw and record it; return 1 if an inclusion was not solved.
+
+    Raises:
+        FailedSimulationError: if a step failed.
+    """
     file = simulation.file
     assert file is not None
     document = variable_document(simulation)
-    files = simulation_files(file, request.record, lambda: _drawn(simulation, file, request.chart))
+    files = simulation_files(file, lambda: _drawn(simulation, file), lambda: _recorded(simulation, file))
     present(lambda: document, lambda console: print_variable(simulation, console), files, as_json)
-    if not simulation.is_finished:
-        raise InterruptedSimulationError(file)
+    if simulation.failure is not None:
+        raise simulation.failure.error(file)
     return int(document["summary"]["unsolved_steps"] > 0)
 
 
 def _begun(request: Request) -> VariableSimulation:
     if request.resume is not None:
         simulation = begun_variable(request.resume, request.given, request.duration)
-        # the pictures beside a result are its own, and drawn anew as it goes on
-        chart = request.chart or request.resume.with_suffix(".svg")
-        refuse_pictures(chart, request.force or request.chart is None)
+        own = simulation.beside
+        if own.chart is None:  # it has one in any case
+            own = replace(own, chart=request.resume.with_suffix(".svg"))
+        simulation.beside = chosen_beside(own, request.chart, request.record, request.force)
+        if simulation.beside != own:  # nothing else would be written where no step is left
+            write_variable(simulation, request.resume)
         return simulation
     plan = make_variable_plan(request.scene, request.options, duration=request.duration, **request.numbers)
-    if request.chart is not None:
-        refuse_pictures(request.chart, request.force)
+    beside = chosen_beside(Beside(), request.chart, request.record, request.force)
     file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
-    if request.chart is None:
-        refuse_pictures(file.with_suffix(".svg"), request.force)
-    return VariableSimulation(plan, file)
+    if beside.chart is None:
+        beside = chosen_beside(beside, file.with_suffix(".svg"), None, request.force)
+    return VariableSimulation(plan, file, beside=beside)
 
 
-def _drawn(simulation: VariableSimulation, file: Path, chart: Path | None) -> list[Path]:
-    if not simulation.n_steps:
+def record_variable(simulation: VariableSimulation, file: Path, force: bool = False) -> None:
+    """Write the recording of a simulation; arguments and errors as in ``recordings.replay.record_stored``."""
+    from ..recordings.replay import record_stored  # rerun takes a second to import
+
+    scene = simulation.plan.scene
+    states = simulation.thinning.states
+    record_stored(scene, simulation.steps, states, file, impulse_seconds=scene.step_size, force=force)
+
+
+def _recorded(simulation: VariableSimulation, file: Path) -> list[Path]:
+    recording = simulation.beside.recording if simulation.n_steps else None
+    return recorded(lambda path: record_variable(simulation, path, force=True), recording, file)
+
+
+def _drawn(simulation: VariableSimulation, file: Path) -> list[Path]:
+    chart = simulation.beside.chart
+    if chart is None or not simulation.n_steps:
         return []
     from .figure import write_motion_chart  # altair and pandas take a second to import
 
     begin = simulation.state.time - SHOWN_SECONDS
-    return drawn(lambda: write_motion_chart(simulation, chart or file.with_suffix(".svg"), begin), file)
-
-
-@contextlib.contextmanager
-def _recorded(simulation: VariableSimulation, request: Request) -> Iterator[Sequence[OnTaken]]:
-    if request.record is None:
-        yield ()
-        return
-    from ..recordings.scenes import scene_recorder  # rerun takes a second to import
-
-    with scene_recorder(simulation.plan.scene, request.record, 1, request.force) as recorder:
-        recorder.start(simulation.state)
-
-        def record(taken: Any) -> None:
-            for step in one_steps(taken):
-                recorder(step)
-
-        yield (record,)
+    return drawn(lambda: write_motion_chart(simulation, chart, begin), file)

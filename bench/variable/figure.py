@@ -45,7 +45,7 @@ def motion_chart(simulation: VariableSimulation, begin: float = -np.inf) -> alt.
     found = [incident for incident in incidents(simulation) if incident.time >= begin]
     time = steps["time"][shown]
     if scene.coordinates:
-        panels = _coordinate_panels(simulation, shown, found)
+        panels = _coordinate_panels(simulation, begin, found)
     else:
         panels = [_line(pd.DataFrame({"time": time, "value": steps[name][shown]}), ENERGIES[name]) for name in ENERGIES]
         panels.append(_count_panel(found, steps[shown]))
@@ -72,11 +72,13 @@ def write_motion_chart(simulation: VariableSimulation, path: Path, begin: float 
 
 
 def _coordinate_panels(
-    simulation: VariableSimulation, shown: NDArray[np.bool_], found: list[Incident]
+    simulation: VariableSimulation, begin: float, found: list[Incident]
 ) -> list[alt.Chart | alt.LayerChart]:
     """Return a panel for each coordinate with a name, switching points as dots."""
     drawn = simulation.plan.scene.coordinates
-    curves = _curves(simulation.steps["time"][shown], simulation.trajectory[shown], simulation, drawn)
+    times = simulation.times
+    shown = times >= begin
+    curves = _curves(times[shown], simulation.trajectory[shown], simulation, drawn)
     dots = _dots(simulation, found, drawn)
     return [_panel(curves, dots, name) for name in drawn]
 
@@ -99,7 +101,7 @@ def _curves(
 def _dots(simulation: VariableSimulation, found: list[Incident], drawn: Mapping[str, int]) -> pd.DataFrame:
     """Return one row a switching point: its time, what switches, and the coordinates there."""
     times = np.array([incident.time for incident in found])
-    at = np.minimum(np.searchsorted(simulation.steps["time"], times), max(0, simulation.n_steps - 1))
+    at = np.searchsorted(simulation.times, times)
     frame = pd.DataFrame(simulation.trajectory[at][:, list(drawn.values())], columns=list(drawn))
     frame["time"] = times
     frame["law"] = [KINDS[incident.law] for incident in found]

@@ -1,9 +1,9 @@
 """Result files of simulations with variable steps: plan, accepted steps, switching points, states; see ``result_file``.
 
-about        the plan, wall time
+about        the plan, wall time, the failure if a step failed
 steps        one row an accepted step, see ``simulation.STEP``
 switches     one row a switching point, see ``simulation.SWITCH``
-trajectory   (q, u) after every step
+state_…      states evenly over time and at switching points, see ``kept_states``
 closed, sticking   keys of the contacts that are so after the last one
 """
 
@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.law_states import LawStates
+from ..simulations.beside import beside_from
+from ..simulations.failure import failure_from
+from ..simulations.kept_states import kept_arrays, restore_kept
 from ..simulations.result_file import VARIABLE_KIND, ResultKind, taken_from
 from .plan import make_variable_plan
 from .simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
 
-KIND = ResultKind(VARIABLE_KIND, 1, "holds no simulation with variable steps")
+KIND = ResultKind(VARIABLE_KIND, 2, "holds no simulation with variable steps")
 
 
 def write_variable(simulation: VariableSimulation, path: Path) -> None:
@@ -28,12 +31,18 @@ def write_variable(simulation: VariableSimulation, path: Path) -> None:
     Raises:
         BenchError: if the file cannot be written.
     """
-    about = {"plan": simulation.plan.document(), "wall_seconds": simulation.wall_seconds}
+    about = {
+        "plan": simulation.plan.document(),
+        "wall_seconds": simulation.wall_seconds,
+        "failure": None if simulation.failure is None else simulation.failure.document(),
+        "beside": simulation.beside.document(path),
+        "doublings": simulation.thinning.doublings,
+    }
     states = simulation.states or LawStates()
     arrays = {
         "steps": simulation.steps,
         "switches": simulation.switches,
-        "trajectory": simulation.trajectory,
+        **kept_arrays(simulation.thinning),
         "closed": np.array(states.closed, dtype=np.int64),
         "sticking": np.array(states.sticking, dtype=np.int64),
     }
@@ -59,26 +68,25 @@ def read_variable(path: Path) -> VariableSimulation:
     about, content = KIND.read(path)
     with taken_from(path):
         simulation = VariableSimulation(make_variable_plan(**about["plan"]), path, float(about["wall_seconds"]))
-        _restore(simulation, content)
+        simulation.failure = failure_from(about["failure"])
+        simulation.beside = beside_from(about["beside"], path)
+        _restore(simulation, content, int(about["doublings"]))
     return simulation
 
 
-def _restore(simulation: VariableSimulation, content: Mapping[str, NDArray[Any]]) -> None:
+def _restore(simulation: VariableSimulation, content: Mapping[str, NDArray[Any]], doublings: int) -> None:
     """Put what was stored into ``simulation``.
 
     Raises:
         ValueError: if it is none of the scene.
     """
-    steps, switches, trajectory = content["steps"], content["switches"], content["trajectory"]
-    start = simulation.plan.scene.start
-    shape = (len(steps), len(start.position) + len(start.velocity))
-    fits = steps.dtype == STEP and switches.dtype == SWITCH and trajectory.dtype == np.float64
-    known = (switches["law"] < len(LAWS)).all() and (switches["before"] < len(STATES)).all()
-    if not (fits and known and (switches["after"] < len(STATES)).all() and trajectory.shape == shape):
+    steps, switches = content["steps"], content["switches"]
+    fits = steps.dtype == STEP and steps.ndim == 1 and switches.dtype == SWITCH
+    known = fits and (switches["law"] < len(LAWS)).all() and (switches["before"] < len(STATES)).all()
+    if not (known and (switches["after"] < len(STATES)).all()):
         raise ValueError("these are no steps")
-    if not np.isfinite(trajectory).all():
-        raise ValueError("these are no states")
-    simulation.restore(steps, switches, trajectory, _law_states(content))
+    restore_kept(simulation.thinning, content, doublings, steps["time"])
+    simulation.restore(steps, switches, _law_states(content))
 
 
 def _law_states(content: Mapping[str, NDArray[Any]]) -> LawStates:

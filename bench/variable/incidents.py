@@ -119,8 +119,8 @@ def cycles(simulation: VariableSimulation) -> Cycles:
     found = incidents(simulation)
     begins = [index for index, incident in enumerate(found) if incident.what == INCIDENTS[0][1:]]
     sections = [incident.time for incident in found if incident.what == SECTION]
-    steps, heights = simulation.steps["time"], simulation.trajectory[:, 0]
-    at = {time: float(heights[np.searchsorted(steps, time)]) for time in sections}
+    times, heights = simulation.times, simulation.trajectory[:, 0]
+    at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
     complete = []
     for first, last in pairwise(begins):
         inside = [incident.time for incident in found[first:last] if incident.what == SECTION]

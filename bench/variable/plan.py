@@ -11,6 +11,7 @@ from ...problems.scenes.registry import Scene, make_scene
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import create
 from ..errors import BenchError
+from ..simulations.thinning import STATES
 from .steppers import Stepper, make_stepper
 
 DEFAULT_STEPPER = "Extrapolated"
@@ -34,6 +35,7 @@ class VariablePlan:
         solver: solves the one-step inclusions.
         tolerance: judged residual that each of them shall reach.
         max_iterations: of the solver, in one of them.
+        states: how many states are kept at least, where there are more, beside those at switching points.
     """
 
     scene: Scene
@@ -42,6 +44,7 @@ class VariablePlan:
     solver: Solver
     tolerance: float
     max_iterations: int
+    states: int = STATES
 
     @property
     def until(self) -> float:
@@ -68,6 +71,7 @@ class VariablePlan:
             "solver": self.solver.name,
             "tolerance": self.tolerance,
             "max_iterations": self.max_iterations,
+            "states": self.states,
         }
 
 
@@ -80,6 +84,7 @@ def make_variable_plan(
     solver: str | Solver | None = None,
     tolerance: float | None = None,
     max_iterations: int | None = None,
+    states: int | None = None,
 ) -> VariablePlan:
     """Return the plan of one simulation; what is None has a default.
 
@@ -98,6 +103,7 @@ def make_variable_plan(
         create(chosen) if isinstance(chosen, str) else chosen,
         DEFAULT_TOLERANCE if tolerance is None else tolerance,
         DEFAULT_ITERATIONS if max_iterations is None else max_iterations,
+        STATES if states is None else states,
     )
     _check_numbers(plan)
     return plan
@@ -122,4 +128,6 @@ def _check_numbers(plan: VariablePlan) -> None:
         raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
     if not plan.max_iterations >= 1:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
+    if not plan.states >= 1:
+        raise BenchError(f"states must be at least 1, got {plan.states}.")
     plan.steps().check_times(plan.scene.start.time, plan.until)

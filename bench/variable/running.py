@@ -2,16 +2,17 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...problems.adaptive import VariableStepTaken
-from ...problems.moreau import Step, StepError
+from ...problems.errors import said
+from ...problems.moreau import StepError
 from ...solvers.interface import Solver
 from ...solvers.registry import create
-from ..errors import BenchError
+from ..errors import BenchError, FailedSimulationError
 from ..simulations.asking import Asked
+from ..simulations.failure import Failure
 from ..simulations.plan import FIXED, check_agreement
 from ..simulations.running import judged_residual
 from .file import read_variable, write_variable
@@ -47,7 +48,8 @@ def simulate_variable(
         stop_asked: asked after every accepted step whether to end before the duration is over.
 
     Raises:
-        BenchError: if the file cannot be written, or a step fails; the steps before it are stored.
+        BenchError: if the file cannot be written.
+        FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = VariableSimulation(plan, file)
     advance_variable(simulation, on_step, on_progress, stop_asked)
@@ -97,9 +99,14 @@ def advance_variable(
     on_progress: OnProgress = lambda simulation: None,
     stop_asked: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Take the steps that are left; whatever ends them, the result file holds all that were completed."""
+    """Take the steps that are left; whatever ends them, the result file holds all that were completed.
+
+    Raises:
+        FailedSimulationError: if a step fails; ``failure`` of the simulation says why.
+    """
     if simulation.is_finished:
         return
+    simulation.failure = None
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)
@@ -120,15 +127,9 @@ def advance_variable(
             if stop_asked():
                 break
     except StepError as error:
-        raise _failure(simulation, error) from error
+        raise _failed(simulation, error) from error
     finally:
         _store(simulation)
-
-
-def one_steps(taken: VariableStepTaken) -> list[Step]:
-    """Return the one-step solves behind an accepted step, the last of which ends in its end."""
-    steps = [step for step, _ in taken.substeps]
-    return [*steps[:-1], replace(steps[-1], state=taken.end)]
 
 
 def _store(simulation: VariableSimulation) -> None:
@@ -136,13 +137,11 @@ def _store(simulation: VariableSimulation) -> None:
         write_variable(simulation, simulation.file)
 
 
-def _failure(simulation: VariableSimulation, error: StepError) -> BenchError:
-    file = simulation.file
-    kept = "" if file is None else f" The steps before it are kept; go on with --resume {file} and another --solver."
-    return BenchError(
-        f"step {simulation.n_steps + 1} of the {simulation.plan.scene.name} with {simulation.plan.solver.name}: "
-        f"{error}{kept}"
-    )
+def _failed(simulation: VariableSimulation, error: StepError) -> FailedSimulationError:
+    """Note that the next step failed; return the error that says so."""
+    number, time = simulation.n_steps + 1, simulation.state.time
+    simulation.failure = Failure(number, time, simulation.plan.solver.name, said(error))
+    return simulation.failure.error(simulation.file)
 
 
 def _row(simulation: VariableSimulation, taken: VariableStepTaken, before: tuple[int, int, float]) -> tuple[float, ...]:

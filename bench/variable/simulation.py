@@ -11,6 +11,9 @@ from ...problems.adaptive import SwitchingPoint, VariableStepTaken
 from ...problems.law_states import LawStates
 from ...problems.laws import FloatArray
 from ...problems.moreau import State
+from ..simulations.beside import Beside
+from ..simulations.failure import Failure
+from ..simulations.thinning import Thinning
 from .plan import VariablePlan
 
 STEP = np.dtype(
@@ -42,6 +45,9 @@ SWITCH = np.dtype(
 LAWS = ("unilateral", "friction")
 
 STATES = ("open", "closed", "stick", "slip")
+
+FINENESS = 2.0**-20
+"""Base spacing of the states that are kept, over the longest step of the scene: any two steps are told apart."""
 
 
 class Rows:
@@ -81,22 +87,27 @@ class VariableSimulation:
         wall_seconds: wall time of everything.
         state: the last state.
         states: states of the laws in the step that led there, None at the start.
+        failure: why the next step could not be taken, None if nothing failed since the simulation last went on.
+        beside: where its chart and its recording are.
+        thinning: keeps states evenly over simulated time, and those at switching points.
     """
 
     plan: VariablePlan
     file: Path | None = None
     wall_seconds: float = 0.0
+    failure: Failure | None = None
+    beside: Beside = field(default_factory=Beside)
     state: State = field(init=False)
     states: LawStates | None = None
     _rows: Rows = field(init=False, repr=False)
     _switches: Rows = field(init=False, repr=False)
-    _states: Rows = field(init=False, repr=False)
+    thinning: Thinning = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        start = self.plan.scene.start
-        self.state = start
-        width = len(start.position) + len(start.velocity)
-        self._keep(np.zeros(0, dtype=STEP), np.zeros(0, dtype=SWITCH), np.zeros((0, width)))
+        scene = self.plan.scene
+        self.state = scene.start
+        self.thinning = Thinning(self.plan.states, scene.start, FINENESS * scene.longest_step)
+        self._rows, self._switches = Rows(np.zeros(0, dtype=STEP)), Rows(np.zeros(0, dtype=SWITCH))
 
     @property
     def n_steps(self) -> int:
@@ -125,9 +136,14 @@ class VariableSimulation:
         return self._switches.all
 
     @property
+    def times(self) -> FloatArray:
+        """When the states of the trajectory are [s], from the first to the last, shape (n_states,)."""
+        return np.array([state.time for state in self.thinning.states])
+
+    @property
     def trajectory(self) -> FloatArray:
-        """(q, u) after every step, shape (n_steps, n_coordinates + n_dofs)."""
-        return self._states.all
+        """(q, u) evenly over time and about switching points, shape (n_states, n_coordinates + n_dofs)."""
+        return np.array([np.concatenate([state.position, state.velocity]) for state in self.thinning.states])
 
     @property
     def is_finished(self) -> bool:
@@ -136,23 +152,19 @@ class VariableSimulation:
 
     def append(self, taken: VariableStepTaken, row: tuple[float, ...]) -> None:
         """Add one accepted step with its values in the order of ``STEP``."""
-        self._states.append(np.concatenate([taken.end.position, taken.end.velocity]))
+        if taken.switches:
+            self.thinning.offer(taken.begin, True)
+        self.thinning.offer(taken.end, bool(taken.switches))
         for switch in taken.switches:
             self._switches.append(_switch_row(switch))
         self.state, self.states = taken.end, taken.states
         self._rows.append(row)
 
-    def restore(
-        self, steps: NDArray[np.void], switches: NDArray[np.void], trajectory: FloatArray, states: LawStates
-    ) -> None:
-        """Put what was stored in place of everything."""
-        self._keep(steps, switches, trajectory)
+    def restore(self, steps: NDArray[np.void], switches: NDArray[np.void], states: LawStates) -> None:
+        """Put what was stored in place of everything, the last state of ``thinning`` that after the last step."""
+        self._rows, self._switches = Rows(steps), Rows(switches)
         if len(steps):
-            position, velocity = np.split(trajectory[-1], [len(self.plan.scene.start.position)])
-            self.state, self.states = State(float(steps["time"][-1]), position, velocity), states
-
-    def _keep(self, steps: NDArray[np.void], switches: NDArray[np.void], trajectory: FloatArray) -> None:
-        self._rows, self._switches, self._states = Rows(steps), Rows(switches), Rows(trajectory)
+            self.state, self.states = self.thinning.states[-1], states
 
 
 def _switch_row(switch: SwitchingPoint) -> tuple[float, ...]:

@@ -77,6 +77,7 @@ def variable_summary(simulation: VariableSimulation) -> dict[str, Any]:
     missed = steps["residual"] > SLACK * plan.tolerance
     return {
         "finished": simulation.is_finished,
+        "failure": None if simulation.failure is None else simulation.failure.what,
         "simulated_seconds": simulation.state.time - plan.scene.start.time,
         "wall_seconds": simulation.wall_seconds,
         "steps": simulation.n_steps,
@@ -179,8 +180,9 @@ def _about(last: int, count: int) -> str:
 def _cost_lines(simulation: VariableSimulation) -> Iterator[tuple[str, str]]:
     """Yield what it cost, each line with its style."""
     total = variable_summary(simulation)
+    failure = simulation.failure
     if not total["steps"]:
-        yield "no step is taken yet", ""
+        yield ("no step is taken yet", "") if failure is None else (failure.what, "bold red")
         return
     yield (
         (
@@ -191,7 +193,9 @@ def _cost_lines(simulation: VariableSimulation) -> Iterator[tuple[str, str]]:
         ),
         "bold",
     )
-    if not total["finished"]:
+    if failure is not None:
+        yield failure.what, "bold red"
+    elif not total["finished"]:
         yield f"stopped before its end at {simulation.plan.until:g} s", "yellow"
     if total["unsolved_steps"]:
         yield (

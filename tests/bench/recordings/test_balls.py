@@ -114,13 +114,14 @@ def simulate_without_state(recorder: BallRecorder, scene: Funnel, step: Step) ->
     recorder(replace(step, state=None))  # type: ignore[arg-type]
 
 
-def test_a_simulation_that_fails_leaves_no_file(tmp_path: Path) -> None:
+def test_a_simulation_that_fails_keeps_what_was_recorded(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     scene = Funnel(30, STANDARD_EFFECTS)
     broken = Moreau(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
     recorder = funnel_recorder(scene, tmp_path / "a.rrd")
     with pytest.raises(AttributeError), recorder:
         simulate_without_state(recorder, scene, broken)
-    assert list(tmp_path.iterdir()) == []
+    assert [file.name for file in tmp_path.iterdir()] == ["a.rrd"]
+    assert list(read_back(tmp_path / "a.rrd").curve("/curves/energy/total")) == [0, 1]
 
 
 def test_a_recorder_is_started_before_it_is_called(tmp_path: Path) -> None:

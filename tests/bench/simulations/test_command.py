@@ -159,18 +159,25 @@ def test_a_killed_simulation_leaves_a_whole_file_from_its_last_checkpoint(tmp_pa
     assert read_simulation(file).n_steps == kept + 3
 
 
-def test_a_simulation_is_recorded_from_where_it_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_simulation_that_goes_on_renews_its_recording_and_replaces_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     result, film = tmp_path / "a.npz", tmp_path / "a.rrd"
     begin = f"simulate {LITTLE} --output {result} --record {film} --no-progress"
     assert run_command(begin.split()) == 0
     assert f"rerun {film}" in capsys.readouterr().out
-    assert run_command(f"simulate --resume {result} --duration 0.02 --record {film} --no-progress".split()) == 2
+    before, other = film.read_bytes(), tmp_path / "other.rrd"
+    other.write_text("mine")
+    assert run_command(f"simulate --resume {result} --duration 0.02 --record {other} --no-progress".split()) == 2
     assert "--force" in capsys.readouterr().err
-    assert read_simulation(result).n_steps == 10
-    more = tmp_path / "more.rrd"
-    assert run_command(f"simulate --resume {result} --duration 0.02 --record {more} --no-progress".split()) == 0
-    assert more.is_file()
-    assert read_simulation(result).n_steps == 20
+    assert (read_simulation(result).n_steps, other.read_text()) == (10, "mine")
+    assert run_command(f"simulate --resume {result} --duration 0.02 --no-progress".split()) == 0
+    assert f"rerun {film}" in capsys.readouterr().out
+    assert film.read_bytes() != before
+    assert (
+        run_command(f"simulate --resume {result} --duration 0.03 --record {other} --no-progress --force".split()) == 0
+    )
+    assert other.stat().st_size > 1000
 
 
 def test_a_recording_that_cannot_be_written_is_refused_before_the_first_step(

@@ -55,7 +55,8 @@ def test_a_file_holds_plan_steps_and_state_without_pickle(pour: Pour, tmp_path: 
     with zipfile.ZipFile(tmp_path / "a.npz") as archive:
         assert archive.testzip() is None
     with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
-        assert set(arrays.files) == {"about", "steps", "time", "position", "velocity", "keys", "impulses"}
+        states = {"times", "marks", "positions", "velocities", "contacts", "keys", "impulses"}
+        assert set(arrays.files) == {"about", "steps", *(f"state_{name}" for name in states)}
         assert not any(arrays[name].dtype.hasobject for name in arrays.files)
 
 
@@ -91,10 +92,10 @@ def test_files_of_others_are_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"position": np.zeros(3)},
-        {"velocity": None},
-        {"keys": np.zeros(1, dtype=np.int64)},
-        {"time": np.array(5.0)},
+        {"state_positions": np.zeros(3)},
+        {"state_velocities": None},
+        {"state_keys": np.zeros(1, dtype=np.int64)},
+        {"state_times": np.array([0.0, 5.0])},
         {"steps": np.zeros(4)},
     ],
     ids=lambda changes: next(iter(changes)),
@@ -117,9 +118,9 @@ def test_a_simulation_with_another_kind_of_step_names_what_reads_it(stored: Path
 
 
 def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
-    position = read_simulation(stored).state.position.copy()
-    position[0] = np.nan
-    rewritten(stored, position=position)
+    positions = np.array([state.position for state in read_simulation(stored).states])
+    positions[-1, 0] = np.nan
+    rewritten(stored, state_positions=positions)
     assert_refused(stored, "is damaged")
 
 
@@ -127,6 +128,7 @@ def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
     ("change", "words"),
     [
         ({"format": 99}, "has format 99"),
+        ({"format": 2}, "has format 2, this version reads format 3; simulate anew"),
         ({"plan": {"scene": "avalanche"}}, "is damaged"),
         ({"statuses": []}, "is damaged"),
     ],

@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from proxbench.bench.errors import BenchError
+from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.simulations.file import read_simulation
 from proxbench.bench.simulations.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulations.running import resume_simulation, simulate
-from proxbench.bench.simulations.simulation import STEP, Simulation
+from proxbench.bench.simulations.simulation import STEP, Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
 from proxbench.problems.moreau import Step
 from proxbench.solvers import Solution, Status, Stop, create
@@ -26,6 +26,10 @@ def assert_same_bits(one: Simulation, other: Simulation) -> None:
     for name in ("position", "velocity", "keys", "impulses"):
         assert getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes(), name
     assert one.state.time == other.state.time
+    assert [state.time for state in one.states] == [state.time for state in other.states]
+    for mine, its in zip(one.states, other.states, strict=True):
+        for name in ("position", "velocity", "keys", "impulses"):
+            assert getattr(mine, name).tobytes() == getattr(its, name).tobytes(), name
 
 
 def stop_after(steps: int) -> Callable[[], bool]:
@@ -36,7 +40,7 @@ def stop_after(steps: int) -> Callable[[], bool]:
 @pytest.mark.parametrize("scene", ["pile", "woodpecker"])
 def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: str, tmp_path: Path) -> None:
     numbers: dict[str, Any] = {"options": {"balls": 30}, "step_size": 1e-3} if scene == "pile" else {"step_size": 1e-4}
-    plan = make_simulation_plan(scene, duration=200 * numbers["step_size"], **numbers)
+    plan = make_simulation_plan(scene, duration=200 * numbers["step_size"], states=7, **numbers)
     whole = simulate(plan)
     assert whole.n_steps == 200
     assert whole.steps["contacts"][120:].any()
@@ -94,9 +98,12 @@ def test_steps_that_miss_the_tolerance_are_counted(pour: Pour) -> None:
     assert set(simulation.steps["status"][simulation.unsolved]) == {limit}
 
 
+WELL = 8
+
+
 @dataclass(frozen=True)
 class Misled:
-    """A solver that goes wrong from its third problem on, in one of several ways."""
+    """A solver that goes wrong from its eighth problem on, in one of several ways."""
 
     how: str
     calls: list[int]
@@ -105,7 +112,7 @@ class Misled:
     has_iterates: ClassVar[bool] = False
 
     def supports(self, problem: ContactProblem) -> str | None:
-        return "three is too many" if self.how == "decline" and len(self.calls) >= 2 else None
+        return "this is too many" if self.how == "decline" and len(self.calls) >= WELL - 1 else None
 
     def prepare(self, problem: ContactProblem) -> "Misled":
         self.calls.append(problem.n_rows)
@@ -113,11 +120,11 @@ class Misled:
 
     def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
         rows = self.calls[-1]
-        if len(self.calls) >= 3 and self.how == "raise":
+        if len(self.calls) >= WELL and self.how == "raise":
             raise ZeroDivisionError("oh\nno")
-        if len(self.calls) >= 3 and self.how == "exit":
+        if len(self.calls) >= WELL and self.how == "exit":
             raise SystemExit(7)
-        wrong = np.nan if len(self.calls) >= 3 and self.how == "nan" else 0.0
+        wrong = np.nan if len(self.calls) >= WELL and self.how == "nan" else 0.0
         return Solution(np.full(rows, wrong), Status.SOLVED, 1)
 
 
@@ -133,22 +140,25 @@ def test_a_claim_that_the_judge_refutes_is_counted_as_unsolved(pour: Pour) -> No
         ("raise", "ZeroDivisionError: oh no"),
         ("exit", "SystemExit: 7"),
         ("nan", "no longer finite"),
-        ("decline", "three is too many"),
+        ("decline", "this is too many"),
     ],
 )
 def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
     pour: Pour, tmp_path: Path, how: str, words: str
 ) -> None:
     file = tmp_path / "a.npz"
-    with pytest.raises(BenchError) as caught:
+    with pytest.raises(FailedSimulationError) as caught:
         simulate(pour(solver=Misled(how, [])), file)
     kept = read_simulation(file, Misled(how, []))
     message = str(caught.value)
     assert words in message
-    assert f"step {kept.n_steps + 1} of the pile, from t = {kept.state.time:.6g} s" in message
+    assert f"step {kept.n_steps + 1}, from t = {kept.state.time:.6g} s, failed with Misled" in message
     assert str(file) in message
     assert "\n" not in message
-    assert (kept.steps["contacts"] > 0).sum() == 2
+    assert 0 < (kept.steps["contacts"] > 0).sum() < WELL
+    assert kept.ending is Ending.FAILED
+    assert kept.failure is not None
+    assert words in kept.failure.reason
     assert np.isfinite(kept.state.velocity).all()
 
 

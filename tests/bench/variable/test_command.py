@@ -90,15 +90,6 @@ def test_what_contradicts_a_stored_variable_step_is_named_beside_what_is_stored(
     assert capsys.readouterr().err == f"proxbench: {words.format(file=file)}\n"
 
 
-def test_a_report_of_a_simulation_says_how_its_table_is_printed(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    file = tmp_path / "toy.npz"
-    write_variable(VariableSimulation(make_variable_plan("woodpecker")), file)
-    assert run_command(["report", str(file)]) == 2
-    assert f"proxbench simulate --resume {file} prints its table" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", ["there", "there.json"])
 def test_a_folder_is_no_result_file(name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / name).mkdir()

@@ -8,6 +8,7 @@ from proxbench.bench.variable.figure import motion_chart
 from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.simulation import STEP, SWITCH, VariableSimulation
 from proxbench.problems.law_states import LawStates
+from proxbench.problems.moreau import State
 
 
 def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...] = ()) -> VariableSimulation:
@@ -18,12 +19,13 @@ def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...
     steps["time"], steps["length"] = 0.1 * np.arange(1, 11), 0.1
     steps["kinetic_energy"], steps["potential_energy"] = np.arange(10.0), 7.0
     start = plan.scene.start
-    state = np.concatenate([start.position + 0.5, start.velocity * 0.0])
-    trajectory = state + motion * np.outer(np.arange(10.0), np.arange(len(state)) < len(start.position))
+    places = [start.position + 0.5 + motion * number for number in range(10)]
+    states = [State(time, place, 0.0 * start.velocity) for time, place in zip(steps["time"], places, strict=True)]
+    simulation.thinning.restore(states, [True] * 10, 0)
     rows = np.zeros(len(switches), dtype=SWITCH)
     rows["begin"] = rows["end"] = [time for time, _ in switches]
     rows["law"] = [law for _, law in switches]
-    simulation.restore(steps, rows, trajectory, LawStates())
+    simulation.restore(steps, rows, LawStates())
     return simulation
 
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.errors import BenchError
+from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.variable.file import is_variable, read_variable
 from proxbench.bench.variable.plan import VariablePlan, make_variable_plan
-from proxbench.bench.variable.running import advance_variable, begun_variable, one_steps, simulate_variable
+from proxbench.bench.variable.running import advance_variable, begun_variable, simulate_variable
 from proxbench.problems import ContactProblem, Model, adaptive
 from proxbench.problems.moreau import Step
 from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
@@ -112,11 +112,13 @@ def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_anothe
 ) -> None:
     file = tmp_path / "toy.npz"
     with pytest.raises(
-        BenchError, match=r"step \d+ of the woodpecker with SORprox: .* from t = .* --resume .*toy\.npz"
+        FailedSimulationError, match=r"step \d+, from t = .*, failed with SORprox: .* --resume .*toy\.npz --solver"
     ):
         simulate_variable(replace(plan(), solver=Tiring(failure)), file)
     kept = read_variable(file)
     assert kept.n_steps > 0
+    assert kept.failure is not None
+    assert kept.failure.time == kept.state.time
     again = begun_variable(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
     advance_variable(again)
     assert again.is_finished
@@ -133,13 +135,6 @@ def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) 
         begun_variable(file, {"scene": "funnel"})
     with pytest.raises(BenchError, match="has come to"):
         begun_variable(file, duration=0.005)
-
-
-def test_one_steps_end_where_the_accepted_step_ends() -> None:
-    taken = []
-    simulate_variable(plan(), on_step=[taken.append])
-    for step in taken:
-        assert one_steps(step)[-1].state is step.end
 
 
 def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
 from proxbench.bench.variable.table import print_variable
 from proxbench.problems.law_states import LawStates
+from proxbench.problems.moreau import State
 from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from rich.console import Console
 
@@ -26,9 +27,9 @@ def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[
     steps = np.zeros(len(rows) + 1, dtype=STEP)
     steps["time"], steps["length"] = [*(row[0] for row in rows), simulation.plan.until], 1e-3
     steps["residual"][0] = residual
-    trajectory = np.zeros((len(steps), simulation.trajectory.shape[1]))
-    trajectory[:, 0] = -DESCENT / PERIOD * steps["time"]
-    simulation.restore(steps, np.array(rows, dtype=SWITCH), trajectory, LawStates())
+    states = [State(time, np.array([-DESCENT / PERIOD * time, 0.0, 0.0]), np.zeros(3)) for time in steps["time"]]
+    simulation.thinning.restore(states, [True] * len(states), 0)
+    simulation.restore(steps, np.array(rows, dtype=SWITCH), LawStates())
     return simulation
 
 

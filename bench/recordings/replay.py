@@ -1,0 +1,85 @@
+"""Recordings of simulations that are stored: bodies and impulses at the states that were kept, curves of all steps."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.laws import FloatArray
+from ...problems.moreau import State, Step, step_problem
+from ...problems.scenes.registry import Scene
+from ...problems.system import System
+from ..errors import BenchError
+from .scenes import scene_recorder
+from .steps import SMALLEST
+
+
+def record_stored(
+    scene: Scene,
+    steps: NDArray[np.void],
+    states: Sequence[State],
+    file: Path,
+    *,
+    impulse_seconds: float | None = None,
+    force: bool = False,
+) -> None:
+    """Write the recording of a simulation.
+
+    Args:
+        scene: what was simulated.
+        steps: one row a step: time, iterations, residual, kinetic_energy, potential_energy.
+        states: some of the states between them, the first one the start.
+        file: the recording, ending in ``.rrd``.
+        impulse_seconds: where states hold forces, over which time impulses are drawn [s].
+        force: replace a file that exists.
+
+    Raises:
+        BenchError: if the scene cannot be drawn, no step was taken, or the file exists or cannot be written.
+    """
+    if not len(steps):
+        raise BenchError("no step is taken yet, so there is nothing to record; go on with the simulation first.")
+    times = np.array([scene.start.time, *steps["time"]])
+    with scene_recorder(scene, file, len(steps), force) as recorder:
+        recorder.start(states[0])
+        recorder.replay(times, _curves(scene, steps, times), _drawn(scene.system, times, states[1:], impulse_seconds))
+
+
+def _curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[str, FloatArray]:
+    """Return what is known of all steps, by the name of the curve; nan where nothing is drawn."""
+    start = scene.start
+    kinetic = np.array([scene.kinetic_energy(start.velocity), *steps["kinetic_energy"]])
+    potential = np.array([scene.potential_energy(start.position), *steps["potential_energy"]])
+    return {
+        "step_size": np.array([np.nan, *np.log10(np.diff(times))]),
+        "iterations": np.array([0.0, *steps["iterations"]]),
+        "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], SMALLEST))]),
+        "energy/kinetic": kinetic,
+        "energy/potential": potential,
+        "energy/total": kinetic + potential,
+    }
+
+
+def _drawn(
+    system: System, times: FloatArray, states: Sequence[State], impulse_seconds: float | None
+) -> Iterator[tuple[int, Step]]:
+    for state in states:
+        number = int(np.searchsorted(times, state.time))
+        yield number, step_to(system, state, float(times[number] - times[number - 1]), impulse_seconds)
+
+
+def step_to(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
+    """Return the step of ``length`` [s] that led to ``state``, as far as the state says: contacts and their impulses.
+
+    The contacts are those at its midpoint, q_E − u_E Δt/2. States of a variable step hold forces in place of impulses,
+    of which ``impulse_seconds`` [s] make impulses again.
+    """
+    midpoint = system.move(state.position, state.velocity, -0.5 * length)
+    assembly = system.assemble(midpoint, state.velocity, length)
+    contacts = assembly.contacts
+    if contacts is None or not len(state.keys):
+        return Step(state, None, np.zeros(0), None, None, 0)
+    held = np.zeros((len(contacts.keys), contacts.rows_per_contact))
+    _, ours, theirs = np.intersect1d(contacts.keys, state.keys, assume_unique=True, return_indices=True)
+    held[ours] = state.impulses[theirs] * (1.0 if impulse_seconds is None else impulse_seconds)
+    return Step(state, step_problem(assembly, contacts, state.velocity), held.ravel(), contacts, None, 0)
