@@ -3,12 +3,13 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ...problems.errors import said
 from ...problems.judge import Residual
-from ...problems.moreau import Moreau, Step
+from ...problems.moreau import State, Step
 from ...solvers.interface import Solver
 from ..errors import BenchError, FailedSimulationError
 from ..output_file import output_file
@@ -18,6 +19,7 @@ from .file import read_simulation, write_simulation
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
 from .result_file import SUFFIX
 from .simulation import NO_CONTACT, Simulation
+from .warming import WarmClock
 
 OnStep = Callable[[int, Step], None]
 """``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
@@ -140,13 +142,13 @@ def advance(
     simulation.failure = None
     plan = simulation.plan
     stepper = plan.stepper(Asked(plan.solver, plan.others))
-    clock = time.perf_counter
+    clock, steps = time.perf_counter, WarmClock()
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
     written = clock()
     try:
         while not simulation.is_finished and not stop_asked():
-            _take_step(simulation, stepper, on_step)
+            _take_step(simulation, partial(steps.step, stepper), on_step)
             now = clock()
             simulation.wall_seconds = now - began
             if now - written >= checkpoint_seconds:
@@ -162,14 +164,14 @@ def _store(simulation: Simulation) -> None:
         write_simulation(simulation, simulation.file)
 
 
-def _take_step(simulation: Simulation, stepper: Moreau, on_step: Sequence[OnStep]) -> None:
+def _take_step(
+    simulation: Simulation, timed_step: Callable[[State], tuple[Step, float]], on_step: Sequence[OnStep]
+) -> None:
     number = simulation.n_steps + 1
-    began = time.perf_counter()
     try:
-        step = stepper.step(simulation.state)
+        step, seconds = timed_step(simulation.state)
     except (Exception, SystemExit) as error:
         raise _failed(simulation, said(error)) from error
-    seconds = time.perf_counter() - began
     row = _row(simulation, step, seconds)
     if not all(map(math.isfinite, row[ENERGIES])):
         raise _failed(simulation, "the motion is no longer finite")

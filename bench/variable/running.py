@@ -15,6 +15,7 @@ from ..simulations.asking import Asked
 from ..simulations.failure import Failure
 from ..simulations.plan import FIXED, check_agreement
 from ..simulations.running import judged_residual
+from ..simulations.warming import warm_up
 from .file import read_variable, write_variable
 from .plan import VariablePlan, changed
 from .simulation import VariableSimulation
@@ -114,7 +115,9 @@ def advance_variable(
     counts = (0, 0, 0.0)
     try:
         stepper = simulation.plan.steps(Asked(simulation.plan.solver))
-        for taken in stepper.steps(simulation.state, simulation.plan.until, simulation.states):
+        begin = (simulation.state, simulation.plan.until, simulation.states)
+        warm_up(stepper, *begin)
+        for taken in stepper.steps(*begin):
             simulation.append(taken, _row(simulation, taken, counts))
             counts = (taken.solves, taken.rejected, taken.seconds)
             for call in on_step:
