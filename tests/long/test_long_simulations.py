@@ -44,7 +44,7 @@ def test_a_pile_at_rest_stays_as_it_is() -> None:
     settling = 2.0
     simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=0.3))  # kernels compiled, caches filled
     before = memory()
-    pile = simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=settling + REST_SECONDS))
+    pile = simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=settling + REST_SECONDS, states=1))
     grown = memory() - before
     rests = pile.steps["time"] > settling
     rest, energies = pile.steps[rests], energy(pile)[rests]
