@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ..problems.laws import FloatArray
 from .errors import BenchError
 from .frames import RunFrames
 from .markdown import inline
@@ -78,6 +79,12 @@ def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
     return float(reached["total_seconds"].min()) if len(reached) else float("nan")
 
 
+def mean_time(times: FloatArray, limit: float) -> float:
+    """Return the shifted geometric mean of times [s], those that are missing (NaN) or longer at ``limit`` [s]."""
+    filled = np.where(np.isnan(times), limit, np.minimum(times, limit))
+    return float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
+
+
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a case: time to each accuracy [s], the best judged residual, its iterations, how it ended and why.
 
@@ -93,7 +100,7 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
         row = {key: case[key] for key in _CASE_COLUMNS}
         row |= {key: time_to_accuracy(measured, accuracy) for key, accuracy in zip(keys, shown, strict=True)}
         row |= _best(measured)
-        row["outcome"], row["reason"] = _ending(case, measured)
+        row["outcome"], row["reason"] = ending(case, measured)
         rows.append(row)
     return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *keys, "residual", "iterations", "outcome", "reason"])
 
@@ -115,12 +122,11 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
         row: dict[str, Any] = {"solver": solver, "model": cases["model"].iloc[0], "problems": len(cases)}
         of_cases = [_points_of(frames, case) for case in cases.to_dict("records")]
         for accuracy in shown:
-            claims = [_claims(points, accuracy) for points in of_cases]
+            claimed = [claims(points, accuracy) for points in of_cases]
             times = np.array([time_to_accuracy(points, accuracy) for points in of_cases])
-            filled = np.where(np.isnan(times), limit, np.minimum(times, limit))
-            row[f"success_{_tag(accuracy)}"] = float(np.mean(claims))
+            row[f"success_{_tag(accuracy)}"] = float(np.mean(claimed))
             row[f"correct_{_tag(accuracy)}"] = float(np.mean(~np.isnan(times)))
-            row[f"mean_time_{_tag(accuracy)}"] = float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
+            row[f"mean_time_{_tag(accuracy)}"] = mean_time(times, limit)
         row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in of_cases if len(points)))
         rows.append(row)
     of_accuracies = [f"{kind}_{_tag(accuracy)}" for accuracy in shown for kind in ("success", "correct", "mean_time")]
@@ -204,7 +210,7 @@ def _best(measured: pd.DataFrame) -> dict[str, float]:
     return {"residual": float(best["residual"]), "iterations": float(best["iterations"])}
 
 
-def _ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
+def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
     """How the case ended: its fault, else the worst of what its ladder shows, with the reason in words."""
     if case["outcome"] != Outcome.MEASURED or measured.empty:
         return str(case["outcome"]), str(case["reason"])
@@ -221,7 +227,7 @@ def _ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
     return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
 
 
-def _claims(points: pd.DataFrame, accuracy: float) -> bool:
+def claims(points: pd.DataFrame, accuracy: float) -> bool:
     """Whether the solver says that it solved to ``accuracy``."""
     if points.empty:
         return False

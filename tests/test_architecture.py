@@ -14,6 +14,7 @@ AT_HOME = {
     "altair": {
         "bench/drawing.py",
         "bench/charts.py",
+        "bench/summary_charts.py",
         "bench/simulations/chart.py",
         "bench/studies/chart.py",
         "bench/variable/figure.py",
@@ -21,9 +22,11 @@ AT_HOME = {
     "vl_convert": {"bench/drawing.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {
+        "bench/drawing.py",
         "bench/frames.py",
         "bench/tables.py",
         "bench/charts.py",
+        "bench/summary_charts.py",
         "bench/simulations/chart.py",
         "bench/studies/chart.py",
         "bench/variable/figure.py",

@@ -28,13 +28,13 @@ def simulation_chart(simulation: Simulation) -> alt.VConcatChart:
     if scene.balls_through is None:
         energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
     panels = [
-        _panel(curves, "contacts", {"contacts": "active contacts"}),
-        _panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}, "sqrt"),
+        _panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),
+        _panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}, "sqrt", steps=True),
         _panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
         _panel(curves, "energy [J]", energies),
     ]
     if scene.balls_through is not None:
-        panels.insert(0, _panel(curves, "balls through", {"balls_through": "through the outlet"}))
+        panels.insert(0, _panel(curves, "balls through", {"balls_through": "through the outlet"}, steps=True))
     panels[-1].encoding.x.title = "simulated time [s]"
     panels[-1].encoding.x.axis = alt.Axis()
     balls = f", {scene.n_balls} balls" if scene.n_balls else ""
@@ -74,9 +74,13 @@ def _curves(simulation: Simulation) -> pd.DataFrame:
 
 
 def _panel(
-    curves: pd.DataFrame, title: str, names: dict[str, str], scale: Literal["linear", "sqrt"] = "linear"
+    curves: pd.DataFrame,
+    title: str,
+    names: dict[str, str],
+    scale: Literal["linear", "sqrt"] = "linear",
+    steps: bool = False,
 ) -> alt.Chart:
-    """Return one panel of curves, by column and what the legend calls it."""
+    """Return one panel of curves, by column and what the legend calls it; in ``steps`` if values jump."""
     long = curves.melt("time", list(names), "column", "value")
     long["curve"] = long["column"].map(names)
     order = list(names.values())
@@ -84,7 +88,7 @@ def _panel(
     dashes = alt.Scale(domain=order, range=([1, 0], [5, 2], [2, 2])[: len(order)])
     panel: alt.Chart = (
         alt.Chart(long[["time", "value", "curve"]], width=WIDTH, height=HEIGHT)
-        .mark_line(strokeWidth=1.5)
+        .mark_line(strokeWidth=1.5, interpolate="step-before" if steps else "linear")
         .encode(
             x=alt.X("time:Q", title=None).axis(labels=False, ticks=False).scale(nice=False),
             y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4),

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..drawing import stacked, write_drawing
-from ..palette import PALETTE
+from ..palette import looks
 from .cases import REFERENCE
 from .measuring import ERROR
 from .running import points, reference, spreads
@@ -27,8 +27,6 @@ AXES = {
 """What may stand on the horizontal axes."""
 
 PARTS = {"steppers": "steppers, over step size or tolerance", "solvers": "solvers, over their tolerance"}
-
-SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
 
 LEAST_SHARE = 0.05
 """A mean deviation that is smaller than this part of the upper end of its bar is noise, and drawn there."""
@@ -94,8 +92,8 @@ def _row(frame: pd.DataFrame, study: Study, key: str, by_part: bool) -> alt.HCon
 def _panel(
     frame: pd.DataFrame, work: str, title: str, domain: list[float], series: list[str], floor: float
 ) -> alt.LayerChart:
-    colours = [PALETTE[k % len(PALETTE)] for k in range(len(series))]
-    shapes = [SHAPES[k % len(SHAPES)] for k in range(len(series))]
+    drawn = looks(series).values()
+    colours, shapes = [look.colour for look in drawn], [look.shape for look in drawn]
     colour = alt.Color("series:N", sort=series, scale=alt.Scale(domain=series, range=colours), title=None)
     shape = alt.Shape("series:N", sort=series, scale=alt.Scale(domain=series, range=shapes), title=None)
     shown = frame[["series", work, "error", "low", "high", "rank"]]

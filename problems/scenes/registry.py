@@ -150,7 +150,7 @@ def _woodpecker(name: str, options: Mapping[str, Any]) -> Scene:
         kinetic_energy=kinetic_energy,
         potential_energy=lambda position: potential_energy(position, gravity),
         longest_step=0.02,
-        coordinates={"φ_M [rad]": 1, "φ_S [rad]": 2, "y [m]": 0},
+        coordinates={"sleeve angle [rad]": 1, "bird angle [rad]": 2, "sleeve height [m]": 0},
     )
 
 

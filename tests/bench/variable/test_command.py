@@ -23,7 +23,7 @@ def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
     assert "one-step solves" in printed
     assert {file.name for file in tmp_path.iterdir()} == {"toy.npz", "toy.svg", "toy.png"}
     drawing = (tmp_path / "toy.svg").read_text(encoding="utf-8")
-    assert "φ_M [rad]" in drawing
+    assert "sleeve angle [rad]" in drawing
     assert "step size [s]" in drawing
 
 

@@ -71,20 +71,20 @@ def test_the_figure_is_drawn_without_any_switching_point() -> None:
 
 def test_the_woodpecker_keeps_its_coordinates_with_dots() -> None:
     drawn = panels(made("woodpecker", switches=((0.35, 0),)))
-    assert list(drawn) == ["φ_M [rad]", "φ_S [rad]", "y [m]", "step size [s]"]
+    assert list(drawn) == ["sleeve angle [rad]", "bird angle [rad]", "sleeve height [m]", "step size [s]"]
     assert all("layer" in panel for name, panel in drawn.items() if name != "step size [s]")
 
 
 @pytest.mark.parametrize("motion", [0.0, 1e-16, 1e-9])
 def test_an_axis_does_not_magnify_rounding(motion: float) -> None:
-    panel = panels(made("woodpecker", motion))["φ_M [rad]"]
+    panel = panels(made("woodpecker", motion))["sleeve angle [rad]"]
     low, high = vertical(panel)["scale"]["domain"]
     assert high - low > 0.01
     assert low < 0.5 + made("woodpecker", motion).plan.scene.start.position[1] < high
 
 
 def test_an_axis_follows_what_moves() -> None:
-    assert "domain" not in vertical(panels(made("woodpecker", 1e-3))["φ_M [rad]"])["scale"]
+    assert "domain" not in vertical(panels(made("woodpecker", 1e-3))["sleeve angle [rad]"])["scale"]
     drawn = panels(made("pile"))
     assert "domain" not in vertical(drawn["kinetic energy [J]"])["scale"]
     assert vertical(drawn["potential energy [J]"])["scale"]["domain"] == pytest.approx([6.65, 7.35])
