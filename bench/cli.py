@@ -26,6 +26,8 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")]
+Charts = Annotated[bool, typer.Option("--charts/--no-charts", help="Draw charts beside the tables.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and where the results are.")]
 
 
 def main() -> None:
@@ -166,6 +168,8 @@ def run(
         bool, typer.Option("--record", help="Record how the iterations behave, one file a problem.")
     ] = False,
     plugin: PluginFiles = None,
+    charts: Charts = True,
+    quiet: Quiet = False,
     as_json: Json = False,
     progress: Annotated[bool, typer.Option(help="Show a progress bar.")] = True,
 ) -> int:
@@ -177,7 +181,8 @@ def run(
     from .progress import RunProgress
 
     _refuse_contradictions(context)
-    with RunProgress(Console(stderr=True), hidden=not progress or as_json) as shown:
+    _refuse_two_prints(quiet, as_json)
+    with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         if resume is not None:
             folder = runner.resume(resume, retry_failed, on_event=shown)
         else:
@@ -187,7 +192,7 @@ def run(
         from .recordings.runs import record_run
 
         record_run(folder)
-    return _report(folder, as_json)
+    return _report(folder, charts, quiet, as_json)
 
 
 @app.command(short_help="Record solvers iterating side by side, or a stored simulation.")
@@ -306,25 +311,34 @@ def report(
         Path, typer.Argument(help="Folder of a stored run, file of a study (.json) or of a simulation (.npz).")
     ],
     plugin: PluginFiles = None,
+    charts: Charts = True,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> int:
     """Print the tables of a stored run, study or simulation, and draw its charts again."""
+    _refuse_two_prints(quiet, as_json)
     if run_dir.suffix == ".json":
         from .studies.command import report_study
 
-        return report_study(run_dir, as_json)
+        return report_study(run_dir, charts, quiet, as_json)
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
         from .stored_simulations import report_simulation
 
         return report_simulation(run_dir, as_json)
-    return _report(run_dir, as_json)
+    return _report(run_dir, charts, quiet, as_json)
 
 
-def _report(run_dir: Path, as_json: bool) -> int:
+def _refuse_two_prints(quiet: bool, as_json: bool) -> None:
+    from .errors import BenchError
+
+    if quiet and as_json:
+        raise BenchError("--quiet and --json exclude each other; give one of them.")
+
+
+def _report(run_dir: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Write and print what a run has to show; return 1 if something measured failed."""
     from rich.console import Console
 
-    from .charts import write_charts
     from .frames import load
     from .outcome import FAULTS, Outcome
     from .presenting import FILE_WIDTH
@@ -332,7 +346,11 @@ def _report(run_dir: Path, as_json: bool) -> int:
 
     frames = load(run_dir)
     tables = write_tables(frames, run_dir / "tables")
-    charts = write_charts(frames, run_dir / "charts")
+    drawn: list[Path] = []
+    if charts:
+        from .charts import write_charts  # altair takes a second to import
+
+        drawn = write_charts(frames, run_dir / "charts")
     for sentence in frames.damaged:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:
@@ -341,14 +359,18 @@ def _report(run_dir: Path, as_json: bool) -> int:
             "info": frames.info,
             "results": json.loads(results_table(frames).to_json(orient="records")),
             "summary": json.loads(summary_table(frames).to_json(orient="records")),
-            "files": [str(file) for file in (*tables, *charts)],
+            "files": [str(file) for file in (*tables, *drawn)],
             "damaged": frames.damaged,
         }
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
-        print_tables(frames, console)
-        places = [f"\nresults  {run_dir}", f"tables   {run_dir / 'tables'}", f"charts   {run_dir / 'charts'}"]
+        if not quiet:
+            print_tables(frames, console)
+            console.print()
+        places = [f"results  {run_dir}", f"tables   {run_dir / 'tables'}"]
+        if charts:
+            places.append(f"charts   {run_dir / 'charts'}")
         if (run_dir / "recordings").is_dir():
             places.append(f"watch    rerun {run_dir / 'recordings'}/NAME.rrd")
         console.print("\n".join(places), soft_wrap=True)

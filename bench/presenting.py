@@ -29,6 +29,7 @@ def present(
     files: Iterable[tuple[str, str | Path]],
     as_json: bool,
     width: int = FILE_WIDTH,
+    quiet: bool = False,
 ) -> None:
     """Print one JSON document, or tables and a line for each file.
 
@@ -39,11 +40,12 @@ def present(
             made, are best yielded last, when everything else is printed already.
         as_json: print the document and nothing else; the files are made all the same.
         width: columns of tables that go to a file or a pipe.
+        quiet: leave the tables out.
     """
     console = Console(width=None if sys.stdout.isatty() else width, quiet=as_json)
     if as_json:
         print(json.dumps(document(), indent=1, ensure_ascii=False), flush=True)
-    else:
+    elif not quiet:
         show(console)
         console.print()
     for what, path in files:

@@ -45,29 +45,37 @@ def run_study_command(request: Request, as_json: bool, progress: bool) -> int:
     return 0
 
 
-def report_study(file: Path, as_json: bool) -> int:
+def report_study(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Print a stored study, and write its points and its chart again; return 0.
+
+    Args:
+        file: of the study.
+        charts: draw the chart.
+        quiet: print the places of the files alone.
+        as_json: print one JSON document instead.
 
     Raises:
         BenchError: if the file is missing, damaged, or no study.
     """
     study = read_study(file)
-    _present(study, file, file.with_suffix(".svg"), as_json)
+    _present(study, file, file.with_suffix(".svg") if charts else None, as_json, quiet)
     return 0
 
 
-def _present(study: Study, file: Path, chart: Path, as_json: bool) -> None:
+def _present(study: Study, file: Path, chart: Path | None, as_json: bool, quiet: bool = False) -> None:
     files = _files(study, file, chart)
-    present(lambda: study_document(study), lambda console: print_study(study, console), files, as_json, FILE_WIDTH)
+    present(
+        lambda: study_document(study), lambda console: print_study(study, console), files, as_json, FILE_WIDTH, quiet
+    )
 
 
-def _files(study: Study, file: Path, chart: Path) -> Iterator[tuple[str, Path]]:
+def _files(study: Study, file: Path, chart: Path | None) -> Iterator[tuple[str, Path]]:
     """Make the files of a study one by one, and yield what each is."""
     found, table = points(study), _table_file(file)
     yield "result", file
     write_points(found, table)
     yield "points", table
-    for path in _drawn(study, file, chart) if found else ():
+    for path in _drawn(study, file, chart) if found and chart is not None else ():
         yield "chart", path
 
 

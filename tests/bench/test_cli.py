@@ -31,6 +31,8 @@ from proxbench.bench.cli import run_command
         ("run --resume nowhere", "no stored run"),
         ("run --resume nowhere --solver SORprox", "--solver"),
         ("run --retry-failed", "--resume"),
+        ("run --quiet --json", "--quiet and --json"),
+        ("report nowhere --quiet --json", "--quiet and --json"),
         ("run --suite hard --problem hard-no-motion", "--problem"),
         ("run --problem hard-no-motion --run-id ../elsewhere", "'../elsewhere'"),
     ],
@@ -65,6 +67,21 @@ def test_a_run_prints_its_tables_and_says_where_the_files_are(
     for folder in ("cases", "tables", "charts"):
         assert any((tmp_path / "one" / folder).iterdir())
     assert str(tmp_path / "one" / "charts") in printed
+
+
+def test_a_quiet_run_without_charts_prints_where_its_files_are_and_draws_none(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    run = tmp_path / "one"
+    line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --results {tmp_path} --run-id one"
+    assert run_command([*line.split(), "--quiet", "--no-charts"]) == 0
+    printed = capsys.readouterr()
+    assert printed.out == f"results  {run}\ntables   {run}/tables\n"
+    assert printed.err == ""
+    assert not (run / "charts").exists()
+    assert run_command(["report", str(run), "--quiet"]) == 0
+    assert capsys.readouterr().out == f"results  {run}\ntables   {run}/tables\ncharts   {run}/charts\n"
+    assert any((run / "charts").iterdir())
 
 
 def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
