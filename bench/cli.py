@@ -208,14 +208,17 @@ def record(
     tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
     max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of each solver.")] = 1000,
     max_seconds: Annotated[float, typer.Option(help="Largest time of each solver [s].")] = 60.0,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing recording.")] = False,
+    still: Annotated[Path | None, typer.Option(help="Picture of its end to draw as well, ending in .png.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing recording and picture.")] = False,
     as_json: Json = False,
 ) -> int:
     """Record what solvers do in each iteration, side by side, or a stored simulation, to watch it with: rerun FILE."""
     from ..solvers.interface import Stop
     from .errors import BenchError
     from .plan import make_plan, resolved
+    from .recordings.layouts import ITERATION
     from .recordings.solves import record_solves
+    from .recordings.still import refuse_still, write_still
 
     if problem.endswith(".npz"):
         from .stored_simulations import record_simulation
@@ -228,15 +231,22 @@ def record(
             raise BenchError(f"a recording of solvers needs {option}; see proxbench record --help.")
     assert solver is not None
     assert output is not None
+    if still is not None:
+        refuse_still(still, force)
     plan = make_plan([problem], solver, tolerances=[tolerance])
     stop = Stop(tolerance, max_iterations, max_seconds)
     made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, output, force)
+    if still is not None:
+        write_still(made.file, still, ITERATION)
     if as_json:
-        print(json.dumps({"file": str(made.file), "solves": made.summary()}, indent=1, ensure_ascii=False))
+        document = {"file": str(made.file), "solves": made.summary()} | ({} if still is None else {"still": str(still)})
+        print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         for trace in made.traces:
             print(f"{trace.solver}: {trace.sentence}")
         print(f"watch it with: rerun {made.file}")
+        if still is not None:
+            print(f"still: {still}")
     return int(any(trace.failed for trace in made.traces))
 
 

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((ROOT / top).rglob("*.py"))]
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
-RECORDED_WITH_RERUN = ("annotations", "balls", "file", "layouts", "solves", "steps", "woodpecker")
+RECORDED_WITH_RERUN = ("annotations", "balls", "bodies", "file", "layouts", "solves", "steps", "still", "woodpecker")
 AT_HOME = {
     "altair": {
         "bench/drawing.py",

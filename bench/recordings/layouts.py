@@ -11,6 +11,9 @@ BACKGROUND = (22, 25, 31)
 ITERATION, STEP, TIME = "iteration", "step", "time"
 """Timelines."""
 
+BODIES = "bodies"
+"""Where the bodies stand that all solvers share."""
+
 SOLVERS_IN_A_ROW = 4
 SECONDS_TO_PLAY = 12.0
 SLOWEST, FASTEST = 4.0, 120.0
@@ -69,7 +72,7 @@ def solves_blueprint(
     """
     columns = [
         rrb.Vertical(
-            space_view(name, camera, [f"/solvers/{index}/**"]),
+            space_view(name, camera, [f"/solvers/{index}/**", f"/{BODIES}/**"]),
             plot("contact states", f"/states/{index}"),
             row_shares=[3, 1.3],
             name=name,

@@ -3,8 +3,11 @@
 Its factors know more than they seem to: the force directions of a rigid body hold the axes e of each contact and the
 moments a × e, hence the arm a from the body's centre to the contact. Two bodies in contact share a point,
 x_i + a_i = x_j + a_j, and these equations place the bodies of a connected heap relative to each other. Heaps that touch
-only fixed surfaces, or nothing, are set in a row beside the largest. What does not come from rigid bodies is laid out
+only fixed surfaces, or nothing, are set beside the largest. What does not come from rigid bodies is laid out
 on a grid, normals upwards.
+
+The same arms say what shape a body has: they are those of a ball if all have one length and lie along the normals, and
+the body turns no harder than a uniform ball of that radius. Of any other body the centre and the arms are known.
 """
 
 from dataclasses import dataclass
@@ -19,11 +22,52 @@ from scipy.sparse.linalg import spsolve
 from ...problems.contact import ContactProblem
 from ...problems.laws import FloatArray, IntArray
 from ...problems.pieces import Pieces, cut_into_pieces
+from ..counting import counted
 from ..errors import BenchError
 from .space import in_space
 
 RIGID_TOLERANCE = 1e-9
 """How exactly axes must be orthonormal, and moments fit an arm, to count as those of a rigid body."""
+
+
+KINDS = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
+"""Dimension and rotations of rigid bodies, by the rows of a contact and the degrees of freedom of a body."""
+
+SOLID = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
+"""Moment of inertia over m r² of a uniform ball and a uniform disc, by the dimension."""
+
+
+BALL_TOLERANCE = 1e-6
+"""How exactly arms and moments of inertia must be those of a ball."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """The bodies that have contacts, as far as the factors show them.
+
+    Attributes:
+        centres: [m], shape (n_bodies, 3).
+        radii: of those that are balls [m], NaN for the others, shape (n_bodies,).
+        arms: from the centres of the others to their contacts, pairs of points [m], shape (n_arms, 2, 3).
+    """
+
+    centres: FloatArray
+    radii: FloatArray
+    arms: FloatArray
+
+    @property
+    def is_ball(self) -> NDArray[np.bool_]:
+        """Which are balls or discs, shape (n_bodies,)."""
+        return ~np.isnan(self.radii)
+
+    @property
+    def sentence(self) -> str:
+        """What is drawn of them."""
+        balls = int(self.is_ball.sum())
+        others = len(self.radii) - balls
+        round_ones = counted(balls, "ball") + " of the radius that the force directions show"
+        nodes = f"{counted(others, 'body', 'bodies')} of unknown shape as dots joined to their contacts"
+        return "Drawn: " + " and ".join([round_ones] * (balls > 0) + [nodes] * (others > 0)) + "."
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +79,7 @@ class Places:
         frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for lanes it does not have.
         size: length of one body or spacing [m], by which arrows are scaled.
         origin: how these places were found, as a sentence.
+        bodies: what stands at the contacts; None where the problem does not say.
 
     Raises:
         BenchError: if the shapes do not go together.
@@ -44,6 +89,7 @@ class Places:
     frames: FloatArray
     size: float
     origin: str
+    bodies: Bodies | None = None
 
     def __post_init__(self) -> None:
         n = len(self.positions)
@@ -70,7 +116,10 @@ def grid_places(n_contacts: int) -> Places:
     index = np.arange(n_contacts)
     positions = np.column_stack([index % side, index // side, np.zeros(n_contacts)]).astype(np.float64)
     frame = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    text = "The problem does not say where its contacts are: they stand on a grid, in its order, normals upwards."
+    text = (
+        "The problem does not say where its contacts are: they stand on a grid, in its order, normals upwards. Nor "
+        "does it say what its bodies look like: none are drawn."
+    )
     return Places(positions, np.tile(frame, (n_contacts, 1, 1)), 1.0, text)
 
 
@@ -91,8 +140,61 @@ def _from_factors(problem: ContactProblem) -> Places | None:
     size = float(np.median(np.linalg.norm(arms[:, 0], axis=1))) or 1.0
     centres = _centres(bodies, arms, pieces.n_chunks, size)
     positions = centres[bodies[:, 0]] + arms[:, 0]
+    dimension, spins = KINDS[pieces.width, pieces.length]
+    is_round = _turning_like_balls(problem, dimension, spins)
+    shown = _bodies(bodies, axes[:, 0], arms, centres, is_round)
     text = "Places and directions come from the force directions; heaps that do not touch stand side by side."
-    return Places(positions, axes, size, text)
+    text = f"{text} {shown.sentence}"
+    return Places(positions, axes, size, text, shown)
+
+
+def _bodies(
+    touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, inertia: FloatArray
+) -> Bodies:
+    """Return the bodies in contact: balls where nothing speaks against it, else their centres and arms.
+
+    Args:
+        touching: the two bodies of each contact, shape (n_contacts, 2).
+        normals: shape (n_contacts, 3).
+        arms: of each contact on both bodies [m], shape (n_contacts, 2, 3).
+        centres: [m], shape (n_bodies, 3).
+        inertia: least radius [m] of a uniform ball that turns like each body, shape (n_bodies,).
+    """
+    n_bodies = len(centres)
+    contact, side = np.nonzero(touching < n_bodies)
+    body, arm = touching[contact, side], arms[contact, side]
+    outwards = np.where(side == 0, -1.0, 1.0)[:, None] * normals[contact]
+    radius = np.full(n_bodies, np.inf)
+    np.minimum.at(radius, body, np.einsum("cx,cx->c", arm, outwards))
+    is_ball = (radius > 0.0) & (inertia <= (1.0 + BALL_TOLERANCE) * radius)
+    alike = np.linalg.norm(arm - radius[body, None] * outwards, axis=1) <= BALL_TOLERANCE * radius[body]
+    is_ball[body[~alike]] = False
+    ends = np.stack([centres[body], centres[body] + arm], axis=1)[~is_ball[body]]
+    seen = np.unique(body)
+    return Bodies(centres[seen], np.where(is_ball, radius, np.nan)[seen], ends)
+
+
+def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> FloatArray:
+    """Return the least radius r [m] for which each body turns no harder than a uniform ball, θ <= 2/5 m r² in space.
+
+    It is infinite for bodies whose mass matrix is none of m 1 and θ 1, and for those that do not turn: their radius
+    shows nowhere.
+    """
+    assert problem.factors is not None
+    inverse, length = problem.factors.inverse_mass.matrix, dimension + spins
+    n_bodies = problem.factors.n_dofs // length
+    if not spins:
+        return np.full(n_bodies, np.inf)
+    diagonal = np.asarray(inverse.diagonal()).reshape(n_bodies, length)
+    linear, angular = diagonal[:, :dimension], diagonal[:, dimension:]
+    least = np.sqrt(linear[:, 0] / (SOLID[dimension] * angular[:, 0]))
+    uneven = (np.ptp(linear, axis=1) > BALL_TOLERANCE * linear[:, 0]) | (
+        np.ptp(angular, axis=1) > BALL_TOLERANCE * angular[:, 0]
+    )
+    entries = sp.coo_array(inverse)
+    uneven[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = True
+    radii: FloatArray = np.where(uneven, np.inf, least)
+    return radii
 
 
 def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
@@ -113,9 +215,9 @@ def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
 def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray] | None:
     """Return axes (n, 3, 3) of each contact and arms (n, 2, 3) on its bodies, None if these are no rigid bodies."""
     width, length = values.shape[2:]
-    dimension = {(3, 6): 3, (3, 3): 3, (1, 3): 3, (2, 3): 2, (2, 2): 2, (1, 2): 2}.get((width, length))
-    if dimension is None:
+    if (width, length) not in KINDS:
         return None
+    dimension, _ = KINDS[width, length]
     linear, moments = values[..., :dimension], values[..., dimension:]
     gram = np.einsum("cplx,cpmx->cplm", linear, linear)[seen]
     opposed = linear[:, 0] + linear[:, 1]
@@ -168,18 +270,26 @@ def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> 
 
 
 def _side_by_side(centres: FloatArray, heap: IntArray, n_heaps: int, touched: IntArray, size: float) -> FloatArray:
-    """Return the centres with the largest heap about the origin and the other touched ones in a row to its right."""
+    """Return the centres with the largest heap about the origin and the other touched ones to its right.
+
+    They stand in columns as deep as the largest heap, one behind the other, all on its floor.
+    """
     members = np.bincount(heap, minlength=n_heaps)
     in_contact = np.unique(heap[touched])
     order = in_contact[np.argsort(-members[in_contact], kind="stable")]
-    edge, floor = 0.0, 0.0
+    gap = 3.0 * size
+    edge = floor = depth = along = across = 0.0
     for rank, number in enumerate(order):
         mine = heap == number
         low, high = centres[mine].min(axis=0), centres[mine].max(axis=0)
         if rank == 0:
             centres[mine] -= (low + high) / 2.0
-            edge, floor = (high[0] - low[0]) / 2.0, -(high[2] - low[2]) / 2.0
-        else:
-            centres[mine] += np.array([edge + 3.0 * size - low[0], -(low[1] + high[1]) / 2.0, floor - low[2]])
-            edge += 3.0 * size + high[0] - low[0]
+            edge, depth, floor = (high[0] - low[0]) / 2.0 + gap, (high[1] - low[1]) / 2.0, -(high[2] - low[2]) / 2.0
+            along = -depth
+            continue
+        if along > depth:
+            edge, along, across = edge + across + gap, -depth, 0.0
+        centres[mine] += np.array([edge, along, floor]) - low
+        along += high[1] - low[1] + gap
+        across = max(across, float(high[0] - low[0]))
     return centres

@@ -13,10 +13,11 @@ from ...problems.contact import ContactProblem
 from ...problems.laws import FloatArray
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
-from ..palette import PALETTE, rgb
+from ..palette import look, on_dark, rgb
 from .annotations import write_state_colours
+from .bodies import write_bodies
 from .file import RecordingFile
-from .layouts import ITERATION, Camera, solves_blueprint
+from .layouts import BODIES, ITERATION, Camera, solves_blueprint
 from .places import Places, find_places
 from .states import STATE_COLOURS, ContactState, contact_states
 from .traces import Trace, trace_solve
@@ -106,6 +107,8 @@ def record_solves(
         blueprint = solves_blueprint(names, longest, _camera(where), heights)
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
+        if where.bodies is not None:
+            write_bodies(stream, BODIES, where.bodies, where.size)
         scale = ARROW_SIZES * where.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
@@ -120,7 +123,7 @@ def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings
     """Write residual, complementarity and step change of one solver, and the states of its contacts."""
     if not trace.iterations:
         return
-    colour = rgb(PALETTE[index % len(PALETTE)])
+    colour = on_dark(look(index).colour)
     for name in CURVES:
         first = _first_point(name)
         path = f"curves/{name}/{index}"

@@ -40,6 +40,55 @@ def test_contact_points_of_a_heap_come_back_up_to_a_shift(dimension: int) -> Non
     np.testing.assert_allclose(found - found[0], points - points[0], atol=1e-10)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_balls_of_a_heap_come_back_with_their_radii(dimension: int) -> None:
+    places = find_places(heap(dimension, 0.3)[0])
+    assert places.bodies is not None
+    np.testing.assert_allclose(places.bodies.radii, [0.01, 0.02, 0.01, 0.02, 0.01], rtol=1e-9)
+    first = places.bodies.centres[0] - places.positions[1]  # its contact with the ground
+    np.testing.assert_allclose(first, [0.0, 0.0, 0.01], atol=1e-10)
+    assert len(places.bodies.arms) == 0
+    assert "5 balls" in places.origin
+
+
+def test_balls_in_contact_touch() -> None:
+    places = find_places(load("pile-100"))
+    assert places.bodies is not None
+    depth = np.linalg.norm(places.positions[:, None] - places.bodies.centres[None], axis=2) - places.bodies.radii
+    assert np.abs(depth).min(axis=1).max() < 1e-9  # every contact lies on a ball
+
+
+def with_inertia(problem: ContactProblem, factor: float) -> ContactProblem:
+    """The same contacts of bodies that turn ``factor`` times as hard."""
+    assert problem.factors is not None
+    inverse = problem.factors.inverse_mass.matrix.diagonal().reshape(-1, 6)
+    inverse[:, 3:] /= factor
+    factors = problem.factors.force_directions
+    return ContactProblem.from_factors(factors, inverse.ravel(), problem.free_velocity, 0.3)
+
+
+@pytest.mark.parametrize(("factor", "balls"), [(1.0, 5), (0.5, 5), (1.1, 0)])
+def test_what_turns_harder_than_a_uniform_ball_is_none(factor: float, balls: int) -> None:
+    bodies = find_places(with_inertia(heap(3, 0.3)[0], factor)).bodies
+    assert bodies is not None
+    assert bodies.is_ball.sum() == balls
+
+
+def test_bodies_of_unknown_shape_are_joined_to_their_contacts() -> None:
+    places = find_places(load("hard-sticking-box"))
+    assert places.bodies is not None
+    assert not places.bodies.is_ball.any()
+    np.testing.assert_allclose(places.bodies.arms[:, 0], np.tile(places.bodies.centres, (4, 1)), atol=1e-12)
+    np.testing.assert_allclose(places.bodies.arms[:, 1], places.positions, atol=1e-12)
+    assert "1 body of unknown shape" in places.origin
+
+
+def test_balls_that_cannot_turn_do_not_show_their_radius() -> None:
+    places = find_places(load("funnel-frictionless-30"))
+    assert places.bodies is not None
+    assert not places.bodies.is_ball.any()
+
+
 @pytest.mark.parametrize("name", ["funnel-100", "funnel-planar-30", "funnel-frictionless-30"])
 def test_impulses_in_space_add_up_to_the_momentum_of_the_bodies(name: str) -> None:
     problem = load(name)
@@ -69,6 +118,8 @@ def test_what_is_no_heap_of_bodies_stands_on_a_grid_and_says_so(name: str) -> No
     places = find_places(problem)
     assert places.positions.shape == (problem.n_contacts, 3)
     assert "grid" in places.origin
+    assert places.bodies is None
+    assert "none are drawn" in places.origin
     np.testing.assert_array_equal(places.frames[0], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
 

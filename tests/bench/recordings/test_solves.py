@@ -48,6 +48,17 @@ def test_arrows_are_the_impulses_at_the_contacts(recorded: RecordedSolves, read_
     np.testing.assert_allclose(scales[closed], np.median(scales[closed]), rtol=1e-4)
 
 
+def test_balls_are_drawn_for_all_solvers(recorded: RecordedSolves, read_back: Callable[[Path], Any]) -> None:
+    content, bodies = read_back(recorded.file), recorded.places.bodies
+    assert bodies is not None
+    half_sizes = np.array(content.static("/bodies/balls", "Ellipsoids3D:half_sizes"))
+    np.testing.assert_allclose(half_sizes.T, 3 * [bodies.radii], rtol=1e-6)
+    np.testing.assert_allclose(content.static("/bodies/balls", "Ellipsoids3D:centers"), bodies.centres, atol=1e-7)
+    assert str(content.blueprint).count("/bodies/**") == 4
+    (about,) = content.static("/about", "TextDocument:text")
+    assert f"{len(bodies.radii)} balls" in about
+
+
 def test_colours_are_the_states_of_the_contacts(recorded: RecordedSolves, read_back: Callable[[Path], Any]) -> None:
     content = read_back(recorded.file)
     last = recorded.traces[0].shown[-1]

@@ -1,0 +1,150 @@
+"""Stills: what a recording shows at the end of its timeline, as a PNG, drawn by the viewer without a screen."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TypeVar
+
+from rerun.experimental import ViewerClient
+
+from ...problems.errors import said
+from ...problems.files import replacing
+from ..errors import BenchError
+from ..output_file import refuse_taken
+
+SUFFIX = ".png"
+
+SIZE = (1600, 1000)
+"""Width and height of the picture [pixels]."""
+
+SECONDS = 60.0
+"""How long each part of drawing may take: starting, loading, settling."""
+
+PAUSE = 0.5
+"""Between two looks at the viewer [s]."""
+
+T = TypeVar("T")
+
+
+def refuse_still(path: Path, force: bool) -> None:
+    """Find out whether a still can be written at ``path``, and leave everything as it is.
+
+    Raises:
+        BenchError: if it does not end in ``.png``, cannot be written, or exists and ``force`` is not given.
+    """
+    if path.suffix != SUFFIX:
+        raise BenchError(f"cannot draw a still into {path}: its name must end in {SUFFIX}.")
+    refuse_taken([path], force)
+
+
+def write_still(recording: Path, still: Path, timeline: str) -> None:
+    """Draw the end of a recording; the picture is taken when all is loaded and two in a row are the same.
+
+    Args:
+        recording: file, ending in ``.rrd``.
+        still: file, ending in ``.png``; one of that name is replaced.
+        timeline: at whose last time the picture is taken.
+
+    Raises:
+        BenchError: if the viewer cannot draw on this machine, or the still cannot be written; the recording stays.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            picture = _drawn(recording.absolute(), timeline, Path(folder))
+        except Exception as error:  # whatever the viewer and its experimental interface raise
+            raise BenchError(
+                f"{recording} is kept, but the viewer cannot draw {still} here ({said(error)}); it needs a Vulkan "
+                "driver (on Debian: apt-get install mesa-vulkan-drivers)."
+            ) from error
+    try:
+        still.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(still) as file:
+            file.write(picture)
+    except OSError as error:
+        raise BenchError(f"cannot write {still}: {error.strerror}; choose another place.") from None
+
+
+def _drawn(recording: Path, timeline: str, folder: Path) -> bytes:
+    shot = folder / "shot.png"
+    with _viewer(folder) as client:
+        client.open(str(recording))
+        end = _waited(lambda: _end(client, timeline), "loading takes too long")
+        client.set_time(timeline, sequence=end, play_state="paused")
+        before = b""
+
+        def settled() -> bytes | None:
+            nonlocal before
+            client.save_screenshot(str(shot))
+            last, before = before, shot.read_bytes()
+            return before if before == last and _end(client, timeline) == end else None
+
+        return _waited(settled, "the picture does not settle")
+
+
+def _end(client: ViewerClient, timeline: str) -> int | None:
+    """Return the last time of the timeline, None while anything is being loaded."""
+    state = client.get_state()
+    if state.loading:
+        return None
+    ends = (line.end for held in state.recordings for line in held.timelines if line.name == timeline)
+    return next(ends, None)
+
+
+@contextmanager
+def _viewer(folder: Path) -> Iterator[ViewerClient]:
+    """Run a viewer of our own without a window, and end it."""
+    program = shutil.which(
+        "rerun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    )
+    if program is None:
+        raise BenchError("there is no program rerun")
+    port = _free_port()
+    width, height = SIZE
+    line = [program, "--headless", "--hide-welcome-screen", "--port", str(port), "--window-size", f"{width}x{height}"]
+    quiet = {"RERUN_APP_ONLY": "true", "RUST_LOG": "error", "XDG_RUNTIME_DIR": str(folder)}
+    with (folder / "messages").open("w+b") as messages:
+        process = subprocess.Popen(
+            line, env={**os.environ, **quiet}, stdout=messages, stderr=messages, start_new_session=True
+        )
+        try:
+
+            def answering() -> ViewerClient | None:
+                if process.poll() is not None:
+                    raise BenchError(f"it ended with {process.returncode}")
+                with suppress(Exception):  # not yet
+                    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+                    client.get_state()
+                    return client
+                return None
+
+            yield _waited(answering, "it does not start")
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def _waited(look: Callable[[], T | None], late: str) -> T:
+    """Look again and again until there is something."""
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        found = look()
+        if found is not None:
+            return found
+        time.sleep(PAUSE)
+    raise BenchError(late)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port

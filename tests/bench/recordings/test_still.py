@@ -1,0 +1,59 @@
+"""A still is what a recording shows at its end, or one sentence."""
+
+import shutil
+import struct
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli import run_command
+from proxbench.bench.recordings import still as still_module
+from proxbench.bench.recordings.still import SIZE
+
+RECORD = "record hard-sticking-box --solver SORprox --tolerance 1e-4"
+DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
+
+
+@pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
+def test_a_still_has_the_size_of_the_viewer_and_shows_the_same_each_time(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    pictures = []
+    for name in ("a", "b"):
+        line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/{name}.png --force"
+        assert run_command(line.split()) == 0
+        assert f"still: {tmp_path}/{name}.png" in capsys.readouterr().out
+        pictures.append((tmp_path / f"{name}.png").read_bytes())
+    assert pictures[0].startswith(b"\x89PNG")
+    assert struct.unpack(">II", pictures[0][16:24]) == SIZE
+    assert pictures[0] == pictures[1]
+
+
+@pytest.mark.parametrize(
+    ("still", "words"),
+    [("new.jpg", "must end in .png"), ("old.png", "--force"), ("old.png/new.png", "cannot write")],
+)
+def test_a_still_that_cannot_be_written_is_refused_before_any_work(
+    still: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("old.png").write_text("precious")
+    assert run_command(f"{RECORD} --output new.rrd --still {still}".split()) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert [(path.name, path.read_text()) for path in Path().iterdir()] == [("old.png", "precious")]
+
+
+@pytest.mark.parametrize("program", ["false", None])
+def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
+    program: str | None, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = shutil.which(program) if program else None
+    monkeypatch.setattr(still_module.shutil, "which", lambda name, path: found)
+    line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png"
+    assert run_command(line.split()) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert "mesa-vulkan-drivers" in printed.err
+    assert f"{tmp_path}/a.rrd is kept" in printed.err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
