@@ -65,6 +65,11 @@ def test_a_study_of_the_woodpecker_prints_stores_and_draws_its_points(
     assert run_command(["report", str(file)]) == 0
     assert capsys.readouterr().out == printed
     assert {path.name for path in tmp_path.iterdir()} == {"study.json", "study.csv", "study.svg", "study.png"}
+    for drawn in ("study.svg", "study.png"):
+        (tmp_path / drawn).unlink()
+    assert run_command(["report", str(file), "--quiet", "--no-charts"]) == 0
+    assert capsys.readouterr().out == f"result  {file}\npoints  {tmp_path / 'study.csv'}\n"
+    assert not (tmp_path / "study.svg").exists()
 
 
 def test_a_report_of_no_study_is_one_sentence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
