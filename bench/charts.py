@@ -180,8 +180,8 @@ def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
     if "iteration" in chosen:
         return chosen[chosen["iteration"] > 0]
     chosen = chosen[chosen["total_seconds"].notna()].sort_values("tolerance", ascending=False, kind="stable")
-    for name, time in (("milliseconds", ""), ("low", "_q1"), ("high", "_q3")):
-        chosen = chosen.assign(**{name: 1e3 * chosen[f"total_seconds{time}"]} if len(chosen) else {name: []})
+    for name, time in (("milliseconds", "total_seconds"), ("low", "total_seconds_q1"), ("high", "total_seconds_q3")):
+        chosen[name] = 1e3 * chosen[time] if len(chosen) else []
     return chosen
 
 

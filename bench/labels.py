@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,12 @@ class Label:
     Attributes:
         x: its anchor [pixels].
         y: its middle [pixels].
-        align: on which side of it the anchor is: "left", "center" or "right".
+        align: on which side of it the anchor is.
     """
 
     x: float
     y: float
-    align: str
+    align: Literal["left", "center", "right"]
 
 
 @dataclass(frozen=True)
