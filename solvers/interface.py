@@ -44,7 +44,7 @@ _SENTENCES = {
     Status.SOLVED: "The tolerance was reached.",
     Status.ITERATION_LIMIT: "The iteration limit came before the tolerance.",
     Status.TIME_LIMIT: "The time limit came before the tolerance.",
-    Status.STALLED: "Further iterations no longer lower the residual.",
+    Status.STALLED: "No further iteration can lower the residual.",
     Status.OSCILLATING: "The iterates repeat themselves in a cycle without coming closer to a solution.",
     Status.DIVERGED: "The iterates grow without bound.",
     Status.INFEASIBLE: "The problem has no solution.",
@@ -56,10 +56,13 @@ _SENTENCES = {
 class Stop:
     """When to stop.
 
+    A residual that does not fall ends no solve, for it may fall after a million sweeps. So what ends one that reaches
+    no tolerance is the first of the two limits, and both have defaults; with both infinite it may go on for ever.
+
     Attributes:
         tolerance: the judge's residual to reach, dimensionless, positive.
         max_iterations: largest number of iterations.
-        max_seconds: largest wall time [s].
+        max_seconds: largest wall time [s], preparing excluded.
 
     Raises:
         SolverError: if a limit is not positive.

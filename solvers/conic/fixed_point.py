@@ -33,6 +33,7 @@ from ...problems.laws import FloatArray
 from ..clock import Clock
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from ..newton.refinement import Refinement
+from ..prox.iteration import rounding
 from .anderson import Anderson
 from .programs import ConicProgram, ConicResult, Ended
 
@@ -73,7 +74,7 @@ class Phase:
 
     Attributes:
         weight: ε, 0 for De Saxcé's iteration as it is.
-        patience: outer iterations without progress after which it is given up.
+        patience: outer iterations without progress after which the next phase is given its turn.
     """
 
     weight: float
@@ -81,7 +82,10 @@ class Phase:
 
 
 PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
-"""One after the other; each but the first begins at Λ = 0."""
+"""One after the other; each but the first begins at Λ = 0. The last goes on to the limits, unless nothing moves."""
+
+REPEATS = 16 * np.finfo(np.float64).eps
+"""Impulses that differ by less, each relative to itself, are equal to rounding."""
 
 
 def check_memory(memory: int) -> None:
@@ -183,7 +187,7 @@ class _Outer:
             weight = phase.weight * alpha
             program = program.regularised(weight)
         anderson, refining = Anderson(memory), _Refining(self)
-        lowest, floor, waited = 1.0, TIGHTEST, 0
+        lowest, floor, waited, previous = 1.0, TIGHTEST, 0, self.best
         while self.iteration < self.stop.max_iterations:
             accuracy = min(max((INNER * lowest) ** 2, floor), LOOSEST)
             vector = raised(problem, shift) - weight * impulses
@@ -199,13 +203,15 @@ class _Outer:
             if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < LOOSEST:
                 floor *= LOOSENING
             waited = 0 if residual < PROGRESS * lowest else waited + 1
-            found, reached = refining.after(result.impulses, residual, is_last=waited >= phase.patience)
+            found, reached = refining.after(result.impulses, residual, is_last=waited == phase.patience)
             self._note(found, reached)
             if self.lowest <= self.stop.tolerance:
                 return Status.SOLVED, ""
             late = self._late(result)
-            if late is not None or waited >= phase.patience:
+            is_over = waited >= phase.patience and (phase is not PHASES[-1] or self._rests(result.impulses, previous))
+            if late is not None or is_over:
                 return late
+            previous = result.impulses
             lowest = min(lowest, residual)
             if reached < JUMP * residual:
                 impulses, shift = found, lift(problem, problem.relative_velocity(found))
@@ -226,6 +232,11 @@ class _Outer:
         if residual < self.lowest:
             self.best, self.lowest = impulses, residual
         self.clock.show(self.observe, self.iteration, impulses)
+
+    def _rests(self, newest: FloatArray, previous: FloatArray) -> bool:
+        """Whether cone programs repeat their impulses, or rounding is all that the best residual is made of."""
+        repeats = np.abs(newest - previous) <= REPEATS * np.abs(newest)
+        return bool(repeats.all()) or self.lowest <= rounding(self.prepared.problem, self.prepared.residual, self.best)
 
     def _late(self, result: ConicResult) -> tuple[Status, str] | None:
         """Return the time limit if it is over, by this clock or by the conic solver's own."""

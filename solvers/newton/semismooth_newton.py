@@ -23,7 +23,7 @@ from ...problems.laws import FloatArray
 from ...problems.model import Model
 from ..interface import Observer, Solution, Status, Stop, described
 from ..prox.delassus_sweep import DelassusSweep
-from ..prox.iteration import Advance, confirmed, first_impulses, rounding
+from ..prox.iteration import Advance, confirmed, first_impulses, left_by_rounding, rounding
 from ..prox.monitor import Monitor, sweeps_to_next_look
 from ..prox.safeguarded import SafeguardedIterates
 from ..prox.step_size import check_relaxation, diagonal_step_sizes
@@ -113,9 +113,12 @@ class PreparedNewton:
             if residual <= stop.tolerance:
                 residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
             ended = monitor.look(advance.iteration, residual, impulses)
+            repeats = None
             if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
-                ended = advance.cycle(impulses)
-            if leads_nowhere(ended) and not self._is_rounding(monitor) and restarts.are_due:
+                repeats = advance.cycle(impulses)
+            if ended is None and (repeats is not None or monitor.lacks_progress):
+                ended = left_by_rounding(self.problem, self.residual, monitor) or repeats
+            if leads_nowhere(ended, monitor) and not self._is_rounding(monitor) and restarts.are_due:
                 before = monitor.best_residual
                 over = restarts.tried()
                 advance.iterates = iterates
@@ -145,9 +148,9 @@ class PreparedNewton:
         return impulses is not None and monitor.best_residual <= rounding(self.problem, self.residual, impulses)
 
 
-def leads_nowhere(ended: tuple[Status, str] | None) -> bool:
-    """Whether sweeps that ended so, None where they go on, lead nowhere and other predictors may do better."""
-    return ended is not None and ended[0] in STUCK
+def leads_nowhere(ended: tuple[Status, str] | None, monitor: Monitor) -> bool:
+    """Whether sweeps that ended so, None where they go on, lead nowhere, and other predictors may do better."""
+    return monitor.lacks_progress if ended is None else ended[0] in STUCK
 
 
 class Pace:

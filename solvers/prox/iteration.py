@@ -70,10 +70,13 @@ class PreparedIteration:
             if residual <= stop.tolerance:
                 residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
             ended = monitor.look(advance.iteration, residual, impulses)
+            repeats = None
             if ended is None and monitor.suspects_cycle and isinstance(iterates, Calming) and iterates.calm():
                 monitor.be_patient()
             elif ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
-                ended = advance.cycle(impulses)
+                repeats = advance.cycle(impulses)
+            if ended is None and (repeats is not None or monitor.lacks_progress):
+                ended = left_by_rounding(self.problem, self.residual, monitor) or repeats
             if ended is not None:
                 return monitor.solution(ended, advance.iteration, n_rows)
             left = stop.max_iterations - advance.iteration
@@ -113,10 +116,23 @@ def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) 
     return ROUNDING * largest / residual.scale if residual.scale > 0.0 else 0.0
 
 
+def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monitor) -> tuple[Status, str] | None:
+    """Return how a solve without progress ended if rounding is all that keeps its best residual up, else None."""
+    impulses = monitor.best_impulses
+    if impulses is None:
+        return None
+    limit = rounding(problem, residual, impulses)
+    # the iteration's own ξ comes first because it costs nothing
+    if monitor.best_residual > limit or residual(impulses, problem.relative_velocity(impulses)) > limit:
+        return None
+    return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
+
+
 def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]]) -> PreparedIteration:
     """Return an iteration made ready for ``problem`` from a generator: all that a simple method has to say.
 
-    Tolerance, limits, stalls, cycles, divergence, infeasible problems and observers are seen to.
+    Tolerance, limits, cycles, stalls (impulses that are the same over twenty looks in a row), divergence, infeasible
+    problems and observers are seen to.
 
     Args:
         problem: the contact problem.

@@ -1,11 +1,15 @@
 """When a projected iteration stops, and why.
 
-The judge's residual is measured every few sweeps. An iteration that no longer lowers it either repeats itself
-(OSCILLATING: iterate ν equals iterate ν−2 but not ν−1, the usual failure of Jacobi sweeps, which stay bounded) or
-creeps (STALLED); one whose residual explodes, or ceases to be a number, has DIVERGED.
+The judge's residual is measured every few sweeps. One that no longer falls is no end: the largest violation may lie
+still for a million sweeps, while an impulse travels through a stack, and fall then. So a solve goes on to its limits
+unless nothing can come of it: Λ no longer changes at all, or rounding is all that the residual is made of (STALLED);
+iterate ν equals iterate ν−2 to rounding but not ν−1 (OSCILLATING, the usual failure of Jacobi sweeps, which stay
+bounded); the residual explodes, or ceases to be a number (DIVERGED).
 """
 
+import bisect
 from dataclasses import dataclass, field
+from operator import itemgetter
 
 import numpy as np
 
@@ -19,17 +23,21 @@ LONGEST_INTERVAL = 10
 GROWTH_OF_DIVERGENCE = 1e8
 """A residual this many times the first one (or 1, if that is larger) counts as divergence."""
 
-STALL_SWEEPS = 2000
-"""No iteration is called stalled before this many sweeps: plateaus of hundreds of sweeps end by themselves."""
+PLATEAU_SWEEPS = 2000
+"""No iteration is said to lack progress before this many sweeps."""
 
-STALL_PROGRESS = 0.9
-"""Stalled: the last three quarters of all sweeps have not brought the best residual below this fraction."""
+PLATEAU_PROGRESS = 0.9
+"""Progress: the last three quarters of all sweeps have brought the best residual below this fraction."""
+
+MARK = 0.99
+"""A residual below this fraction of the lowest one before is noted, together with the sweep."""
 
 CYCLE_PATIENCE = 20
-"""Looks without progress after which the iterates are compared with each other."""
+"""Looks without progress after which iterates are compared with each other. Two comparisons in a row have to agree: an
+iteration may keep more than Λ and move that for a while, and a safeguard may break a cycle."""
 
-CYCLE_RATIO = 1e-6
-"""A cycle: ‖Λ^ν − Λ^(ν−2)‖ is below this fraction of ‖Λ^ν − Λ^(ν−1)‖."""
+ROUNDING = 16 * np.finfo(np.float64).eps
+"""Impulses that differ by less, each relative to itself, are equal to rounding."""
 
 
 def sweeps_to_next_look(iteration: int) -> int:
@@ -53,23 +61,26 @@ class Monitor:
     best_impulses: FloatArray | None = None
     clock: Clock = field(init=False)
     _first: float = np.inf
+    _iteration: int = 0
     _looks_without_progress: int = 0
-    _history: list[tuple[int, float]] = field(default_factory=list)
+    _repeats: tuple[Status, FloatArray] | None = None
+    _marks: list[tuple[int, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.clock = Clock(self.stop.max_seconds)
 
     def look(self, iteration: int, residual: float, impulses: FloatArray) -> tuple[Status, str] | None:
         """Note the residual after ``iteration`` sweeps; return status and reason if the solve is over."""
-        if not self._history:
+        if not self._marks:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
+        self._iteration = iteration
+        self._looks_without_progress += 1
+        if residual < MARK * self.best_residual:
+            self._looks_without_progress = 0
         if residual < self.best_residual:
-            progress = residual < 0.99 * self.best_residual
             self.best_residual, self.best_impulses = residual, impulses
-            self._looks_without_progress = 0 if progress else self._looks_without_progress + 1
-        else:
-            self._looks_without_progress += 1
-        self._history.append((iteration, self.best_residual))
+        if not self._marks or self.best_residual < MARK * self._marks[-1][1]:
+            self._marks.append((iteration, self.best_residual))
         if residual <= self.stop.tolerance:
             return Status.SOLVED, ""
         if not residual < GROWTH_OF_DIVERGENCE * self._first:
@@ -78,9 +89,14 @@ class Monitor:
             return Status.ITERATION_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
         if self.clock.is_up:
             return Status.TIME_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
-        if iteration >= STALL_SWEEPS and self.best_residual > STALL_PROGRESS * self._best_at(iteration // 4):
-            return Status.STALLED, f"the residual stays at {self.best_residual:.1e} since sweep {iteration // 4}"
         return None
+
+    @property
+    def lacks_progress(self) -> bool:
+        """Whether the last three quarters of the sweeps have done little: other methods may do more, patience too."""
+        if self._iteration < PLATEAU_SWEEPS:
+            return False
+        return self.best_residual > PLATEAU_PROGRESS * self._best_at(self._iteration // 4)
 
     @property
     def suspects_cycle(self) -> bool:
@@ -92,14 +108,18 @@ class Monitor:
         self._looks_without_progress = 0
 
     def cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> tuple[Status, str] | None:
-        """Judge three successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2): a cycle of two, no change at all, or nothing."""
+        """Compare three successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return how it ended if they have come to repeat."""
         self.be_patient()
-        step = float(np.abs(newest - previous).max(initial=0.0))
-        return_step = float(np.abs(newest - before).max(initial=0.0))
-        if step == 0.0:
-            return Status.STALLED, f"the iterates no longer change at residual {self.best_residual:.1e}"
-        if return_step <= CYCLE_RATIO * step:
-            return Status.OSCILLATING, f"a cycle of two iterates, best residual {self.best_residual:.1e}"
+        earlier, self._repeats = self._repeats, None
+        rounding = ROUNDING * np.maximum(np.abs(newest), np.abs(before))
+        if np.array_equal(newest, previous) and np.array_equal(newest, before):
+            self._repeats = Status.STALLED, newest
+            if earlier is not None and np.array_equal(newest, earlier[1]):
+                return Status.STALLED, f"the impulses no longer change at residual {self.best_residual:.1e}"
+        elif (np.abs(newest - before) <= rounding).all() and (np.abs(newest - previous) > rounding).any():
+            self._repeats = Status.OSCILLATING, newest
+            if earlier is not None and earlier[0] is Status.OSCILLATING:
+                return Status.OSCILLATING, f"a cycle of two iterates, best residual {self.best_residual:.1e}"
         return None
 
     def solution(self, ended: tuple[Status, str], iterations: int, n_rows: int) -> Solution:
@@ -108,9 +128,6 @@ class Monitor:
         return Solution(impulses, ended[0], iterations, ended[1])
 
     def _best_at(self, iteration: int) -> float:
-        """Best residual known after ``iteration`` sweeps."""
-        low, high = 0, len(self._history)
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (middle, high) if self._history[middle][0] <= iteration else (low, middle)
-        return self._history[low][1]
+        """Return the best residual, to a hundredth, known after ``iteration`` sweeps."""
+        later = bisect.bisect_right(self._marks, iteration, key=itemgetter(0))
+        return self._marks[max(later - 1, 0)][1]

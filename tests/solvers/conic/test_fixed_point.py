@@ -1,6 +1,7 @@
 """The outer iteration tells truly why it ended, whatever the conic solver inside does."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,22 @@ def test_no_time_left_for_the_conic_solver_is_a_time_limit_and_no_stall(
     solution = prepared.solve(Stop(1e-8, 1000, 60.0))
     assert solution.status is status
     assert np.isfinite(solution.impulses).all()
+
+
+class Wanders(EndsWith):
+    """A conic solver that returns other impulses every time, none of them right."""
+
+    def run(self, *arguments: object, **options: object) -> ConicResult:
+        self.result = replace(self.result, impulses=self.result.impulses + 1.0)
+        return self.result
+
+
+def test_impulses_that_go_on_moving_are_no_stall() -> None:
+    program = Wanders(Ended.CONVERGED, 1.0)
+    prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), program, memory=5, refinement=False)
+    solution = prepared.solve(Stop(1e-8, 1000, 60.0))
+    assert solution.status is Status.ITERATION_LIMIT
+    assert solution.iterations == 1000
 
 
 @pytest.mark.parametrize("name", ["ClarabelCoulomb", "CvxpyCoulomb"])

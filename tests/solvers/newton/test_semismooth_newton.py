@@ -36,9 +36,10 @@ def test_stacks_of_unequal_masses_are_solved_and_their_impulses_right(masses: li
     assert np.abs(solution.impulses / problem.answer.impulses[0] - 1.0).max() <= 1e-6
 
 
-def test_sweeps_alone_do_not_solve_the_heavy_stacks() -> None:
+def test_ten_thousand_sweeps_alone_do_not_solve_the_heavy_stacks() -> None:
     for masses in (STACKS["2, upper 1e6"], STACKS["10, top 1e4"]):
-        assert solve(stack(np.array(masses)), "SafeguardedSORprox", tolerance=1e-9).status is Status.STALLED
+        solution = solve(stack(np.array(masses)), "SafeguardedSORprox", tolerance=1e-9, max_iterations=10_000)
+        assert solution.status is Status.ITERATION_LIMIT
 
 
 @pytest.mark.parametrize(
@@ -154,15 +155,15 @@ HIGH_FRICTION = {
 @pytest.mark.parametrize(("family", "seed"), HIGH_FRICTION.values(), ids=HIGH_FRICTION)
 def test_restarts_solve_what_sweeps_lead_away_from(family: Family | None, seed: int | str) -> None:
     problem = load(str(seed)) if family is None else with_solution(family, int(seed))
-    swept = solve(problem, "SafeguardedSORprox", tolerance=1e-8, max_iterations=20_000)
-    solution = solve(problem, "SemismoothNewton", tolerance=1e-8, max_iterations=20_000)
-    assert swept.status is Status.STALLED
+    swept = solve(problem, "SafeguardedSORprox", tolerance=1e-8, max_iterations=3000)
+    solution = solve(problem, "SemismoothNewton", tolerance=1e-8, max_iterations=3000)
+    assert swept.status is Status.ITERATION_LIMIT
     assert solution.status is Status.SOLVED
     assert judge(problem, solution.impulses).residual <= 1e-8
 
 
-@pytest.mark.parametrize("limit", [1990, 2050, 2500])
-def test_restarts_obey_the_iteration_limit_and_are_shown(limit: int) -> None:
+@pytest.mark.parametrize("limit", [1990, 2050, 2500, 5000])
+def test_restarts_and_the_sweeps_after_them_obey_the_iteration_limit_and_are_shown(limit: int) -> None:
     seen: list[int] = []
     prepared = create("SemismoothNewton").prepare(load("hard-squeezed"))
     solution = prepared.solve(Stop(1e-8, limit), observe=lambda iteration, _: seen.append(iteration))

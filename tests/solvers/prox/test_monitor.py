@@ -1,9 +1,9 @@
-"""The monitor tells convergence, oscillation, stall, divergence and limits apart."""
+"""Convergence, oscillation, stall, lack of progress, divergence and limits are told apart, and a plateau is no end."""
 
 import numpy as np
 import pytest
 from proxbench.solvers import Status, Stop
-from proxbench.solvers.prox.monitor import STALL_SWEEPS, Monitor, sweeps_to_next_look
+from proxbench.solvers.prox.monitor import PLATEAU_SWEEPS, Monitor, sweeps_to_next_look
 
 LAMBDA = np.ones(3)
 
@@ -36,30 +36,53 @@ def test_time_limit_is_named() -> None:
     assert status_of(Monitor(Stop(1e-3, max_seconds=1e-9)), 1, 0.5) is Status.TIME_LIMIT
 
 
-def test_slow_power_law_progress_is_a_stall_but_slow_geometric_progress_is_not() -> None:
-    creeping, working = Monitor(Stop(1e-12, 10**9)), Monitor(Stop(1e-12, 10**9))
-    ended = [status_of(creeping, n, n**-0.05) for n in range(10, 5000, 10)]
-    assert Status.STALLED in ended
-    assert 10 * (1 + ended.index(Status.STALLED)) >= STALL_SWEEPS
-    assert not any(status_of(working, n, 0.999**n) for n in range(10, 20_000, 10))
+def test_slow_power_law_progress_is_lacking_and_slow_geometric_progress_is_not_and_neither_ends_a_solve() -> None:
+    for residual_at, lacks in ((lambda n: n**-0.05, True), (lambda n: 0.999**n, False)):
+        monitor, lacking = Monitor(Stop(1e-12, 10**9)), []
+        for n in range(10, 20_000, 10):
+            assert monitor.look(n, residual_at(n), n * LAMBDA) is None
+            lacking.append(monitor.lacks_progress)
+        assert any(lacking) is lacks
+        assert not any(lacking[: PLATEAU_SWEEPS // 10 - 1])
 
 
-def test_a_plateau_of_a_thousand_sweeps_is_no_stall() -> None:
+def test_a_plateau_of_a_million_sweeps_is_no_stall() -> None:
     monitor = Monitor(Stop(1e-12, 10**9))
-    residuals = [(n, 1e-2 if n < 1000 else 1e-2 * 0.99 ** ((n - 1000) / 10)) for n in range(10, 10_000, 10)]
-    assert not any(status_of(monitor, n, residual) for n, residual in residuals)
+    assert not any(status_of(monitor, n, 1e-2) for n in range(10))
+    assert not any(status_of(monitor, n, 1e-2) for n in range(10, 1_000_000, 100))
+    assert status_of(monitor, 1_000_010, 1e-12) is Status.SOLVED
 
 
-def test_a_cycle_of_two_is_recognised_and_a_fixed_point_is_not_one() -> None:
+def repeated(monitor: Monitor, newest: np.ndarray, previous: np.ndarray, before: np.ndarray) -> list[Status | None]:
+    ended = [monitor.cycle(newest, previous, before) for _ in range(4)]
+    return [status[0] if status else None for status in ended]
+
+
+def test_impulses_that_no_longer_change_are_a_stall_on_the_second_comparison() -> None:
+    assert repeated(Monitor(Stop(1e-12)), LAMBDA, LAMBDA, LAMBDA) == [None, *3 * [Status.STALLED]]
+
+
+def test_a_cycle_of_two_is_recognised_on_the_second_comparison() -> None:
+    nearly = LAMBDA * (1.0 + 1e-15)
+    assert repeated(Monitor(Stop(1e-12)), LAMBDA, 2 * LAMBDA, nearly) == [None, *3 * [Status.OSCILLATING]]
+
+
+def test_iterates_that_still_move_are_neither() -> None:
+    one_digit = np.array([1.0, np.nextafter(1.0, 2.0), 1.0])
+    slowly_decaying = (1.0 - 1e-12) * LAMBDA
+    small_one_moves = np.array([1e9, 1.0 + 1e-12, 1.0])
+    assert repeated(Monitor(Stop(1e-12)), one_digit, LAMBDA, LAMBDA) == 4 * [None]
+    assert repeated(Monitor(Stop(1e-12)), slowly_decaying, -LAMBDA, LAMBDA) == 4 * [None]
+    assert repeated(Monitor(Stop(1e-12)), small_one_moves, 2 * LAMBDA, np.array([1e9, 1.0, 1.0])) == 4 * [None]
+
+
+def test_a_cycle_or_a_rest_that_is_left_again_does_not_count() -> None:
     monitor = Monitor(Stop(1e-12))
-    monitor.look(1, 0.5, LAMBDA)
-    oscillating = monitor.cycle(LAMBDA, 2 * LAMBDA, LAMBDA)
-    assert oscillating is not None
-    assert oscillating[0] is Status.OSCILLATING
-    fixed = monitor.cycle(LAMBDA, LAMBDA, LAMBDA)
-    assert fixed is not None
-    assert fixed[0] is Status.STALLED
-    assert monitor.cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
+    for _ in range(4):
+        assert monitor.cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None
+        assert monitor.cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
+    for size in (1.0, 2.0, 3.0):  # rests elsewhere every time
+        assert monitor.cycle(size * LAMBDA, size * LAMBDA, size * LAMBDA) is None
 
 
 def test_the_best_iterate_is_kept() -> None:
