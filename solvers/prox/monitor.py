@@ -37,7 +37,7 @@ CYCLE_PATIENCE = 20
 iteration may keep more than Λ and move that for a while, and a safeguard may break a cycle."""
 
 ROUNDING = 16 * np.finfo(np.float64).eps
-"""Impulses that differ by less, each relative to itself, are equal to rounding."""
+"""Impulses that differ by less are equal to rounding, each relative to its largest value in the iterates compared."""
 
 
 def sweeps_to_next_look(iteration: int) -> int:
@@ -111,7 +111,7 @@ class Monitor:
         """Compare three successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return how it ended if they have come to repeat."""
         self.be_patient()
         earlier, self._repeats = self._repeats, None
-        rounding = ROUNDING * np.maximum(np.abs(newest), np.abs(before))
+        rounding = ROUNDING * np.abs([newest, previous, before]).max(axis=0)
         if np.array_equal(newest, previous) and np.array_equal(newest, before):
             self._repeats = Status.STALLED, newest
             if earlier is not None and np.array_equal(newest, earlier[1]):

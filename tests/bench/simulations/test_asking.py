@@ -78,10 +78,13 @@ def test_a_solver_that_somebody_chose_is_asked_alone() -> None:
     assert make_simulation_plan("pile", solver="SORprox").others == ()
 
 
-def test_every_step_of_a_settling_pile_is_solved() -> None:
+def test_every_step_of_a_settling_pile_is_solved_and_a_single_try_does_not_do() -> None:
     plan = make_simulation_plan("pile", {"balls": 60, "seed": 1}, duration=0.8)
     assert not simulate(plan).unsolved.any()
-    alone = simulate(make_simulation_plan("pile", {"balls": 60, "seed": 1}, duration=0.8, solver=_tuned(plan)))
+    single = make_simulation_plan(
+        "pile", {"balls": 60, "seed": 1}, duration=0.8, solver=_tuned(plan), max_iterations=TRY_ITERATIONS
+    )
+    alone = simulate(single)
     assert alone.unsolved.any()
 
 

@@ -67,6 +67,11 @@ def test_a_cycle_of_two_is_recognised_on_the_second_comparison() -> None:
     assert repeated(Monitor(Stop(1e-12)), LAMBDA, 2 * LAMBDA, nearly) == [None, *3 * [Status.OSCILLATING]]
 
 
+def test_what_rounding_leaves_of_zero_does_not_hide_a_cycle() -> None:
+    newest, before = np.array([1e-17, 1.0, 1.0]), np.array([3e-17, 1.0, 1.0])
+    assert repeated(Monitor(Stop(1e-12)), newest, LAMBDA + 1.0, before) == [None, *3 * [Status.OSCILLATING]]
+
+
 def test_iterates_that_still_move_are_neither() -> None:
     one_digit = np.array([1.0, np.nextafter(1.0, 2.0), 1.0])
     slowly_decaying = (1.0 - 1e-12) * LAMBDA
