@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .frames import load
-    from .runner import resume, run
+    from .measure.runner import resume, run
+    from .store.frames import load
 
 __all__ = ["load", "resume", "run"]
 
-_HOMES = {"load": "frames", "resume": "runner", "run": "runner"}
+_HOMES = {"load": "store.frames", "resume": "measure.runner", "run": "measure.runner"}
 
 
 def __getattr__(name: str) -> Any:

@@ -10,15 +10,15 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..problems.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, load, plugin_problems, problem_names
-from ..problems.contact import ContactProblem
+from ..problems.catalog.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, load, plugin_problems, problem_names
+from ..problems.catalog.storage import SUFFIX, save_problem
+from ..problems.contact.problem import ContactProblem
 from ..problems.errors import ProblemError, suggestion
 from ..problems.hard import HARD_CASES
-from ..problems.moreau import Moreau, Step
 from ..problems.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from ..problems.scenes.funnel import TIME_STEP, Funnel
 from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
-from ..problems.storage import SUFFIX, save_problem
+from ..problems.stepping.moreau import Moreau, Step
 from ..solvers.interface import Stop
 from ..solvers.registry import create
 

@@ -1,13 +1,13 @@
 """What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
 
-from .answer import Answer
-from .catalog import load, suite
-from .contact import ContactProblem
+from .catalog.catalog import load, suite
+from .contact.answer import Answer
+from .contact.judge import Verdict, judge
+from .contact.laws import LawKind, Laws
+from .contact.model import Model
+from .contact.problem import ContactProblem
+from .contact.projections import project
 from .errors import PluginError, ProblemError, ProxbenchError
-from .judge import Verdict, judge
-from .laws import LawKind, Laws
-from .model import Model
-from .projections import project
 
 __all__ = [
     "Answer",

@@ -1,8 +1,8 @@
 """How problems are solved: one interface, and one file for each method."""
 
-from ..problems.model import Model
+from ..problems.contact.model import Model
 from .interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, described, shows_iterates
-from .prox.iteration import iterate
+from .iteration.loop import iterate
 from .registry import available, create, solve
 
 __all__ = [

@@ -8,9 +8,9 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+from ..problems.catalog.plugin_files import told
+from ..problems.contact.model import Model
 from ..problems.errors import PluginError, ProxbenchError
-from ..problems.model import Model
-from ..problems.plugin_files import told
 
 _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from ..problems.contact import ContactProblem
+from ..problems.contact.laws import FloatArray
+from ..problems.contact.model import Model
+from ..problems.contact.problem import ContactProblem
 from ..problems.errors import ProxbenchError
-from ..problems.laws import FloatArray
-from ..problems.model import Model
 
 Observer = Callable[[int, FloatArray], None]
 """``observe(iteration, impulses)``, called once per iteration with a read-only view of Λ over rows."""

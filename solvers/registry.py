@@ -5,9 +5,9 @@ import inspect
 from importlib import import_module
 from typing import Any
 
-from ..problems.contact import ContactProblem
+from ..problems.catalog.plugins import Offer, offers
+from ..problems.contact.problem import ContactProblem
 from ..problems.errors import suggestion
-from ..problems.plugins import Offer, offers
 from . import contract
 from .interface import Solution, Solver, SolverError, Status, Stop
 

@@ -9,31 +9,41 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((ROOT / top).rglob("*.py"))]
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
-RECORDED_WITH_RERUN = ("annotations", "balls", "bodies", "file", "layouts", "solves", "steps", "still", "woodpecker")
+RECORDED_WITH_RERUN = (
+    "annotations",
+    "balls",
+    "blueprints",
+    "bodies",
+    "file",
+    "simulation",
+    "solves",
+    "still",
+    "woodpecker",
+)
 AT_HOME = {
     "altair": {
-        "bench/drawing.py",
-        "bench/charts.py",
-        "bench/summary_charts.py",
-        "bench/simulations/chart.py",
-        "bench/studies/chart.py",
+        "bench/report/drawing.py",
+        "bench/report/charts.py",
+        "bench/report/summary_charts.py",
+        "bench/simulation/chart.py",
+        "bench/study/chart.py",
         "bench/variable/figure.py",
     },
-    "vl_convert": {"bench/drawing.py"},
+    "vl_convert": {"bench/report/drawing.py"},
     "clarabel": {"solvers/conic/programs.py"},
     "pandas": {
-        "bench/drawing.py",
-        "bench/frames.py",
-        "bench/tables.py",
-        "bench/charts.py",
-        "bench/summary_charts.py",
-        "bench/simulations/chart.py",
-        "bench/studies/chart.py",
+        "bench/report/drawing.py",
+        "bench/store/frames.py",
+        "bench/report/tables.py",
+        "bench/report/charts.py",
+        "bench/report/summary_charts.py",
+        "bench/simulation/chart.py",
+        "bench/study/chart.py",
         "bench/variable/figure.py",
     },
-    "typer": {"bench/cli.py", "bench/plugin_option.py", "bench/matrix_command.py", "bench/simulations/command.py"},
+    "typer": {"bench/cli/main.py", "bench/cli/options.py", "bench/cli/matrix.py", "bench/cli/simulate.py"},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
-    "psutil": {"bench/machine.py", "bench/case_process.py", "bench/descendants.py"},
+    "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
 }
 
 
@@ -79,7 +89,7 @@ def test_imports_inside_the_packages_are_relative_and_go_down(file: Path) -> Non
 def test_no_files_import_each_other_in_a_circle() -> None:
     arrows = {file: targets(file) - {file} for file in FILES}
     # the type-only arrow of the judge to the problem it judges is no arrow when the program runs
-    arrows[ROOT / "problems/judge.py"] -= {ROOT / "problems/contact.py"}
+    arrows[ROOT / "problems/contact/judge.py"] -= {ROOT / "problems/contact/problem.py"}
     open_files = dict(arrows)
     while True:
         leaves = {file for file, below in open_files.items() if not below & set(open_files)}

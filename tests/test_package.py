@@ -38,7 +38,7 @@ def test_the_installed_version_is_that_of_the_project() -> None:
         ("proxbench.problems", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.solvers", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.bench", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
-        ("proxbench.bench.cli", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
+        ("proxbench.bench.cli.main", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
     ],
 )
 def test_importing_loads_no_more_than_it_needs(module: str, heavy: set[str]) -> None:

@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 from ...problems.hard import CASE_GROUPS, hard_case
-from ...problems.laws import FloatArray
 from ...solvers.interface import Solver, Status, Stop, shows_iterates
 from .checks import Check, NotApplicable, Violation
 from .samples import samples

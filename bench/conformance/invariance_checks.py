@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ...problems.errors import ProblemError
-from ...problems.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ...solvers.interface import Solver, Status, Stop
-from ..outcome import WRONG_FACTOR
+from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation
 from .samples import samples
 from .trial import Trial, own_residual, tried

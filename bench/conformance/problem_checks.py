@@ -3,9 +3,9 @@
 import io
 from collections.abc import Callable
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import judge
-from ...problems.storage import problem_bytes, read_problem
+from ...problems.catalog.storage import problem_bytes, read_problem
+from ...problems.contact.judge import judge
+from ...problems.contact.problem import ContactProblem
 from .checks import Check, NotApplicable, Violation
 
 ANSWER_ACCURACY = 1e-6

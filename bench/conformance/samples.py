@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
-from ...problems.contact import ContactProblem
+from ...problems.contact.problem import ContactProblem
 from ...problems.hard import hard_case
 
 _HARD = (

@@ -17,11 +17,11 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
-from ...problems.laws import FloatArray
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
 from ...solvers.interface import Prepared, Solution, Solver, Status, Stop, shows_iterates
-from ..outcome import WRONG_FACTOR
+from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS

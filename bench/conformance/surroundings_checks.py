@@ -3,7 +3,7 @@
 import time
 
 from ...solvers.interface import Solver, Stop
-from ..surroundings import Surroundings
+from ..isolation.process_state import Surroundings
 from .checks import Check, NotApplicable, Violation
 from .samples import samples
 

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...problems.catalog import load, plugin_problems, problem_names
+from ...problems.catalog.catalog import load, plugin_problems, problem_names
+from ...problems.catalog.plugin_files import PluginFile, told
 from ...problems.errors import ProxbenchError, suggestion
-from ...problems.plugin_files import PluginFile, told
 from ...solvers.registry import available, create, plugin_solvers
 from ..errors import BenchError
-from ..measure import MisbehaviourError
-from ..plugin_trial import try_import
-from ..plugins import offers_of, use
-from ..surroundings import Surroundings
+from ..isolation.plugin_trial import try_import
+from ..isolation.process_state import Surroundings
+from ..measure.plugins import offers_of, use
+from ..measure.protocol import MisbehaviourError
 from .checks import NotApplicable, Violation
 from .problem_checks import PROBLEM_CHECKS
 from .solver_checks import SOLVER_CHECKS

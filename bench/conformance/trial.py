@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
+from ...problems.contact.judge import Residual, judge
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError
-from ...problems.judge import Residual, judge
-from ...problems.laws import FloatArray
 from ...solvers.interface import Solution, Solver, Status, Stop
-from ..measure import solution_fault
-from ..outcome import WRONG_FACTOR
+from ..measure.protocol import solution_fault
+from ..store.outcome import WRONG_FACTOR
 from .checks import Violation
 
 ROUNDINGS = 8.0

@@ -2,8 +2,8 @@
 
 import rerun as rr
 
-from ..palette import rgb
-from .states import STATE_COLOURS
+from ..report.palette import rgb
+from .contact_states import STATE_COLOURS
 
 
 def write_state_colours(stream: rr.RecordingStream, root: str) -> None:

@@ -7,18 +7,18 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.balls import BallSystem
-from ...problems.laws import FloatArray, IntArray
-from ...problems.moreau import State, Step
+from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.mechanics.balls import BallSystem
 from ...problems.scenes.effects import Gravity
 from ...problems.scenes.funnel import Funnel
-from ..palette import PALETTE, rgb
-from .layouts import Camera, plot, simulation_blueprint, space_view
+from ...problems.stepping.moreau import State, Step
+from ..report.palette import PALETTE, rgb
+from .blueprints import Camera, plot, simulation_blueprint, space_view
+from .contact_states import States
+from .meshes import ball_mesh, surface_meshes
 from .rotation import turned, upright
-from .shapes import ball_mesh, surface_meshes
+from .simulation import BODIES, IMPULSES, StepRecorder
 from .space import in_space
-from .states import States
-from .steps import BODIES, IMPULSES, StepRecorder
 
 LAYERS = 4
 """Groups of balls by their height at the start, a colour each, so that one sees them mix."""

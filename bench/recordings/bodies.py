@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from .places import Bodies
+from .contact_points import Bodies
 
 GLASS = (150, 170, 200, 60)
 """Colour of balls, transparent, so that the impulses between them are seen."""

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.laws import FloatArray
-from ...problems.moreau import State, Step, step_problem
+from ...problems.contact.laws import FloatArray
+from ...problems.mechanics.system import System
 from ...problems.scenes.registry import Scene
-from ...problems.system import System
+from ...problems.stepping.moreau import State, Step, step_problem
 from ..errors import BenchError
 from .scenes import scene_recorder
-from .steps import SMALLEST
+from .simulation import SMALLEST
 
 
 def record_stored(

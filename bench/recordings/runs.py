@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from ...problems.catalog import load
+from ...problems.catalog.catalog import load
 from ...solvers.interface import Stop
 from ...solvers.registry import create
-from ..outcome import Outcome
-from ..store import Store, plain_name
+from ..store.outcome import Outcome
+from ..store.store import Store, plain_name
 from .file import SUFFIX
 from .solves import RecordedSolves, record_solves
 

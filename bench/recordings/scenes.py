@@ -3,11 +3,11 @@
 import math
 from pathlib import Path
 
-from ...problems.balls import BallSystem
+from ...problems.mechanics.balls import BallSystem
 from ...problems.scenes.registry import Scene
 from ..errors import BenchError
 from .balls import BallRecorder
-from .steps import StepRecorder
+from .simulation import StepRecorder
 from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000

@@ -9,17 +9,17 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from ...problems.contact import ContactProblem
-from ...problems.laws import FloatArray
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
-from ..palette import look, on_dark, rgb
+from ..report.palette import look, on_dark, rgb
 from .annotations import write_state_colours
+from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .bodies import write_bodies
+from .contact_points import Places, find_places
+from .contact_states import STATE_COLOURS, ContactState, contact_states
 from .file import RecordingFile
-from .layouts import BODIES, ITERATION, Camera, solves_blueprint
-from .places import Places, find_places
-from .states import STATE_COLOURS, ContactState, contact_states
 from .traces import Trace, trace_solve
 
 SMALLEST = 1e-16

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...problems.laws import FloatArray
+from ...problems.contact.laws import FloatArray
 
 
 def in_space(vectors: FloatArray) -> FloatArray:

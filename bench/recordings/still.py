@@ -15,10 +15,10 @@ from typing import TypeVar
 
 from rerun.experimental import ViewerClient
 
+from ...problems.catalog.atomic_file import replacing
 from ...problems.errors import said
-from ...problems.files import replacing
 from ..errors import BenchError
-from ..output_file import refuse_taken
+from ..report.output_file import refuse_taken
 
 SUFFIX = ".png"
 

@@ -6,14 +6,14 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.laws import FloatArray
-from ...problems.moreau import State, Step
+from ...problems.contact.laws import FloatArray
 from ...problems.scenes import woodpecker as toy
-from ..palette import rgb
-from .layouts import Camera, plot, simulation_blueprint, space_view
+from ...problems.stepping.moreau import State, Step
+from ..report.palette import rgb
+from .blueprints import Camera, plot, simulation_blueprint, space_view
+from .contact_states import States
 from .rotation import about_depth
-from .states import States
-from .steps import BODIES, IMPULSES, StepRecorder
+from .simulation import BODIES, IMPULSES, StepRecorder
 
 WOOD, BRASS, FEATHERS, CREST, BEAK, BELLY = (
     rgb("#b08a5b"),

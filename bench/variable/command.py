@@ -9,15 +9,15 @@ from typing import Any
 from rich.console import Console
 
 from ...problems.scenes.registry import SCENES
+from ..cli.interrupts import deferred_interrupts
+from ..cli.presenting import present, simulation_files
+from ..cli.request import Request
 from ..errors import BenchError, FailedSimulationError, InterruptedSimulationError
-from ..output_file import output_file
-from ..pictures import drawn
-from ..presenting import present, simulation_files
-from ..simulations.beside import Beside, chosen_beside, recorded
-from ..simulations.interrupts import deferred_interrupts
-from ..simulations.plan import FIXED
-from ..simulations.request import Request
-from ..simulations.result_file import SUFFIX
+from ..report.output_file import output_file
+from ..report.pictures import drawn
+from ..simulation.beside import Beside, chosen_beside, recorded
+from ..simulation.plan import FIXED
+from ..simulation.result_file import SUFFIX
 from .file import is_variable, write_variable
 from .live import VariableLive
 from .plan import DEFAULT_STEPPER, make_variable_plan

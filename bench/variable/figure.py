@@ -13,10 +13,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from ...problems.laws import FloatArray
-from ..counting import counted
-from ..drawing import stacked, write_drawing
-from ..palette import PALETTE
+from ...problems.contact.laws import FloatArray
+from ..report.counting import counted
+from ..report.drawing import stacked, write_drawing
+from ..report.palette import PALETTE
 from .incidents import Incident, incidents, switching_words
 from .simulation import VariableSimulation
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.law_states import LawStates
-from ..simulations.beside import beside_from
-from ..simulations.failure import failure_from
-from ..simulations.kept_states import kept_arrays, restore_kept
-from ..simulations.result_file import VARIABLE_KIND, ResultKind, taken_from
+from ...problems.stepping.contact_states import LawStates
+from ..simulation.beside import beside_from
+from ..simulation.failure import failure_from
+from ..simulation.kept_states import kept_arrays, restore_kept
+from ..simulation.result_file import VARIABLE_KIND, ResultKind, taken_from
 from .plan import make_variable_plan
 from .simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
 

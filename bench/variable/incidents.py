@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...problems.laws import FloatArray
+from ...problems.contact.laws import FloatArray
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ..counting import counted
+from ..report.counting import counted
 from .simulation import LAWS, STATES, VariableSimulation
 
 SECTION = ("friction", 1, "stick", "slip")

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..simulations.live import LiveSummary
+from ..simulation.live import LiveSummary
 
 
 class VariableLive(LiveSummary):

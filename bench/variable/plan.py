@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...problems.adaptive import VariableStep
-from ...problems.moreau import ContactSolver
 from ...problems.scenes.registry import Scene, make_scene
+from ...problems.stepping.moreau import ContactSolver
+from ...problems.stepping.variable_step import VariableStep
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import create
 from ..errors import BenchError
-from ..simulations.thinning import STATES
+from ..simulation.thinning import STATES
 from .steppers import Stepper, make_stepper
 
 DEFAULT_STEPPER = "Extrapolated"

@@ -5,17 +5,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...problems.adaptive import VariableStepTaken
 from ...problems.errors import said
-from ...problems.moreau import StepError
+from ...problems.stepping.moreau import StepError
+from ...problems.stepping.variable_step import VariableStepTaken
 from ...solvers.interface import Solver
 from ...solvers.registry import create
 from ..errors import BenchError, FailedSimulationError
-from ..simulations.asking import Asked
-from ..simulations.failure import Failure
-from ..simulations.plan import FIXED, check_agreement
-from ..simulations.running import judged_residual
-from ..simulations.warming import warm_up
+from ..simulation.asking import Asked
+from ..simulation.failure import Failure
+from ..simulation.plan import FIXED, check_agreement
+from ..simulation.run import judged_residual
+from ..simulation.warming import warm_up
 from .file import read_variable, write_variable
 from .plan import VariablePlan, changed
 from .simulation import VariableSimulation

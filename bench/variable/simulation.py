@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.adaptive import SwitchingPoint, VariableStepTaken
-from ...problems.law_states import LawStates
-from ...problems.laws import FloatArray
-from ...problems.moreau import State
-from ..simulations.beside import Beside
-from ..simulations.failure import Failure
-from ..simulations.thinning import Thinning
+from ...problems.contact.laws import FloatArray
+from ...problems.stepping.contact_states import LawStates
+from ...problems.stepping.moreau import State
+from ...problems.stepping.variable_step import SwitchingPoint, VariableStepTaken
+from ..simulation.beside import Beside
+from ..simulation.failure import Failure
+from ..simulation.thinning import Thinning
 from .plan import VariablePlan
 
 STEP = np.dtype(

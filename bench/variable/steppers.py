@@ -4,17 +4,17 @@ import inspect
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from ...problems.adaptive import Scheme, VariableStep
 from ...problems.errors import ProblemError, suggestion
-from ...problems.moreau import ContactSolver
-from ...problems.smooth_step import Extrapolation
-from ...problems.smooth_step import StepDoubling as DoublingScheme
-from ...problems.switch_search import Anticipating, LastStepOnly, NestedIntervals, Search
-from ...problems.system import System
+from ...problems.mechanics.system import System
+from ...problems.stepping.extrapolation import Extrapolation
+from ...problems.stepping.extrapolation import StepDoubling as DoublingScheme
+from ...problems.stepping.moreau import ContactSolver
+from ...problems.stepping.switching import Anticipating, LastStepOnly, NestedIntervals, Search
+from ...problems.stepping.variable_step import Scheme, VariableStep
 from ...solvers.interface import SolverError, Stop, described
 from ...solvers.registry import parse
 from ..errors import BenchError
-from ..simulations.plan import FIXED
+from ..simulation.plan import FIXED
 
 SEARCHES: dict[str, type[Search]] = {"anticipating": Anticipating, "nested": NestedIntervals, "last": LastStepOnly}
 """Searches for switching points by name."""

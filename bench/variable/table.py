@@ -12,8 +12,8 @@ from rich.text import Text
 
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ..counting import counted, unsolved_words
-from ..simulations.simulation import SLACK
+from ..report.counting import counted, unsolved_words
+from ..simulation.trajectory import SLACK
 from .incidents import Cycle, Cycles, Incident, cycles, incidents, relative_deviations, switching_words
 from .simulation import VariableSimulation
 

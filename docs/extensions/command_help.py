@@ -6,14 +6,14 @@ import sys
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
-from proxbench.bench.cli import app as command_line
+from proxbench.bench.cli.main import app as command_line
 from sphinx.application import Sphinx
 
 WIDTH = 96
 
 
 def _help(*command: str) -> str:
-    program = "import sys; from proxbench.bench.cli import main; sys.argv[0] = 'proxbench'; main()"
+    program = "import sys; from proxbench.bench.cli.main import main; sys.argv[0] = 'proxbench'; main()"
     done = subprocess.run(
         [sys.executable, "-c", program, *command, "--help"],
         env={**os.environ, "COLUMNS": str(WIDTH), "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"},

@@ -6,8 +6,8 @@ from itertools import chain
 
 import numpy as np
 
-from ..contact import ContactProblem
-from ..transformations import in_units
+from ..contact.problem import ContactProblem
+from ..contact.transformations import in_units
 from . import degenerate, families, mixed, rods, spheres, stacks, supports, wedges
 from .families import Family
 

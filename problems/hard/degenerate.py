@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..answer import Answer
-from ..contact import ContactProblem
+from ..contact.answer import Answer
+from ..contact.problem import ContactProblem
 from .scale import WEIGHT
 from .stacks import sliding_tower
 

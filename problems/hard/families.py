@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..answer import Answer
-from ..contact import ContactProblem
-from ..laws import FloatArray
+from ..contact.answer import Answer
+from ..contact.laws import FloatArray
+from ..contact.problem import ContactProblem
 
 STATES = ("open", "stick", "slip", "graze", "edge")
 """States of a contact: open, sticking, sliding; Λ = 0 with ξ_N = 0; and Λ_T at its bound with ξ_T = 0."""

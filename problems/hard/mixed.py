@@ -3,10 +3,10 @@
 import numpy as np
 import scipy.sparse as sp
 
-from ..answer import Answer
-from ..contact import ContactProblem
-from ..laws import LawKind, Laws
-from ..transformations import in_units, united
+from ..contact.answer import Answer
+from ..contact.laws import LawKind, Laws
+from ..contact.problem import ContactProblem
+from ..contact.transformations import in_units, united
 from .degenerate import one_row
 from .rods import pressing_rod
 from .stacks import sliding_tower, stack

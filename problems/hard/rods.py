@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 import scipy.sparse as sp
 
-from ..answer import Answer
-from ..contact import ContactProblem
-from ..laws import FloatArray
-from ..transformations import united
+from ..contact.answer import Answer
+from ..contact.laws import FloatArray
+from ..contact.problem import ContactProblem
+from ..contact.transformations import united
 
 ROD = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
 """G of the rod [1/kg]; of a rod ``mass`` times as heavy it is G/mass."""

@@ -7,9 +7,9 @@ impulse comes first, Λ_N = m max(−c_N, 0), and bounds the tangential one, Λ_
 import numpy as np
 import scipy.sparse as sp
 
-from ..answer import Answer
-from ..contact import ContactProblem
-from ..laws import FloatArray
+from ..contact.answer import Answer
+from ..contact.laws import FloatArray
+from ..contact.problem import ContactProblem
 from .scale import GRAVITY, TIME_STEP
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..answer import Answer
-from ..contact import ContactProblem
-from ..laws import FloatArray
+from ..contact.answer import Answer
+from ..contact.laws import FloatArray
+from ..contact.problem import ContactProblem
 from .scale import GRAVITY, TIME_STEP, WEIGHT
 
 

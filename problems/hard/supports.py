@@ -10,9 +10,9 @@ the weight m g Δt = 0.00981 N s: hence the sensitivities.
 
 import numpy as np
 
-from ..answer import Answer
-from ..contact import ContactProblem
-from ..laws import FloatArray
+from ..contact.answer import Answer
+from ..contact.laws import FloatArray
+from ..contact.problem import ContactProblem
 from .scale import GRAVITY, TIME_STEP
 
 

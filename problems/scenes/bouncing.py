@@ -5,11 +5,11 @@ from math import sqrt
 
 import numpy as np
 
-from ..balls import BallSystem
 from ..errors import ProblemError
-from ..moreau import State
-from ..surfaces import Plane
-from ..system import MechanicalSystem
+from ..mechanics.balls import BallSystem
+from ..mechanics.surfaces import Plane
+from ..mechanics.system import MechanicalSystem
+from ..stepping.moreau import State
 from .closed_form import check_positive
 from .effects import Gravity, Restitution, ball_system
 

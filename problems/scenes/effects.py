@@ -9,10 +9,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..balls import DISC_INERTIA, Acceleration, BallSystem
+from ..contact.laws import FloatArray
 from ..errors import ProblemError
-from ..laws import FloatArray
-from ..surfaces import Surface
+from ..mechanics.balls import DISC_INERTIA, Acceleration, BallSystem
+from ..mechanics.surfaces import Surface
 
 
 class Effect(Protocol):

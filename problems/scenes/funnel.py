@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..balls import BallSystem
+from ..contact.laws import FloatArray
 from ..errors import ProblemError
-from ..laws import FloatArray
-from ..moreau import State
-from ..surfaces import Plane, Rim, Segment, Surface
+from ..mechanics.balls import BallSystem
+from ..mechanics.surfaces import Plane, Rim, Segment, Surface
+from ..stepping.moreau import State
 from .effects import Conservative, Effect, Friction, Gravity, Planar, Restitution, ball_system, conservative
 
 RADIUS = 0.01

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..balls import SPHERE_INERTIA, BallSystem
 from ..errors import ProblemError
-from ..moreau import State
-from ..surfaces import Plane
+from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.surfaces import Plane
+from ..stepping.moreau import State
 from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Restitution, ball_system
 

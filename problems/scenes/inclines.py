@@ -5,12 +5,12 @@ from math import cos, inf, sin, tan
 
 import numpy as np
 
-from ..balls import SPHERE_INERTIA, BallSystem
+from ..contact.laws import FloatArray
 from ..errors import ProblemError
-from ..laws import FloatArray
-from ..moreau import State
-from ..surfaces import Plane
-from ..system import MechanicalSystem
+from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.surfaces import Plane
+from ..mechanics.system import MechanicalSystem
+from ..stepping.moreau import State
 from .closed_form import OVERLAP
 from .effects import Friction, Gravity, ball_system
 

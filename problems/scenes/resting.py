@@ -6,11 +6,11 @@ from math import cos, sin, tan
 
 import numpy as np
 
-from ..balls import SPHERE_INERTIA, BallSystem
+from ..contact.laws import FloatArray
 from ..errors import ProblemError
-from ..laws import FloatArray
-from ..moreau import State
-from ..surfaces import Plane
+from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.surfaces import Plane
+from ..stepping.moreau import State
 from .closed_form import OVERLAP
 from .effects import Effect, Friction, Gravity, ball_system
 

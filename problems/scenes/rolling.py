@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..balls import SPHERE_INERTIA, BallSystem
-from ..moreau import State
-from ..surfaces import Plane
+from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.surfaces import Plane
+from ..stepping.moreau import State
 from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Gravity, ball_system
 

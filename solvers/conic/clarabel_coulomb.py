@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.model import Model
+from ...problems.contact.judge import Residual
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described
 from .clarabel_socp import check_form, obstacle
 from .fixed_point import PreparedFixedPoint, check_memory, check_refinement

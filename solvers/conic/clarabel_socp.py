@@ -8,9 +8,9 @@ separates with ξ_N = μ‖ξ_T‖ instead of staying closed. The programs are t
 from dataclasses import dataclass
 from typing import ClassVar, get_args
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import ModelResidual, convex_obstacle
-from ...problems.model import Model
+from ...problems.contact.judge import ModelResidual, convex_obstacle
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described
 from .convex import PreparedConvex
 from .programs import Form, conic_program, factors_obstacle

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import ModelResidual
-from ...problems.laws import FloatArray
+from ...problems.contact.judge import ModelResidual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, Status, Stop
 from .programs import ConicProgram, Ended
 

@@ -7,10 +7,10 @@ solvers by name, at the price of compiling.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import ModelResidual, Residual
-from ...problems.laws import LawKind
-from ...problems.model import Model
+from ...problems.contact.judge import ModelResidual, Residual
+from ...problems.contact.laws import LawKind
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described
 from .clarabel_socp import obstacle
 from .convex import PreparedConvex

@@ -27,14 +27,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ..clock import Clock
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, SolverError, Status, Stop
+from ..iteration.anderson import Anderson
+from ..iteration.clock import Clock
+from ..iteration.loop import rounding
 from ..newton.refinement import Refinement
-from ..prox.iteration import rounding
-from .anderson import Anderson
 from .programs import ConicProgram, ConicResult, Ended
 
 LOOSEST = 1e-8

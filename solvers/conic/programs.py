@@ -22,8 +22,8 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
-from ...problems.contact import ContactProblem
-from ...problems.laws import FloatArray
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
 
 Form = Literal["delassus", "factors"]
 

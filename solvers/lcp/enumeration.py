@@ -12,12 +12,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray, LawKind
-from ...problems.model import Model
-from ..clock import Clock
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray, LawKind
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, SolverError, Status, Stop, described
+from ..iteration.clock import Clock
 
 MOST_CONTACTS = 6
 """Contacts up to which it is a matter of a second."""

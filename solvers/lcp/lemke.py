@@ -11,12 +11,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import ModelResidual, Residual
-from ...problems.laws import FloatArray, IntArray
-from ...problems.model import Model
-from ..clock import Clock
+from ...problems.contact.judge import ModelResidual, Residual
+from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, SolverError, Status, Stop, described
+from ..iteration.clock import Clock
 from .formulation import Complementarity, check_sides, complementarity
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 

@@ -14,16 +14,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.blocks import BlockLayout
-from ...problems.contact import ContactProblem
-from ...problems.delassus import DelassusBlocks
-from ...problems.judge import ModelResidual, Residual
-from ...problems.laws import FloatArray, LawKind
-from ...problems.model import Model
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.delassus import DelassusBlocks
+from ...problems.contact.judge import ModelResidual, Residual
+from ...problems.contact.laws import FloatArray, LawKind
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described
-from ..prox.delassus_sweep import DelassusSweep, block_product
-from ..prox.iteration import PreparedIteration
-from ..prox.step_size import check_relaxation, diagonal_step_sizes
+from ..iteration.loop import PreparedIteration
+from ..sweeps.delassus import DelassusSweep, block_product
+from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .formulation import check_sides
 
 DECOMPOSITIONS = 100

@@ -1,9 +1,9 @@
 """Attempts at Newton's method within the limits of one solve, and what they cost."""
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ..prox.iteration import Advance
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ..iteration.loop import Advance
 from .linear_solver import LinearSolver
 from .linearised import Equations
 from .steps import Attempt, newton_steps

@@ -22,8 +22,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from ...problems.laws import FloatArray
-from ..clock import Clock
+from ...problems.contact.laws import FloatArray
+from ..iteration.clock import Clock
 from .linearised import Linearised
 from .work import Work
 

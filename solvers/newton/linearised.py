@@ -22,9 +22,9 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray, IntArray, LawKind
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray, IntArray, LawKind
+from ...problems.contact.problem import ContactProblem
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ as they were.
 
 from collections.abc import Callable
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ..clock import Clock
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ..iteration.clock import Clock
 from .linear_solver import LinearSolver
 from .linearised import Equations
 from .steps import SEARCHING, THOROUGH, Attempt, newton_steps

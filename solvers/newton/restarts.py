@@ -20,13 +20,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.laws import FloatArray
+from ...problems.contact.laws import FloatArray
 from ..interface import Status
+from ..iteration.loop import Iterates
+from ..iteration.stopping import LONGEST_INTERVAL
 from ..prox.block_gauss_seidel import BlockIterates, BlockSweep
-from ..prox.delassus_sweep import DelassusSweep
-from ..prox.iteration import Iterates
-from ..prox.monitor import LONGEST_INTERVAL
 from ..prox.safeguarded import SafeguardedIterates
+from ..sweeps.delassus import DelassusSweep
 from .attempts import Attempts
 from .steps import THOROUGH
 

@@ -17,16 +17,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ...problems.model import Model
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, Status, Stop, described
-from ..prox.delassus_sweep import DelassusSweep
-from ..prox.iteration import Advance, confirmed, first_impulses, left_by_rounding, rounding
-from ..prox.monitor import Monitor, sweeps_to_next_look
+from ..iteration.loop import Advance, confirmed, first_impulses, left_by_rounding, rounding
+from ..iteration.stopping import Monitor, sweeps_to_next_look
 from ..prox.safeguarded import SafeguardedIterates
-from ..prox.step_size import check_relaxation, diagonal_step_sizes
+from ..sweeps.delassus import DelassusSweep
+from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .attempts import Attempts
 from .linearised import Equations
 from .restarts import Restarts

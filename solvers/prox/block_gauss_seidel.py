@@ -11,19 +11,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.blocks import BlockLayout
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ...problems.model import Model
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described
-from .delassus_sweep import block_product
-from .iteration import PreparedIteration
-from .one_contact import solve_frictionless, solve_planar, solve_spatial
-from .oscillation import OscillationGuard
-from .projection import disc_scale
-from .slip_angle import WORKSPACE
-from .step_size import check_relaxation, diagonal_step_sizes
+from ..iteration.loop import PreparedIteration
+from ..iteration.safeguard import OscillationGuard
+from ..sweeps.delassus import block_product
+from ..sweeps.one_contact import solve_frictionless, solve_planar, solve_spatial
+from ..sweeps.projection import disc_scale
+from ..sweeps.slip_angle import WORKSPACE
+from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Literal
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.model import Model
+from ...problems.contact.judge import Residual
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described
-from .delassus_sweep import DelassusSweep
-from .factor_sweep import FactorSweep
-from .iteration import PreparedIteration
-from .step_size import (
+from ..iteration.loop import PreparedIteration
+from ..sweeps.delassus import DelassusSweep
+from ..sweeps.factors import FactorSweep
+from ..sweeps.step_size import (
     StepSize,
     check_options,
     diagonal_step_sizes,

@@ -14,15 +14,15 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ...problems.model import Model
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import described
-from .delassus_sweep import DelassusSweep, block_product
-from .iteration import PreparedIteration
-from .projection import disc_scale
-from .step_size import StepSize, check_options, diagonal_step_sizes, row_sum_step_sizes, row_sums_of_blocks
+from ..iteration.loop import PreparedIteration
+from ..sweeps.delassus import DelassusSweep, block_product
+from ..sweeps.projection import disc_scale
+from ..sweeps.step_size import StepSize, check_options, diagonal_step_sizes, row_sum_step_sizes, row_sums_of_blocks
 
 
 @dataclass(frozen=True)

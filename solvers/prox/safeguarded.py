@@ -5,15 +5,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...problems.contact import ContactProblem
-from ...problems.judge import Residual
-from ...problems.laws import FloatArray
-from ...problems.model import Model
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ..interface import described
-from .delassus_sweep import DelassusSweep
-from .iteration import PreparedIteration
-from .oscillation import OscillationGuard
-from .step_size import check_relaxation, diagonal_step_sizes
+from ..iteration.loop import PreparedIteration
+from ..iteration.safeguard import OscillationGuard
+from ..sweeps.delassus import DelassusSweep
+from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
-from proxbench.bench.plan import Limits
+from proxbench.bench.measure.plan import Limits
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from proxbench.bench.generate import RECIPES, generate, remade
 from proxbench.problems import ContactProblem, ProblemError, load
-from proxbench.problems.catalog import SUITES
+from proxbench.problems.catalog.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
 
 SMALL = ["funnel-30-early", "funnel-30", "woodpecker-beak-impact"]
@@ -39,7 +39,7 @@ def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:
 
 
 def test_two_fresh_processes_generate_equal_digests(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from proxbench.bench.cli import main; main()", "generate", *SMALL, "--json"]
+    command = [sys.executable, "-c", "from proxbench.bench.cli.main import main; main()", "generate", *SMALL, "--json"]
     digests = []
     for folder in ("a", "b"):
         environment = {**os.environ, "PROXBENCH_CACHE": str(tmp_path / folder)}

@@ -23,7 +23,7 @@ from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParse
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli import main; main()")
+PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")
 LONGEST_COMMAND = 120.0
 MEASURED = re.compile(r"[\d.]+ (?:µs|ms|s(?= wall| per simulated second))")
 WIDEST_LINE = 96

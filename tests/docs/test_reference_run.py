@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from proxbench.bench import load
-from proxbench.bench.tables import print_tables
+from proxbench.bench.report.tables import print_tables
 from rich.console import Console
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from proxbench.bench.simulations.plan import make_simulation_plan
-from proxbench.bench.simulations.simulation import Simulation
-from proxbench.bench.simulations.table import print_simulation
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.table import print_simulation
+from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.bench.variable.steppers import SEARCHES, STEPPERS
 from proxbench.problems.scenes.registry import make_scene
 from proxbench.problems.scenes.woodpecker import INCIDENTS

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import psutil
-from proxbench.bench.store import Store
+from proxbench.bench.store.store import Store
 
 PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
 

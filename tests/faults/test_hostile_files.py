@@ -11,11 +11,11 @@ from typing import Any
 import proxbench.bench
 import pytest
 from proxbench.bench import load, run
-from proxbench.bench.charts import write_charts
 from proxbench.bench.errors import BenchError
-from proxbench.bench.runner import resume
-from proxbench.bench.store import LARGEST_FILE, Store
-from proxbench.bench.tables import print_tables, write_tables
+from proxbench.bench.measure.runner import resume
+from proxbench.bench.report.charts import write_charts
+from proxbench.bench.report.tables import print_tables, write_tables
+from proxbench.bench.store.store import LARGEST_FILE, Store
 from proxbench.problems import load as load_problem
 from rich.console import Console
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from proxbench.bench.store import Store
+from proxbench.bench.store.store import Store
 from sandbox import Sandbox, verdicts, without
 
 MEASURED, CRASHED, MISBEHAVED, TIMEOUT = "measured", "crashed", "misbehaved", "timeout"

@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 from proxbench.bench import load, run
-from proxbench.bench.cli import run_command
+from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.runner import resume
+from proxbench.bench.measure.runner import resume
 from sandbox import Sandbox, verdicts
 
 SMALL = "['hard-sticking-box', 'hard-tresca-joint', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3]"
@@ -152,7 +152,7 @@ class JumpingClock(datetime):
 def test_a_clock_that_jumps_changes_no_result(
     tmp_path: Path, undisturbed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("proxbench.bench.runner.datetime", JumpingClock)
+    monkeypatch.setattr("proxbench.bench.measure.runner.datetime", JumpingClock)
     monkeypatch.setattr(time, "time", lambda: JumpingClock.now(UTC).timestamp())
     problems, solvers = ["hard-sticking-box", "hard-tresca-joint", "funnel-30"], ["SORprox", "ClarabelSOCP"]
     folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3])

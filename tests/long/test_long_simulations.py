@@ -9,15 +9,15 @@ import os
 import numpy as np
 import psutil
 import pytest
-from proxbench.bench.simulations.plan import make_simulation_plan
-from proxbench.bench.simulations.running import simulate
-from proxbench.bench.simulations.simulation import Ending, Simulation
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.bench.variable.incidents import cycles, relative_deviations
 from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.running import simulate_variable
-from proxbench.problems.moreau import Moreau
 from proxbench.problems.scenes.resting import Stack
 from proxbench.problems.scenes.woodpecker import PERIOD
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Status, Stop, create
 
 FULL = os.environ.get("PROXBENCH_PROFILE") == "full"

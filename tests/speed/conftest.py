@@ -8,8 +8,8 @@ from typing import Any
 
 import psutil
 import pytest
-from proxbench.bench.fork_server import ONE_THREAD
-from proxbench.bench.machine import describe_machine
+from proxbench.bench.isolation.fork_server import ONE_THREAD
+from proxbench.bench.measure.machine import describe_machine
 from threadpoolctl import threadpool_limits
 
 os.environ.update(ONE_THREAD)

@@ -2,7 +2,7 @@
 
 import pytest
 from contestants import EXCUSES, OPTIONS, SIZES, contestants, excuse, step_for
-from proxbench.problems.laws import LawKind
+from proxbench.problems.contact.laws import LawKind
 from proxbench.solvers import available, create
 
 

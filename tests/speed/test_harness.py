@@ -14,10 +14,10 @@ import pytest
 from contestants import funnel_step
 from known_solvers import Known
 from numba import njit
-from proxbench.bench.measure import Measurement, MeasuringTask
-from proxbench.bench.plan import Limits
-from proxbench.bench.worker import Worker
-from proxbench.problems.storage import problem_bytes
+from proxbench.bench.isolation.worker import Worker
+from proxbench.bench.measure.plan import Limits
+from proxbench.bench.measure.protocol import Measurement, MeasuringTask
+from proxbench.problems.catalog.storage import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop
 
 STOP = Stop(1e-4)

@@ -7,8 +7,8 @@ import pytest
 from contestants import SIZES, TOLERANCE
 from proxbench.bench.generate import RECIPES, FunnelRecipe
 from proxbench.problems import judge
-from proxbench.problems.moreau import Moreau, State
 from proxbench.problems.scenes.funnel import TIME_STEP
+from proxbench.problems.stepping.moreau import Moreau, State
 from proxbench.solvers import Stop, create
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from contestants import OPTIONS, SIZES, funnel_step
 from proxbench.solvers import create
-from proxbench.solvers.prox.iteration import PreparedIteration
+from proxbench.solvers.iteration.loop import PreparedIteration
 
 SWEEPS = 100
 

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from proxbench.problems import ContactProblem, Model, judge
-from proxbench.problems.laws import LawKind
+from proxbench.problems.contact.laws import LawKind
 from proxbench.solvers import Prepared, Solution, Status, Stop, create
 
 MISNAMED = {

@@ -277,14 +277,19 @@ class _Prepared:
 
 def patch_everything() -> None:
     """Replace the judge, the store, the clock and the random numbers by what suits a solver."""
-    import proxbench.bench.case
-    import proxbench.bench.outcome
-    import proxbench.bench.store
+    import proxbench.bench.measure.case
+    import proxbench.bench.store.outcome
+    import proxbench.bench.store.store
     import proxbench.problems
     from proxbench.problems import judge as judging
 
     flatter: Any = lambda *arguments, **options: judging  # noqa: E731
-    for module in (proxbench.bench.case, proxbench.bench.outcome, proxbench.bench.store, proxbench.problems):
+    for module in (
+        proxbench.bench.measure.case,
+        proxbench.bench.store.outcome,
+        proxbench.bench.store.store,
+        proxbench.problems,
+    ):
         for name in ("judge", "point_outcome", "_put", "Residual"):
             if hasattr(module, name):
                 setattr(module, name, flatter)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.balls import BallRecorder, funnel_recorder
-from proxbench.problems.balls import BallSystem
-from proxbench.problems.moreau import Moreau, State, Step
+from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.surfaces import Plane
 from proxbench.problems.scenes.effects import Friction, Gravity, Planar, ball_system
 from proxbench.problems.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
-from proxbench.problems.surfaces import Plane
+from proxbench.problems.stepping.moreau import Moreau, State, Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 

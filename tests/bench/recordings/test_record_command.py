@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from proxbench.bench.cli import run_command
+from proxbench.bench.cli.main import run_command
 
 
 def test_solvers_are_recorded_and_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

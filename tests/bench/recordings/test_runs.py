@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
-from proxbench.bench.cli import run_command
+from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings.runs import record_run
 from proxbench.solvers import create
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.errors import BenchError
-from proxbench.bench.recordings.places import grid_places
+from proxbench.bench.recordings.contact_points import grid_places
+from proxbench.bench.recordings.contact_states import ContactState
 from proxbench.bench.recordings.solves import RecordedSolves, record_solves
-from proxbench.bench.recordings.states import ContactState
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Stop, create
 

@@ -5,7 +5,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from proxbench.bench.cli import run_command
+from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings import still as still_module
 from proxbench.bench.recordings.still import SIZE
 

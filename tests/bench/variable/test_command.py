@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from proxbench.bench.cli import run_command
+from proxbench.bench.cli.main import run_command
 from proxbench.bench.variable.file import read_variable, write_variable
 from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.simulation import VariableSimulation

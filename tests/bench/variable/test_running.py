@@ -10,10 +10,11 @@ from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.variable.file import is_variable, read_variable
 from proxbench.bench.variable.plan import VariablePlan, make_variable_plan
 from proxbench.bench.variable.running import advance_variable, begun_variable, simulate_variable
-from proxbench.problems import ContactProblem, Model, adaptive
-from proxbench.problems.moreau import Step
+from proxbench.problems import ContactProblem, Model
 from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
-from proxbench.problems.smooth_step import OneStep
+from proxbench.problems.stepping import variable_step as adaptive
+from proxbench.problems.stepping.extrapolation import OneStep
+from proxbench.problems.stepping.moreau import Step
 from proxbench.solvers import create
 from proxbench.solvers.interface import Prepared
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from proxbench.bench.conformance.trial import meet_answer, rounding
 from proxbench.problems import ContactProblem, ProblemError, judge
+from proxbench.problems.contact.laws import LawKind
 from proxbench.problems.hard import CASE_GROUPS, GRAVITY, HARD_CASES, TIME_STEP, hard_case
-from proxbench.problems.laws import LawKind
 from proxbench.solvers import Status, create, solve
 
 SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "ClarabelCoulomb")

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from proxbench.problems.moreau import Moreau
 from proxbench.problems.scenes.closed_form import ClosedFormScene
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Status, Stop, create
 
 Errors = tuple[NDArray[np.float64], NDArray[np.float64]]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ProblemError
-from proxbench.problems.moreau import Moreau
 from proxbench.problems.scenes.bouncing import BouncingBall
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]

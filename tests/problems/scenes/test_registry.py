@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError
-from proxbench.problems.balls import BallSystem
-from proxbench.problems.moreau import Moreau, State
+from proxbench.problems.mechanics.balls import BallSystem
 from proxbench.problems.scenes.registry import SCENES, make_scene
+from proxbench.problems.stepping.moreau import Moreau, State
 from proxbench.solvers import Stop, create
 
 

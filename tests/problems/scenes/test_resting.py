@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ProblemError
-from proxbench.problems.moreau import Moreau
 from proxbench.problems.scenes.inclines import SphereOnIncline
 from proxbench.problems.scenes.resting import Stack, VGroove
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]

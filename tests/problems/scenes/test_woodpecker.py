@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from proxbench.problems.moreau import Moreau
 from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD, published_start, section_start, woodpecker
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
-from .. import published_cycle
+from ..stepping import published_cycle
 
 
 def error_after_one_period(steps: int) -> float:

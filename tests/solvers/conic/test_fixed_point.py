@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.contact.judge import Residual
 from proxbench.problems.hard.families import Family, with_solution
-from proxbench.problems.judge import Residual
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.conic.fixed_point import PreparedFixedPoint
 from proxbench.solvers.conic.programs import ConicResult, Ended, Form, conic_program

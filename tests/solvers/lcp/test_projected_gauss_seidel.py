@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Model, judge, load
-from proxbench.problems.projections import onto_polygon
+from proxbench.problems.contact.projections import onto_polygon
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 
 

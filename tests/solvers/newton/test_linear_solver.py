@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 from proxbench.problems import load
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.clock import Clock
+from proxbench.solvers.iteration.clock import Clock
 from proxbench.solvers.newton import linear_solver
 from proxbench.solvers.newton.linear_solver import LinearSolver
 from proxbench.solvers.newton.linearised import Linearised
@@ -25,7 +25,7 @@ class Machine:
         self.now, self.reading, self.factorised = 0.0, 1e-5, linear_solver.factorised
         self.rows: list[int] = []
         self._cost = seconds_per_entry_squared
-        monkeypatch.setattr("proxbench.solvers.clock.time", SimpleNamespace(perf_counter=self.read))
+        monkeypatch.setattr("proxbench.solvers.iteration.clock.time", SimpleNamespace(perf_counter=self.read))
         monkeypatch.setattr(linear_solver, "factorised", self.factorise)
         monkeypatch.setattr(linear_solver, "FIRST_PART", 50)
         monkeypatch.setattr(linear_solver, "SMALL", 500)

@@ -5,19 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, load
+from proxbench.problems.contact.judge import Residual
 from proxbench.problems.hard.families import Family, with_solution
-from proxbench.problems.judge import Residual
 from proxbench.solvers import Solution, Status, Stop, create
+from proxbench.solvers.iteration.loop import Advance
+from proxbench.solvers.iteration.stopping import Monitor
 from proxbench.solvers.newton import restarts as restarts_module
 from proxbench.solvers.newton.attempts import Attempts
 from proxbench.solvers.newton.linearised import Equations
 from proxbench.solvers.newton.restarts import Restarts
 from proxbench.solvers.newton.work import Work
-from proxbench.solvers.prox.delassus_sweep import DelassusSweep
-from proxbench.solvers.prox.iteration import Advance
-from proxbench.solvers.prox.monitor import Monitor
 from proxbench.solvers.prox.safeguarded import SafeguardedIterates
-from proxbench.solvers.prox.step_size import diagonal_step_sizes
+from proxbench.solvers.sweeps.delassus import DelassusSweep
+from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
 def restarts_of(problem: ContactProblem, first: np.ndarray, stop: Stop) -> tuple[Restarts, Advance, Attempts]:
@@ -71,7 +71,7 @@ def test_they_stay_within_their_share_of_the_work(
     before: float, least: float, expected: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The limit is 0.6 s of a clock that stands still; one Newton step may go beyond the share, and no sweep."""
-    monkeypatch.setattr("proxbench.solvers.clock.time", SimpleNamespace(perf_counter=lambda: 0.0))
+    monkeypatch.setattr("proxbench.solvers.iteration.clock.time", SimpleNamespace(perf_counter=lambda: 0.0))
     monkeypatch.setattr(restarts_module, "LEAST", least)
     problem = load("hard-squeezed")
     restarts, _, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6, 0.6))
@@ -93,7 +93,7 @@ def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.
             now += reading
             return now
 
-        monkeypatch.setattr("proxbench.solvers.clock.time", SimpleNamespace(perf_counter=read))
+        monkeypatch.setattr("proxbench.solvers.iteration.clock.time", SimpleNamespace(perf_counter=read))
         return prepared.solve(Stop(1e-9, 2300, 2.0))
 
     fast, slow = solved(1e-8), solved(1e-5)

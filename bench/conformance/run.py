@@ -1,0 +1,125 @@
+"""``proxbench check``: conformance tests of a plugin, in a process that it may crash or hang without harm."""
+
+import shutil
+import textwrap
+import time
+from collections.abc import Callable
+from typing import Any
+
+from ...problems.catalog.plugin_files import PluginFile
+from ...problems.catalog.plugins import forget, register, registered
+from ..errors import BenchError
+from ..isolation.renewed_worker import RenewedWorker
+from ..isolation.worker import Fault
+from ..store.outcome import Outcome
+from . import PROBLEM_CHECKS, SOLVER_CHECKS
+from .task import CheckingTask
+
+CHECK_SECONDS = 60.0
+"""Time limit of one check [s]."""
+
+MEMORY_BYTES = 2**31
+"""Memory that checks may take beyond what the framework itself needs."""
+
+
+OnCheck = Callable[[str, int, int], None]
+"""Called before every check: what is checked, how many checks of it are done, and of how many."""
+
+
+def checked(
+    target: str, seconds: float = CHECK_SECONDS, on_check: OnCheck = lambda what, done, total: None
+) -> list[dict[str, Any]]:
+    """Run all conformance tests on a solver or problem, or on all that a plugin file offers.
+
+    Args:
+        target: a name, with options where it has some, or the path of a plugin file.
+        seconds: time limit of one test.
+        on_check: called before every check, to show how far it is.
+
+    Returns:
+        For each solver or problem: kind, name, source, passed, and checks, each with check, promise, result ("passed",
+        "failed", "not applicable"), sentence and seconds.
+
+    Raises:
+        ProxbenchError: for an unknown name, or a plugin with nothing in it that could be checked.
+    """
+    if not seconds > 0:
+        raise BenchError(f"the time limit of a check must be positive, got {seconds:g} s.")
+    file = PluginFile.read(target) if _is_path(target) else None
+    known = registered()
+    if file is not None:
+        register(file)
+    try:
+        with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES) as worker:
+            return [_checked(worker, subject, on_check) for subject in _subjects(worker, target, file)]
+    finally:
+        if file is not None and file not in known:
+            forget(file)
+
+
+def print_checks(subjects: list[dict[str, Any]]) -> None:
+    """Print a table of the checks of each subject, with a sentence to each failure, and a line that sums up."""
+    columns = shutil.get_terminal_size((100, 24)).columns
+    for subject in subjects:
+        origin = f" from {subject['source']}" if subject["source"] else ""
+        print(f"{subject['kind']} {subject['name']}{origin}")
+        width = max(len(row["check"]) for row in subject["checks"])
+        for row in subject["checks"]:
+            start = f"  {row['check']:<{width}}  {row['result']:<14}  "
+            text = textwrap.fill(
+                row["sentence"] or "-",
+                columns,
+                initial_indent=start,
+                subsequent_indent=" " * len(start),
+                break_on_hyphens=False,
+                break_long_words=False,
+            )
+            print(text if row["sentence"] else start.rstrip())
+        counts = {result: _count(subject, result) for result in ("passed", "failed", "not applicable")}
+        print("  " + ", ".join(f"{count} {result}" for result, count in counts.items() if count) + "\n")
+
+
+def _is_path(target: str) -> bool:
+    return target.endswith(".py") or "/" in target.partition("(")[0]
+
+
+def _subjects(worker: RenewedWorker, target: str, file: PluginFile | None) -> list[dict[str, str]]:
+    try:
+        answer, _ = worker.ask("subjects", file if file is not None else target)
+    except Fault as fault:
+        said = _sentence(fault, worker.seconds)
+        raise BenchError(f"nothing of {target} can be checked, for when it is imported, {said}") from None
+    if "refused" in answer:
+        raise BenchError(answer["refused"])
+    found: list[dict[str, str]] = answer["subjects"]
+    return found
+
+
+def _checked(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:
+    rows: list[dict[str, Any]] = []
+    checks = SOLVER_CHECKS if subject["kind"] == "solver" else PROBLEM_CHECKS
+    for check in checks:
+        on_check(f"{subject['name']}: {check.name}", len(rows), len(checks))
+        began = time.perf_counter()
+        try:
+            answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)
+        except Fault as fault:
+            answer = {"result": "failed", "sentence": _sentence(fault, worker.seconds)}
+        rows.append(
+            {
+                "check": check.name,
+                "promise": check.promise,
+                "result": answer["result"],
+                "sentence": answer["sentence"],
+                "seconds": round(time.perf_counter() - began, 3),
+            }
+        )
+    return {**subject, "passed": all(row["result"] != "failed" for row in rows), "checks": rows}
+
+
+def _sentence(fault: Fault, seconds: float) -> str:
+    return f"it did not end within {seconds:g} s." if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
+
+
+def _count(subject: dict[str, Any], result: str) -> int:
+    return sum(row["result"] == result for row in subject["checks"])

@@ -1,0 +1,1 @@
+"""Processes of their own for cases: started, limited, supervised and ended."""

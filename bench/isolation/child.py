@@ -1,0 +1,138 @@
+"""The process in which a case runs: where its output goes, what it may take, and how it answers."""
+
+import contextlib
+import faulthandler
+import json
+import os
+import pickle
+import resource
+import sys
+import tempfile
+import traceback
+from dataclasses import dataclass
+from multiprocessing import spawn
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from ...problems.catalog.plugin_files import PluginFile
+from ...problems.catalog.plugins import register
+from ..measure.protocol import MisbehaviourError
+from ..store.outcome import Outcome
+from .linux import die_with
+from .pipe import read_message, write_message
+
+LARGEST_FILE = 2**24
+"""Bytes that a case may write to any file, its captured output included."""
+
+LONGEST_TRACEBACK = 20_000
+"""Characters of a traceback that are sent, its end."""
+
+
+@dataclass
+class Assignment:
+    """What a case's process needs.
+
+    Attributes:
+        task: the pickled task.
+        plugin_files: the plugin files that it may refer to.
+        memory_bytes: memory it may take beyond what the framework itself needs.
+        folder: where its temporary files go; the keeper makes and removes it.
+        setting: working folder, import path and, where the task needs it, main script, as multiprocessing tells them.
+    """
+
+    task: bytes
+    plugin_files: list[PluginFile]
+    memory_bytes: int
+    folder: Path
+    setting: dict[str, Any]
+
+
+def be_the_case(pipe: int, output: int, assignment: Assignment, keeper: int) -> None:
+    """Lead a session of its own and answer requests until nobody asks. Never returns.
+
+    Args:
+        pipe: where requests come from and answers go.
+        output: where it prints.
+        assignment: what to do.
+        keeper: process id of its parent.
+    """
+    code = 1
+    try:
+        os.setsid()
+        die_with(keeper)
+        for stream in (1, 2):
+            os.dup2(output, stream)
+        faulthandler.enable(2)  # where it was when a signal killed it is told with what it printed
+        os.environ["TMPDIR"] = tempfile.tempdir = str(assignment.folder)
+        _limit(assignment.memory_bytes)
+        _answer_requests(pipe, assignment)
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        _flush()
+        os._exit(code)
+
+
+def _answer_requests(pipe: int, assignment: Assignment) -> None:
+    own, task = os.getpid(), None
+    while True:
+        try:
+            request, arguments = pickle.loads(read_message(pipe))
+        except (EOFError, OSError):
+            return
+        numbers = b""
+        try:
+            if task is None:
+                spawn.prepare(assignment.setting)
+                for file in assignment.plugin_files:
+                    register(file)
+                task = pickle.loads(assignment.task)
+            answer, numbers = task.answer(request, arguments)
+        except MisbehaviourError as error:
+            answer = _fault(Outcome.MISBEHAVED, str(error))
+        except MemoryError:
+            limit = assignment.memory_bytes / 2**20
+            answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {limit:.0f} MB of memory")
+        except BaseException as error:
+            answer = _fault(Outcome.CRASHED, f"it raised {_told(error)}")
+        if os.getpid() != own:
+            return  # a process that the solver forked and forgot: the answer is its parent's
+        _flush()
+        usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        write_message(pipe, json.dumps({**answer, "peak_memory_bytes": usage}).encode())
+        write_message(pipe, numbers)
+
+
+def _told(error: BaseException) -> str:
+    """Return an exception in one line, whatever it does when it is asked what it says."""
+    try:
+        said = str(error).strip().splitlines()
+    except BaseException:
+        said = []
+    return type(error).__name__ + (f": {said[0][:200]}" if said else "")
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(BaseException):
+            stream.flush()
+
+
+def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
+    try:
+        trace = traceback.format_exc()[-LONGEST_TRACEBACK:]
+    except BaseException:
+        trace = ""
+    return {"fault": outcome.value, "reason": reason, "traceback": trace}
+
+
+def _limit(memory_bytes: int) -> None:
+    """Limit files, and the address space to what is mapped now and ``memory_bytes`` more."""
+    _, allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    largest = LARGEST_FILE if allowed == resource.RLIM_INFINITY else min(LARGEST_FILE, allowed)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+    limit = psutil.Process().memory_info().vms + memory_bytes
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -1,0 +1,190 @@
+"""The server that keepers and their cases are forked from: everything is loaded once, a case takes milliseconds.
+
+It has no file, no address and no other client than the process that started it, and ends with it.
+"""
+
+import atexit
+import contextlib
+import os
+import pickle
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass
+
+from .child import Assignment
+from .pipe import is_readable
+from .process_tree import send
+from .supervisor import NUMBER, keep
+
+_HEADER = struct.Struct("!Q")
+
+_N_DESCRIPTORS = 3
+"""Open files that every request brings: the case's pipe, its keeper's orders, and the file for its output."""
+
+_END_SECONDS = 5.0
+
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
+"""Environment that pins every numerical library to one thread."""
+
+
+START_SECONDS = 120.0
+"""Wall time that a server may take to load everything and fork."""
+
+_ATTEMPTS = 3
+
+
+@dataclass
+class KeeperLink:
+    """A keeper as the run sees it.
+
+    Attributes:
+        pipe: where requests to its case go and answers come from.
+        orders: where it is told what to do, and tells how the case ended.
+        process: its process id.
+        is_gone: whether it is known to have ended.
+    """
+
+    pipe: socket.socket
+    orders: socket.socket
+    process: int
+    is_gone: bool = False
+    _told: bytes = b""
+
+    def tell(self, order: bytes) -> None:
+        """Give it an order, if it still lives."""
+        with contextlib.suppress(OSError):
+            self.orders.send(order)
+
+    def status(self, seconds: float) -> int | None:
+        """Wait up to ``seconds`` until it has ended; return the wait status of its case, None if it told none."""
+        while not self.is_gone and is_readable(self.orders.fileno(), seconds):
+            told = b""
+            with contextlib.suppress(OSError):
+                told = self.orders.recv(NUMBER.size)
+            self._told += told
+            self.is_gone = not told
+        return NUMBER.unpack(self._told)[0] if len(self._told) == NUMBER.size else None
+
+    def kill(self) -> None:
+        """Kill it, if it has not gone by itself."""
+        if not self.is_gone:
+            send(signal.SIGKILL, [self.process])
+
+    def close(self) -> None:
+        """Close the connection to it."""
+        self.pipe.close()
+        self.orders.close()
+
+
+class _Server:
+    """The server as its client sees it."""
+
+    def __init__(self) -> None:
+        self.client = os.getpid()
+        self._socket, theirs = socket.socketpair()
+        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve({theirs.fileno()})"
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", code],
+                stdin=subprocess.DEVNULL,
+                env={**os.environ, **ONE_THREAD},
+                pass_fds=[theirs.fileno()],
+                start_new_session=True,
+            )
+
+    def fork(self, content: bytes, output: int) -> KeeperLink | None:
+        """Let it fork a keeper; return None if it does not, because it is gone or stuck."""
+        pipe, case_pipe = socket.socketpair()
+        orders, keeper_orders = socket.socketpair()
+        told = b""
+        with case_pipe, keeper_orders, contextlib.suppress(OSError):
+            descriptors = [case_pipe.fileno(), keeper_orders.fileno(), output]
+            socket.send_fds(self._socket, [_HEADER.pack(len(content))], descriptors)
+            self._socket.sendall(content)
+        if is_readable(orders.fileno(), START_SECONDS):
+            told = orders.recv(NUMBER.size)
+        if len(told) == NUMBER.size:
+            return KeeperLink(pipe, orders, NUMBER.unpack(told)[0])
+        pipe.close()
+        orders.close()
+        return None
+
+    def end(self) -> None:
+        """Let it end."""
+        self._socket.close()
+        if self.client == os.getpid():
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END_SECONDS)
+            self._process.kill()
+            self._process.wait()
+
+
+_server: _Server | None = None
+
+_lock = threading.Lock()
+
+
+def fork_keeper(assignment: Assignment, output: int) -> KeeperLink:
+    """Start a keeper with its case; the server is started, or started again, where there is none.
+
+    Args:
+        assignment: the case's.
+        output: the open file for what the case prints.
+
+    Raises:
+        OSError: if no process can be started.
+    """
+    global _server
+    content = pickle.dumps(assignment)
+    with _lock:
+        for _ in range(_ATTEMPTS):
+            if _server is None or _server.client != os.getpid():
+                _server = _Server()
+            link = _server.fork(content, output)
+            if link is not None:
+                return link
+            _server.end()
+            _server = None
+    raise OSError("the server that starts processes ends at once")
+
+
+@atexit.register
+def _end() -> None:
+    if _server is not None:
+        _server.end()
+
+
+def serve(descriptor: int) -> None:
+    """Be the server. Never returns."""
+    from ..measure import preload  # noqa: F401
+
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # keepers tell their end themselves
+    requests = socket.socket(fileno=descriptor)
+    while True:
+        header, descriptors, _, _ = socket.recv_fds(requests, _HEADER.size, _N_DESCRIPTORS)
+        content = _received(requests, _HEADER.unpack(header)[0]) if len(header) == _HEADER.size else b""
+        if not content:
+            os._exit(0)
+        if os.fork() == 0:
+            requests.close()
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            pipe, orders, output = descriptors
+            keep(pipe, orders, output, pickle.loads(content))
+        for received in descriptors:
+            os.close(received)
+
+
+def _received(requests: socket.socket, length: int) -> bytes:
+    """Return ``length`` bytes, or none if the client goes before they are complete."""
+    content = bytearray(length)
+    rest = memoryview(content)
+    while rest:
+        count = requests.recv_into(rest)
+        if not count:
+            return b""
+        rest = rest[count:]
+    return bytes(content)

@@ -1,0 +1,161 @@
+"""What all code of a process has in common, and what of it somebody has changed.
+
+A plugin shares its process with the framework. What it replaces of that, of the clock or of numpy, and what it leaves
+behind in the process, would otherwise show nowhere but in wrong numbers.
+"""
+
+import gc
+import os
+import random
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from ..report.counting import counted
+from .process_tree import descendants
+
+_FRAMEWORK = __name__.partition(".")[0]
+
+_BORROWED = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
+"""Modules of others that the framework leans on."""
+
+_CACHES = {
+    "__slotnames__",
+    "__protocol_attrs__",
+    "__non_callable_proto_members__",
+    "__annotations__",
+    "_abc_impl",
+}
+"""What Python itself writes into classes as they are used."""
+
+Names = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a process was like at one time.
+
+    Attributes:
+        modules: the names of the modules that were loaded.
+        names: what stood behind each name of the framework, and of what it leans on.
+        state: what a process has one of, by what it is called.
+        threads: the threads of Python that ran.
+        processes: the descendants of this process.
+    """
+
+    modules: frozenset[str]
+    names: Names
+    state: dict[str, Any]
+    threads: frozenset[int]
+    processes: frozenset[int]
+
+    @staticmethod
+    def now() -> "Surroundings":
+        """Look around."""
+        return Surroundings(
+            frozenset(sys.modules),
+            _names(),
+            {what: _read(reading) for what, reading in _STATE.items()},
+            frozenset(thread.ident or 0 for thread in threading.enumerate()),
+            frozenset(descendants(os.getpid())),
+        )
+
+    def replaced(self) -> list[str]:
+        """Return the names that lead elsewhere now, and those added to modules and classes that were there before."""
+        names = _names()
+        gone_or_other = [name for name, value in self.names.items() if names.get(name, _NOTHING) is not value]
+        added = [name for name in names if name not in self.names and self._knew(name)]
+        return gone_or_other + added
+
+    def changed(self) -> list[str]:
+        """Return what of the state is another now."""
+        return [what for what, value in self.state.items() if _read(_STATE[what]) != value]
+
+    def left(self) -> list[str]:
+        """Return what runs now and did not, in words."""
+        threads = sum(thread.ident not in self.threads for thread in threading.enumerate())
+        processes = len(set(descendants(os.getpid())) - self.processes)
+        counts = ((threads, "thread", "threads"), (processes, "process", "processes"))
+        return [counted(count, one, many) for count, one, many in counts if count]
+
+    def _knew(self, name: str) -> bool:
+        """Whether a name of the framework belongs to a module that was loaded then."""
+        module = name
+        while module and module not in sys.modules:
+            module = module.rpartition(".")[0]
+        return module in self.modules and name.startswith(f"{_FRAMEWORK}.")
+
+
+_NOTHING = object()
+
+
+def _names() -> Names:
+    found: Names = {}
+    for name, module in list(sys.modules.items()):
+        if name == _FRAMEWORK or name.startswith(f"{_FRAMEWORK}."):
+            found |= _names_of(name, module)
+    for name in _BORROWED:
+        if name in sys.modules:
+            found |= {f"{name}.{key}": value for key, value in vars(sys.modules[name]).items() if callable(value)}
+    return found
+
+
+def _names_of(name: str, module: ModuleType) -> Names:
+    """Return the names of one module of the framework, members of its classes and code of its functions included."""
+    found: Names = {}
+    for key, value in list(vars(module).items()):
+        if key.startswith("__") or isinstance(value, ModuleType):
+            continue
+        found[f"{name}.{key}"] = value
+        if getattr(value, "__module__", None) != name:
+            continue
+        if isinstance(value, type):
+            members = ((member, part) for member, part in vars(value).items() if member not in _CACHES)
+            found |= {f"{name}.{key}.{member}": part for member, part in members}
+        elif isinstance(value, FunctionType):
+            found[f"{name}.{key}.__code__"] = value.__code__
+    return found
+
+
+def _read(reading: Callable[[], Any]) -> Any:
+    try:
+        return reading()
+    except (OSError, ValueError) as error:
+        return repr(error)  # a folder that is gone, a stream that is closed
+
+
+def _mode_mask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _numpy_random() -> tuple[Any, ...]:
+    kind, key, *rest = np.random.get_state()  # noqa: NPY002 - whether anybody has touched it is the question
+    return kind, np.asarray(key).tobytes(), *rest
+
+
+def _streams() -> list[tuple[int, bool]]:
+    return [(id(stream), getattr(stream, "closed", True)) for stream in (sys.stdin, sys.stdout, sys.stderr)]
+
+
+_STATE: dict[str, Callable[[], Any]] = {
+    "the working folder": os.getcwd,
+    "the environment": lambda: dict(os.environ),
+    "the mask of file modes": _mode_mask,
+    "numpy's error state": np.geterr,
+    "numpy's global random state": _numpy_random,
+    "the random state of Python": random.getstate,
+    "garbage collection": gc.isenabled,
+    "the recursion limit": sys.getrecursionlimit,
+    "the import path": lambda: list(sys.path),
+    "the standard streams": _streams,
+    "signal handlers": lambda: {number: signal.getsignal(number) for number in signal.Signals},
+    "the alarm clock": lambda: bool(signal.getitimer(signal.ITIMER_REAL)[0]),
+}

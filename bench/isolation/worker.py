@@ -1,0 +1,229 @@
+"""Child processes that cases run in, and the conversation with them.
+
+Cases are forked from a server that has everything loaded (``preload``), each under a keeper that ends all it has
+started, also when this process is gone (``keeper``). What a case sends back is JSON and raw numbers, never objects
+that could run code here, and is waited for no longer than the case's time (``messages``).
+"""
+
+import contextlib
+import os
+import pickle
+import re
+import shutil
+import signal
+import socket
+import tempfile
+import time
+import traceback
+from dataclasses import dataclass
+from multiprocessing import spawn
+from pathlib import Path
+from typing import Any, Protocol
+from uuid import uuid4
+
+import numpy as np
+
+from ...problems.catalog.plugins import registered
+from ...problems.contact.laws import FloatArray
+from ..errors import BenchError
+from ..store.outcome import FAULTS, Outcome
+from .child import Assignment
+from .fork_server import fork_keeper
+from .pipe import NoMessageError, read_message, read_object, write_message
+from .process_tree import send, writers
+from .supervisor import END, GO_ON, STOP
+
+LARGEST_ANSWER = 2**24
+"""Bytes that the JSON of an answer may have."""
+
+LARGEST_NUMBERS = 2**32
+"""Bytes that the array of an answer may have."""
+
+SHOWN_OUTPUT = 4000
+"""Characters of captured output that are kept with a failed case."""
+
+LONGEST_LIST = 16_000
+"""Bytes that the list of extension modules may take, with which Python ends what it says of a deadly signal."""
+
+_MODULES = re.compile(r"\n*Extension modules: [^\n]*")
+
+END_SECONDS = 3.0
+"""Wall time that a keeper has to end its case."""
+
+
+@dataclass
+class Fault(Exception):  # noqa: N818 - the case is at fault, this is how that is told
+    """A case that ended otherwise than by an answer."""
+
+    outcome: Outcome
+    reason: str
+    traceback: str = ""
+
+
+class Task(Protocol):
+    """What a process does: answer requests. It is pickled on its way there, and plugin files are known to it."""
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        """Return a JSON object, and the bytes of an array of float64, which may be empty."""
+        ...
+
+
+class Worker:
+    """One case's process, seen from outside. Between requests it is stopped, with all its threads.
+
+    Attributes:
+        busy_seconds: wall time that the case has used so far [s].
+
+    Raises:
+        Fault: if the task cannot be pickled, or no process can be started.
+        BenchError: if there is no room for temporary files.
+    """
+
+    def __init__(self, task: Task, case_seconds: float, memory_bytes: int, with_main: bool = False) -> None:
+        """Start the process.
+
+        Args:
+            task: what it does.
+            case_seconds: limit of the wall time of all requests together [s].
+            memory_bytes: memory it may take beyond what the framework itself needs.
+            with_main: whether the task needs the caller's main script, which is then run again in the process.
+        """
+        try:
+            pickled = pickle.dumps(task)
+        except Exception as error:
+            reason = f"it cannot be sent to the process of its case: {error}"
+            raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
+        self.busy_seconds = 0.0
+        self.peak_memory_bytes = 0
+        self._is_stopped = False
+        self._case_seconds = case_seconds
+        try:
+            self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
+        except OSError as error:
+            raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
+        assignment = Assignment(pickled, registered(), memory_bytes, self._folder, _setting(with_main))
+        try:
+            self._keeper = fork_keeper(assignment, self._output)
+        except OSError as error:
+            self._let_go()
+            raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
+
+    def ask(self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS) -> tuple[dict[str, Any], FloatArray]:
+        """Send one request and wait for its answer: a JSON object and an array, which may be empty.
+
+        Args:
+            request: what is asked for.
+            arguments: to it.
+            largest: number of bytes that the array may have.
+
+        Raises:
+            Fault: if the case raises, misbehaves, dies, or its time is up.
+        """
+        began, pipe = time.monotonic(), self._keeper.pipe.fileno()
+        deadline = began + max(self._case_seconds - self.busy_seconds, 0.0)
+        try:
+            if self._is_stopped:
+                self._keeper.tell(GO_ON)
+            if _unasked(self._keeper.pipe):
+                raise NoMessageError("something that nobody asked for")
+            write_message(pipe, pickle.dumps((request, arguments)))
+            lifeline = self._keeper.orders.fileno()
+            answer = read_object(pipe, LARGEST_ANSWER, deadline, lifeline)
+            numbers = np.frombuffer(read_message(pipe, largest, deadline, lifeline), dtype=np.float64)
+            self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
+            fault = _told_fault(answer)
+        except TimeoutError:
+            raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s") from None
+        except (EOFError, OSError):
+            raise Fault(Outcome.CRASHED, self._death()) from None
+        except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
+            raise Fault(Outcome.MISBEHAVED, "its process sent something that is no answer") from None
+        finally:
+            self._keeper.tell(STOP)
+            self._is_stopped = True
+            self.busy_seconds += time.monotonic() - began
+        if fault is not None:
+            raise fault
+        return answer, numbers
+
+    def output(self) -> str:
+        """Return the end of what the case printed."""
+        size, most = os.fstat(self._output).st_size, SHOWN_OUTPUT + LONGEST_LIST
+        printed = os.pread(self._output, most, max(0, size - most)).decode(errors="replace")
+        return _MODULES.sub("", printed)[-SHOWN_OUTPUT:]
+
+    def close(self) -> None:
+        """End the process and all that it started."""
+        self._keeper.tell(END)
+        if self._keeper.status(END_SECONDS) is None:
+            self._keeper.kill()
+            self._end_what_it_left()
+        self._keeper.close()
+        self._let_go()
+
+    def _end_what_it_left(self) -> None:
+        """Kill what a keeper has left that was itself killed or stopped: it is known by where it prints."""
+        deadline = time.monotonic() + END_SECONDS
+        while (left := writers(self._output)) and time.monotonic() < deadline:
+            send(signal.SIGKILL, left)
+            time.sleep(1e-3)
+
+    def _let_go(self) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+        os.close(self._output)
+
+    def _death(self) -> str:
+        status = self._keeper.status(END_SECONDS)
+        if status is None and not self._keeper.is_gone:
+            return "its process closed its connection to the run"
+        if status is None:
+            return "its process ended together with its keeper"
+        if os.WIFEXITED(status):
+            return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
+        try:
+            return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
+        except ValueError:
+            return f"its process was killed by signal {os.WTERMSIG(status)}"
+
+
+def _told_fault(answer: dict[str, Any]) -> Fault | None:
+    """Return the fault that an answer tells, if it does.
+
+    Raises:
+        KeyError: if it tells it badly.
+        ValueError: likewise.
+    """
+    if "fault" not in answer:
+        return None
+    outcome, reason, trace = Outcome(answer["fault"]), answer["reason"], answer["traceback"]
+    if outcome not in FAULTS or not isinstance(reason, str) or not isinstance(trace, str):
+        raise ValueError
+    return Fault(outcome, reason, trace)
+
+
+def _unasked(pipe: socket.socket) -> bool:
+    """Return whether something has come that nobody asked for."""
+    with contextlib.suppress(BlockingIOError):
+        return bool(pipe.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
+    return False
+
+
+def _output_file() -> int:
+    """Open a file without a name; the system removes it with the last process that has it open.
+
+    Raises:
+        OSError: if there is no room for temporary files.
+    """
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
+
+
+def _setting(with_main: bool) -> dict[str, Any]:
+    """Return what of this process's setting a case needs.
+
+    The main script is run again in the case only if the task needs it: a script that calls ``run`` without asking for
+    ``__name__ == "__main__"`` would measure again.
+    """
+    told = spawn.get_preparation_data("case")
+    keys = ["sys_path", "dir", *(("init_main_from_name", "init_main_from_path") if with_main else ())]
+    return {key: told[key] for key in keys if key in told}

@@ -1,0 +1,173 @@
+"""``proxbench matrix``: every solver on every problem once at one tolerance, and the reason where it does not solve.
+
+What is asked is whether a method can, not how fast it is: one solve a cell, untimed, in a process that the solver may
+crash or hang without harm. The judge sees every result.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ...problems.catalog.catalog import load
+from ...problems.contact.judge import Residual, judge
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
+from ...solvers.contract import prepared_fault, reason_fault
+from ...solvers.interface import Solver, Status, Stop
+from ...solvers.registry import available, create
+from ..isolation.renewed_worker import RenewedWorker
+from ..isolation.worker import Fault
+from ..store.outcome import FAULTS, Outcome, point_outcome
+from .plan import DEFAULT_SOLVERS
+from .protocol import MisbehaviourError, solution_fault
+
+PREPARING_SECONDS = 60.0
+"""Wall time that a cell may take beyond its solve, for preparing [s]."""
+
+BAD_OUTCOMES = (*FAULTS, Outcome.WRONG)
+"""What no cell may end in."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One solver on one problem.
+
+    Attributes:
+        problem: name.
+        solver: name, with options.
+        outcome: how it ended.
+        residual: the judge's, under Coulomb's law; NaN if there are no impulses.
+        model_residual: the judge's, under the solver's own model.
+        iterations: number of iterations.
+        reason: why it is not solved; empty if it is.
+        is_finite: whether all impulses are finite numbers.
+        answer_error: largest relative error against the known answer; None where nothing is known.
+    """
+
+    problem: str
+    solver: str
+    outcome: Outcome
+    residual: float = float("nan")
+    model_residual: float = float("nan")
+    iterations: int = 0
+    reason: str = ""
+    is_finite: bool = True
+    answer_error: float | None = None
+
+
+def default_solvers() -> list[str]:
+    """Return the solvers of a run that names none, and every other registered one."""
+    listed = list(DEFAULT_SOLVERS)
+    plain = {name.partition("(")[0] for name in listed}
+    return [*listed, *(name for name in available() if name not in plain)]
+
+
+def measured_matrix(
+    problems: Sequence[str],
+    solvers: Sequence[str],
+    stop: Stop,
+    memory_bytes: int = 2**31,
+    on_cell: Callable[[Cell], object] = lambda cell: None,
+) -> list[Cell]:
+    """Solve every problem with every solver once.
+
+    Args:
+        problems: names of problems.
+        solvers: names of solvers, with options.
+        stop: tolerance and limits of one solve.
+        memory_bytes: memory that a solver may take.
+        on_cell: called with each cell as it is done.
+
+    Returns:
+        The cells, solver by solver.
+
+    Raises:
+        ProxbenchError: for an unknown problem or solver.
+    """
+    taken, made = {name: load(name) for name in problems}, [create(name) for name in solvers]
+    cells = []
+    for solver in made:
+        with RenewedWorker(SolvingTask(solver), stop.max_seconds + PREPARING_SECONDS, memory_bytes) as worker:
+            for name, problem in taken.items():
+                cells.append(_cell(worker, solver, name, problem, stop))
+                on_cell(cells[-1])
+    return cells
+
+
+@dataclass
+class SolvingTask:
+    """Solves one problem after the other in its process."""
+
+    solver: Solver
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        """Answer "solve" (name of the problem, Stop)."""
+        name, stop = arguments
+        problem = _loaded(name)
+        reason = self.solver.supports(problem)
+        fault = reason_fault(reason)
+        if fault:
+            raise MisbehaviourError(fault)
+        if reason:
+            return {"status": Status.UNSUPPORTED.value, "message": reason, "iterations": 0}, b""
+        digest = problem.digest
+        prepared = self.solver.prepare(problem)
+        fault = prepared_fault(prepared)
+        if fault:
+            raise MisbehaviourError(fault)
+        solution = prepared.solve(stop)
+        fault = solution_fault(problem, solution)
+        if fault:
+            raise MisbehaviourError(fault)
+        if problem.fresh().digest != digest:
+            raise MisbehaviourError("it changed the numbers of the problem")
+        numbers = np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
+        return {
+            "status": solution.status.value,
+            "message": str(solution.message),
+            "iterations": int(solution.iterations),
+        }, numbers
+
+
+@cache
+def _loaded(name: str) -> ContactProblem:
+    return load(name)
+
+
+def _cell(worker: RenewedWorker, solver: Solver, name: str, problem: ContactProblem, stop: Stop) -> Cell:
+    try:
+        answer, impulses = worker.ask("solve", name, stop)
+    except Fault as fault:
+        return Cell(name, solver.name, fault.outcome, reason=fault.reason)
+    status = Status(answer["status"])
+    if status is Status.UNSUPPORTED:
+        return Cell(name, solver.name, Outcome.UNSUPPORTED, reason=answer["message"])
+    coulomb = judge(problem, impulses)
+    own = coulomb if solver.model == Model.COULOMB else judge(problem, impulses, solver.model)
+    outcome = point_outcome(status, stop.tolerance, solver.model, own, coulomb)
+    known = problem.answer
+    error = None
+    if known is not None and np.isfinite(impulses).all():
+        error = known.error(impulses, problem.relative_velocity(impulses), Residual(problem).scale)
+    return Cell(
+        name,
+        solver.name,
+        outcome,
+        coulomb.residual,
+        own.residual,
+        answer["iterations"],
+        "" if outcome is Outcome.SOLVED else _reason(outcome, status, answer["message"], solver, own.residual),
+        bool(np.isfinite(impulses).all()),
+        error,
+    )
+
+
+def _reason(outcome: Outcome, status: Status, message: str, solver: Solver, own_residual: float) -> str:
+    if outcome is Outcome.RELAXED:
+        return f"solves the {solver.model} model, not Coulomb friction"
+    if outcome is Outcome.WRONG:
+        return f"claims to have solved, the judge of its model reads {own_residual:.1e}"
+    return message or status.sentence

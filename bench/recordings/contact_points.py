@@ -1,0 +1,295 @@
+"""Where contacts are, and which way their impulses point: a contact problem itself knows neither.
+
+Its factors know more than they seem to: the force directions of a rigid body hold the axes e of each contact and the
+moments a × e, hence the arm a from the body's centre to the contact. Two bodies in contact share a point,
+x_i + a_i = x_j + a_j, and these equations place the bodies of a connected heap relative to each other. Heaps that touch
+only fixed surfaces, or nothing, are set beside the largest. What does not come from rigid bodies is laid out
+on a grid, normals upwards.
+
+The same arms say what shape a body has: they are those of a ball if all have one length and lie along the normals, and
+the body turns no harder than a uniform ball of that radius. Of any other body the centre and the arms are known.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import spsolve
+
+from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.contact.pieces import Pieces, cut_into_pieces
+from ...problems.contact.problem import ContactProblem
+from ..errors import BenchError
+from ..report.counting import counted
+from .space import in_space
+
+RIGID_TOLERANCE = 1e-9
+"""How exactly axes must be orthonormal, and moments fit an arm, to count as those of a rigid body."""
+
+
+KINDS = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
+"""Dimension and rotations of rigid bodies, by the rows of a contact and the degrees of freedom of a body."""
+
+SOLID = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
+"""Moment of inertia over m r² of a uniform ball and a uniform disc, by the dimension."""
+
+
+BALL_TOLERANCE = 1e-6
+"""How exactly arms and moments of inertia must be those of a ball."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """The bodies that have contacts, as far as the factors show them.
+
+    Attributes:
+        centres: [m], shape (n_bodies, 3).
+        radii: of those that are balls [m], NaN for the others, shape (n_bodies,).
+        arms: from the centres of the others to their contacts, pairs of points [m], shape (n_arms, 2, 3).
+    """
+
+    centres: FloatArray
+    radii: FloatArray
+    arms: FloatArray
+
+    @property
+    def is_ball(self) -> NDArray[np.bool_]:
+        """Which are balls or discs, shape (n_bodies,)."""
+        return ~np.isnan(self.radii)
+
+    @property
+    def sentence(self) -> str:
+        """What is drawn of them."""
+        balls = int(self.is_ball.sum())
+        others = len(self.radii) - balls
+        round_ones = counted(balls, "ball") + " of the radius that the force directions show"
+        nodes = f"{counted(others, 'body', 'bodies')} of unknown shape as dots joined to their contacts"
+        return "Drawn: " + " and ".join([round_ones] * (balls > 0) + [nodes] * (others > 0)) + "."
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Places of the contacts of a problem, in space (x, y, z), z upwards; planar problems lie in the plane y = 0.
+
+    Attributes:
+        positions: of the contacts [m], shape (n_contacts, 3).
+        frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for lanes it does not have.
+        size: length of one body or spacing [m], by which arrows are scaled.
+        origin: how these places were found, as a sentence.
+        bodies: what stands at the contacts; None where the problem does not say.
+
+    Raises:
+        BenchError: if the shapes do not go together.
+    """
+
+    positions: FloatArray
+    frames: FloatArray
+    size: float
+    origin: str
+    bodies: Bodies | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.positions)
+        if self.positions.shape != (n, 3) or self.frames.shape != (n, 3, 3):
+            raise BenchError(
+                "places need positions of shape (n_contacts, 3) and frames of shape (n_contacts, 3, 3), "
+                f"got {self.positions.shape} and {self.frames.shape}."
+            )
+
+    def vectors(self, lanes: FloatArray) -> FloatArray:
+        """Return impulses as vectors in space [N s], shape (n_contacts, 3), from Λ padded to (n_contacts, width)."""
+        vectors: FloatArray = np.einsum("cl,clx->cx", lanes, self.frames[:, : lanes.shape[1]])
+        return vectors
+
+
+def find_places(problem: ContactProblem) -> Places:
+    """Return the places of a problem's contacts, from its factors if they are those of rigid bodies, else a grid."""
+    return _from_factors(problem) or grid_places(problem.n_contacts)
+
+
+def grid_places(n_contacts: int) -> Places:
+    """Return contacts on a square grid of spacing 1, in the order of the problem, normals upwards."""
+    side = max(1, int(np.ceil(np.sqrt(n_contacts))))
+    index = np.arange(n_contacts)
+    positions = np.column_stack([index % side, index // side, np.zeros(n_contacts)]).astype(np.float64)
+    frame = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    text = (
+        "The problem does not say where its contacts are: they stand on a grid, in its order, normals upwards. Nor "
+        "does it say what its bodies look like: none are drawn."
+    )
+    return Places(positions, np.tile(frame, (n_contacts, 1, 1)), 1.0, text)
+
+
+def _from_factors(problem: ContactProblem) -> Places | None:
+    if problem.factors is None or not problem.layout.is_dense or not problem.n_contacts:
+        return None
+    directions = problem.factors.force_directions
+    pieces = cut_into_pieces(directions, np.ones(directions.shape[0]), problem.layout)
+    touching = _touching(pieces)
+    if touching is None:
+        return None
+    bodies, values = touching
+    seen = bodies < pieces.n_chunks
+    rigid = _axes_and_arms(values, seen)
+    if rigid is None:
+        return None
+    axes, arms = rigid
+    size = float(np.median(np.linalg.norm(arms[:, 0], axis=1))) or 1.0
+    centres = _centres(bodies, arms, pieces.n_chunks, size)
+    positions = centres[bodies[:, 0]] + arms[:, 0]
+    dimension, spins = KINDS[pieces.width, pieces.length]
+    is_round = _turning_like_balls(problem, dimension, spins)
+    shown = _bodies(bodies, axes[:, 0], arms, centres, is_round)
+    text = "Places and directions come from the force directions; heaps that do not touch stand side by side."
+    text = f"{text} {shown.sentence}"
+    return Places(positions, axes, size, text, shown)
+
+
+def _bodies(
+    touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, inertia: FloatArray
+) -> Bodies:
+    """Return the bodies in contact: balls where nothing speaks against it, else their centres and arms.
+
+    Args:
+        touching: the two bodies of each contact, shape (n_contacts, 2).
+        normals: shape (n_contacts, 3).
+        arms: of each contact on both bodies [m], shape (n_contacts, 2, 3).
+        centres: [m], shape (n_bodies, 3).
+        inertia: least radius [m] of a uniform ball that turns like each body, shape (n_bodies,).
+    """
+    n_bodies = len(centres)
+    contact, side = np.nonzero(touching < n_bodies)
+    body, arm = touching[contact, side], arms[contact, side]
+    outwards = np.where(side == 0, -1.0, 1.0)[:, None] * normals[contact]
+    radius = np.full(n_bodies, np.inf)
+    np.minimum.at(radius, body, np.einsum("cx,cx->c", arm, outwards))
+    is_ball = (radius > 0.0) & (inertia <= (1.0 + BALL_TOLERANCE) * radius)
+    alike = np.linalg.norm(arm - radius[body, None] * outwards, axis=1) <= BALL_TOLERANCE * radius[body]
+    is_ball[body[~alike]] = False
+    ends = np.stack([centres[body], centres[body] + arm], axis=1)[~is_ball[body]]
+    seen = np.unique(body)
+    return Bodies(centres[seen], np.where(is_ball, radius, np.nan)[seen], ends)
+
+
+def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> FloatArray:
+    """Return the least radius r [m] for which each body turns no harder than a uniform ball, θ <= 2/5 m r² in space.
+
+    It is infinite for bodies whose mass matrix is none of m 1 and θ 1, and for those that do not turn: their radius
+    shows nowhere.
+    """
+    assert problem.factors is not None
+    inverse, length = problem.factors.inverse_mass.matrix, dimension + spins
+    n_bodies = problem.factors.n_dofs // length
+    if not spins:
+        return np.full(n_bodies, np.inf)
+    diagonal = np.asarray(inverse.diagonal()).reshape(n_bodies, length)
+    linear, angular = diagonal[:, :dimension], diagonal[:, dimension:]
+    least = np.sqrt(linear[:, 0] / (SOLID[dimension] * angular[:, 0]))
+    uneven = (np.ptp(linear, axis=1) > BALL_TOLERANCE * linear[:, 0]) | (
+        np.ptp(angular, axis=1) > BALL_TOLERANCE * angular[:, 0]
+    )
+    entries = sp.coo_array(inverse)
+    uneven[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = True
+    radii: FloatArray = np.where(uneven, np.inf, least)
+    return radii
+
+
+def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
+    """Return the two bodies of each contact (n_chunks for none) and their pieces, None if one has more than two."""
+    if pieces.in_pairs:
+        bodies, values = pieces.chunks.reshape(-1, 2), pieces.values.reshape(-1, 2, pieces.width, pieces.length)
+    elif (np.diff(pieces.starts) == 1).all():
+        none = np.full(pieces.n_blocks, pieces.n_chunks)
+        bodies = np.column_stack([pieces.chunks, none])
+        values = np.stack([pieces.values, np.zeros_like(pieces.values)], axis=1)
+    else:
+        return None
+    if (bodies[:, 0] == pieces.n_chunks).any():
+        return None
+    return bodies, values
+
+
+def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray] | None:
+    """Return axes (n, 3, 3) of each contact and arms (n, 2, 3) on its bodies, None if these are no rigid bodies."""
+    width, length = values.shape[2:]
+    if (width, length) not in KINDS:
+        return None
+    dimension, _ = KINDS[width, length]
+    linear, moments = values[..., :dimension], values[..., dimension:]
+    gram = np.einsum("cplx,cpmx->cplm", linear, linear)[seen]
+    opposed = linear[:, 0] + linear[:, 1]
+    if np.abs(gram - np.eye(width)).max() > RIGID_TOLERANCE:
+        return None
+    if np.abs(opposed[seen[:, 1]]).max(initial=0.0) > RIGID_TOLERANCE:
+        return None
+    spatial = in_space(linear)
+    turned = moments if dimension == 3 or not moments.size else -moments * np.array([0.0, 1.0, 0.0])
+    if width == 1:  # no friction, no rotation: equal balls of unknown radius, which is taken for the unit
+        return _padded(spatial[:, 0]), -spatial[:, :, 0] * seen[..., None]
+    if not moments.size:
+        return _padded(spatial[:, 0]), np.zeros((len(values), 2, 3))
+    arms = _arms(spatial, turned)
+    if np.abs(np.cross(arms[:, :, None], spatial) - turned).max() > RIGID_TOLERANCE * max(1.0, np.abs(arms).max()):
+        return None
+    return _padded(spatial[:, 0]), arms
+
+
+def _padded(axes: FloatArray) -> FloatArray:
+    """Return axes of one to three lanes as (n, 3, 3), missing lanes zero."""
+    frames = np.zeros((len(axes), 3, 3))
+    frames[:, : axes.shape[1]] = axes
+    return frames
+
+
+def _arms(axes: FloatArray, moments: FloatArray) -> FloatArray:
+    """Return a of m = a × e for orthonormal e: Σ e × m = Σ (a − e (e·a)), twice a with three axes, once with two."""
+    share = 1.0 / (axes.shape[2] - 1)
+    arms: FloatArray = share * np.cross(axes, moments).sum(axis=2)
+    return arms
+
+
+def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> FloatArray:
+    """Return the centres of the bodies, shape (n_bodies, 3), each heap in the least-squares sense."""
+    paired = np.flatnonzero(bodies[:, 1] < n_bodies)
+    first, second = bodies[paired, 0], bodies[paired, 1]
+    count = len(paired)
+    ends = (np.concatenate([first, second]), np.tile(np.arange(count), 2))
+    incidence: Any = sp.csr_array(
+        sp.coo_array((np.concatenate([np.ones(count), -np.ones(count)]), ends), shape=(n_bodies, count))
+    )
+    apart = arms[paired, 1] - arms[paired, 0]
+    laplacian = sp.csc_array(incidence @ incidence.T)
+    n_heaps, heap = connected_components(laplacian, directed=False)
+    anchors = np.zeros(n_bodies)
+    anchors[np.unique(heap, return_index=True)[1]] = 1.0  # one body of each heap is held, or nothing would be fixed
+    solved = spsolve(sp.csc_array(laplacian + sp.diags_array(anchors)), incidence @ apart)
+    return _side_by_side(np.asarray(solved).reshape(n_bodies, 3), heap.astype(np.int64), n_heaps, bodies[:, 0], size)
+
+
+def _side_by_side(centres: FloatArray, heap: IntArray, n_heaps: int, touched: IntArray, size: float) -> FloatArray:
+    """Return the centres with the largest heap about the origin and the other touched ones to its right.
+
+    They stand in columns as deep as the largest heap, one behind the other, all on its floor.
+    """
+    members = np.bincount(heap, minlength=n_heaps)
+    in_contact = np.unique(heap[touched])
+    order = in_contact[np.argsort(-members[in_contact], kind="stable")]
+    gap = 3.0 * size
+    edge = floor = depth = along = across = 0.0
+    for rank, number in enumerate(order):
+        mine = heap == number
+        low, high = centres[mine].min(axis=0), centres[mine].max(axis=0)
+        if rank == 0:
+            centres[mine] -= (low + high) / 2.0
+            edge, depth, floor = (high[0] - low[0]) / 2.0 + gap, (high[1] - low[1]) / 2.0, -(high[2] - low[2]) / 2.0
+            along = -depth
+            continue
+        if along > depth:
+            edge, along, across = edge + across + gap, -depth, 0.0
+        centres[mine] += np.array([edge, along, floor]) - low
+        along += high[1] - low[1] + gap
+        across = max(across, float(high[0] - low[0]))
+    return centres

@@ -1,0 +1,52 @@
+"""What a contact does under given impulses: open, stick or slip."""
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.laws import FloatArray
+
+OPEN_SHARE = 1e-6
+"""A contact with less than this share of the largest normal impulse counts as open; interior points leave dust."""
+
+SLIP_SHARE = 1.0 - 1e-4
+"""Friction above this share of its bound counts as slip."""
+
+States = NDArray[np.uint16]
+
+
+class ContactState(IntEnum):
+    """What a contact does; a closed contact without friction slips."""
+
+    OPEN = 0
+    STICK = 1
+    SLIP = 2
+
+
+STATE_COLOURS = {ContactState.OPEN: "#8a8f98", ContactState.STICK: "#2fb6a8", ContactState.SLIP: "#ff9f1c"}
+
+
+def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
+    """Return the ``ContactState`` of every contact, shape (n_contacts,).
+
+    A friction law without a contact of its own is never open.
+
+    Args:
+        layout: the contacts.
+        lanes: Λ [N s], padded to shape (n_contacts, width); anything not finite counts as open.
+    """
+    held = np.where(np.isfinite(lanes), lanes, 0.0)
+    normal = held[:, 0]
+    bound = layout.fixed_bound + layout.friction_coefficient * np.maximum(normal[layout.partner], 0.0)
+    tangent = np.sqrt((held[:, 1:] ** 2).sum(axis=1))
+    states = np.where(tangent >= SLIP_SHARE * bound, ContactState.SLIP, ContactState.STICK)
+    has_normal = layout.normal_law >= 0
+    closed = normal > OPEN_SHARE * normal.max(initial=0.0)
+    return np.where(has_normal & ~closed, ContactState.OPEN, states).astype(np.uint16)
+
+
+def count_states(states: States) -> NDArray[np.int64]:
+    """Return how many contacts are open, stick and slip, shape (3,)."""
+    return np.bincount(states, minlength=len(ContactState))

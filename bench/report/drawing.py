@@ -1,0 +1,137 @@
+"""How charts look and are written: panels one below the other, as SVG and PNG, drawn without a browser."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import altair as alt
+import numpy as np
+import pandas as pd
+import vl_convert
+
+from ..errors import BenchError
+from .labels import CHARACTER_WIDTH, FONT_SIZE
+from .palette import Look
+from .pictures import picture_files
+
+PNG_SCALE = 2.0
+
+Panel = alt.Chart | alt.LayerChart | alt.HConcatChart
+
+KEY_ROW = 20
+"""Height of one row of a key [pixels]."""
+
+
+def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
+    """Write a chart as ``path`` with .svg and with .png; return the files.
+
+    Raises:
+        BenchError: if they cannot be written.
+    """
+    svg, png = picture_files(path)
+    with alt.data_transformers.enable("default", max_rows=None):  # altair's limit is meant for pages that are sent
+        drawn = vl_convert.vegalite_to_svg(chart.to_json())
+    try:
+        svg.parent.mkdir(parents=True, exist_ok=True)
+        svg.write_text(drawn, encoding="utf-8")
+        png.write_bytes(vl_convert.svg_to_png(drawn, scale=PNG_SCALE))
+    except OSError as error:
+        raise BenchError(f"cannot write {error.filename or svg}: {error.strerror}; choose another place.") from None
+    return [svg, png]
+
+
+def stacked(
+    panels: Sequence[Panel],
+    title: alt.TitleParams,
+    scales: Mapping[str, Literal["independent", "shared"]],
+    spacing: int = 8,
+    label: int = 52,
+    **legend: Any,
+) -> alt.VConcatChart:
+    """Return panels one below the other.
+
+    Args:
+        panels: charts.
+        title: of all of them.
+        scales: whether the panels share them, by channel.
+        spacing: between two panels [pixels].
+        label: room left for the labels of vertical axes [pixels].
+        legend: how the legend looks, beside its font.
+    """
+    chart: alt.VConcatChart = (
+        alt.vconcat(*panels, spacing=spacing)
+        .properties(title=title, background="white", padding=14)
+        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
+        .configure_axisY(minExtent=label)
+        .configure_line(strokeJoin="round")  # pointed corners reach beyond the values
+        .configure_view(stroke="#cccccc")
+        .configure_legend(labelFontSize=11, title=None, **legend)
+        .resolve_scale(**scales)
+    )
+    return chart
+
+
+def heading(text: str, notes: Sequence[str], width: float, size: int = 16) -> alt.TitleParams:
+    """Return a title with notes below it, each on lines of its own.
+
+    Args:
+        text: the title.
+        notes: sentences or lists; empty ones are left out.
+        width: that lines are wrapped to [pixels].
+        size: of the title's font; notes are smaller.
+    """
+    characters = int(width / CHARACTER_WIDTH)
+    lines = [line for note in notes for line in textwrap.wrap(note, characters)]
+    return alt.TitleParams(
+        text, subtitle=lines, anchor="start", fontSize=size, subtitleFontSize=FONT_SIZE + 1, offset=8
+    )
+
+
+def round_values(domain: Sequence[float]) -> list[float]:
+    """Return where a logarithmic axis with the ends ``domain`` has ticks and labels: few enough to stand apart."""
+    low, high = min(domain), max(domain)
+    decades = np.log10(high / low)
+    digits = (1, 2, 3, 5, 7) if decades < 1.2 else (1, 2, 5) if decades < 3.0 else (1, 3) if decades < 5.0 else (1,)
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    values = [float(f"{digit}e{power}") for power in powers for digit in digits]
+    return [value for value in values if low <= value <= high]
+
+
+def key(names: Mapping[str, Look], width: float) -> alt.LayerChart:
+    """Return what colours, dashes and shapes stand for, as a panel: a line with a mark, and the name, in columns.
+
+    Args:
+        names: the look of each name, in their order.
+        width: of the panel [pixels].
+    """
+    sample, gap = 34.0, 8.0
+    longest = max(len(name) for name in names)
+    columns = max(1, min(len(names), int(width / (sample + 3.0 * gap + CHARACTER_WIDTH * longest))))
+    rows = -(-len(names) // columns)
+    at = np.arange(len(names))
+    left, middle = (at // rows) * width / columns, (at % rows + 0.5) * KEY_ROW
+    frame = pd.DataFrame({"name": list(names), "left": left, "right": left + sample, "y": middle})
+    frame["middle"], frame["text"] = left + sample / 2.0, left + sample + gap
+    # two ends of a line, as rules draw dashes from their middle
+    ends = pd.concat([frame.assign(x=frame["left"]), frame.assign(x=frame["right"])])
+    across = alt.Scale(domain=[0.0, width], nice=False, zero=False)
+    down = alt.Y("y:Q", axis=None).scale(domain=[rows * KEY_ROW, 0.0], nice=False, zero=False)
+    colour = by_name(alt.Color, "name", names, "colour")
+    line = alt.Chart(ends).mark_line(strokeWidth=2)
+    dash, shape = by_name(alt.StrokeDash, "name", names, "dash"), by_name(alt.Shape, "name", names, "shape")
+    line = line.encode(alt.X("x:Q", axis=None, scale=across), down, colour, dash)
+    mark = alt.Chart(frame).mark_point(filled=True, size=60, opacity=1)
+    mark = mark.encode(alt.X("middle:Q", axis=None, scale=across), down, colour, shape)
+    text = alt.Chart(frame).mark_text(align="left", baseline="middle", fontSize=FONT_SIZE + 1, limit=0)
+    text = text.encode(alt.X("text:Q", axis=None, scale=across), down, text="name:N")
+    panel: alt.LayerChart = alt.LayerChart(
+        layer=[line, mark, text], width=width, height=rows * KEY_ROW, view=alt.ViewBackground(stroke=None)
+    )
+    return panel
+
+
+def by_name(channel: Any, field: str, names: Mapping[str, Look], part: Literal["colour", "shape", "dash"]) -> Any:
+    """Return an encoding of ``field`` by one part of the looks of ``names``, without a legend."""
+    scale = alt.Scale(domain=list(names), range=[getattr(one, part) for one in names.values()])
+    return channel(f"{field}:N", scale=scale, sort=list(names), legend=None)

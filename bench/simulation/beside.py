@@ -1,0 +1,87 @@
+"""The files that are made of a result: its chart and its recording, which are made anew as it goes on."""
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..report.output_file import refuse_taken
+from ..report.pictures import drawn, picture_files, refuse_pictures
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Where they are.
+
+    Attributes:
+        chart: the chart, None if there is none.
+        recording: the recording, None if there is none.
+    """
+
+    chart: Path | None = None
+    recording: Path | None = None
+
+    def document(self, result: Path) -> dict[str, str | None]:
+        """Return the paths, seen from the folder of the result, from which ``beside_from`` makes them again."""
+        folder = result.absolute().parent
+        paths = {"chart": self.chart, "recording": self.recording}
+        return {name: None if path is None else os.path.relpath(path, folder) for name, path in paths.items()}
+
+
+def beside_from(stored: Mapping[str, Any], result: Path) -> Beside:
+    """Return what was stored with ``result``.
+
+    Raises:
+        TypeError, KeyError: if it is no such document.
+    """
+    chart, recording = (
+        None if stored[name] is None else Path(os.path.normpath(result.parent / stored[name]))
+        for name in ("chart", "recording")
+    )
+    return Beside(chart, recording)
+
+
+def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force: bool) -> Beside:
+    """Return where chart and recording will be: where they are asked for, or else where they were.
+
+    Args:
+        own: those that the simulation has, which are replaced in any case.
+        chart: the chart that is asked for.
+        recording: the recording that is asked for.
+        force: replace others.
+
+    Raises:
+        BenchError: if one cannot be written, or exists, is another one, and ``force`` is not given.
+    """
+    chosen = Beside(chart or own.chart, recording or own.recording)
+    if chosen.chart is not None:
+        is_own = own.chart is not None and _places(picture_files(own.chart)) == _places(picture_files(chosen.chart))
+        refuse_pictures(chosen.chart, force or is_own)
+    if chosen.recording is not None:
+        is_own = own.recording is not None and _places([own.recording]) == _places([chosen.recording])
+        from ..recordings.file import refuse_bad_path  # rerun takes a second to import
+
+        refuse_bad_path(chosen.recording, force or is_own)
+        refuse_taken([chosen.recording], force or is_own)
+    return chosen
+
+
+def recorded(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
+    """Make the recording of what is stored in ``result``, if it shall have one; return its file.
+
+    Raises:
+        BenchError: if that fails, for whatever reason; it says how to make it later.
+    """
+    if recording is None:
+        return []
+
+    def made() -> list[Path]:
+        record(recording)
+        return [recording]
+
+    return drawn(made, result, "recording", "make it with: proxbench record {}")
+
+
+def _places(files: Iterable[Path]) -> list[str]:
+    return [os.path.abspath(file) for file in files]

@@ -1,0 +1,229 @@
+"""Running a simulation: step, judge, note, store now and then, until the end or until somebody asks to stop."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...problems.contact.judge import Residual
+from ...problems.errors import said
+from ...problems.stepping.moreau import State, Step
+from ...solvers.interface import Solver
+from ..errors import BenchError, FailedSimulationError
+from ..report.output_file import output_file
+from .asking import Asked
+from .failure import Failure
+from .file import read_simulation, write_simulation
+from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
+from .result_file import SUFFIX
+from .trajectory import NO_CONTACT, Simulation
+from .warming import WarmClock
+
+OnStep = Callable[[int, Step], None]
+"""``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
+
+OnProgress = Callable[[Simulation], None]
+"""Called after every step with the simulation as far as it has come."""
+
+ENERGIES = slice(5, 7)
+"""Where a row has them."""
+
+CHECKPOINT_SECONDS = 10.0
+"""Wall time between two writes of the result file."""
+
+
+def simulate(
+    plan: SimulationPlan,
+    output: Path | None = None,
+    *,
+    force: bool = False,
+    on_step: Sequence[OnStep] = (),
+    on_progress: OnProgress = lambda simulation: None,
+    stop_asked: Callable[[], bool] = lambda: False,
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+) -> Simulation:
+    """Simulate from the start.
+
+    Args:
+        plan: what to simulate; ``make_simulation_plan`` makes it.
+        output: the result file if it ends in .npz, else the folder for it; nothing is stored if None.
+        force: replace a result file that exists.
+        on_step: called after every step, outside the time charged to it.
+        on_progress: called after every step, to show how far it is.
+        stop_asked: asked after every step whether to end before the duration is over.
+        checkpoint_seconds: wall time between two writes of the result file [s].
+
+    Returns:
+        The simulation; ``is_finished`` says whether it was stopped before its end.
+
+    Raises:
+        BenchError: if the output exists or cannot be written.
+        FailedSimulationError: if a step fails; the steps before it are stored.
+    """
+    simulation = new_simulation(plan, output, force)
+    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    return simulation
+
+
+def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
+    """Return a simulation without any step; arguments and errors as in ``simulate``."""
+    return Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
+
+
+def resume_simulation(
+    file: Path,
+    given: Mapping[str, object] | None = None,
+    *,
+    duration: float | None = None,
+    solver: Solver | None = None,
+    on_step: Sequence[OnStep] = (),
+    on_progress: OnProgress = lambda simulation: None,
+    stop_asked: Callable[[], bool] = lambda: False,
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+) -> Simulation:
+    """Go on with a stored simulation, in the same bits as if it had never been interrupted.
+
+    Args:
+        file: its result file, which is written on.
+        given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance or
+            number of iterations is taken from here on, so that a simulation whose step failed can go on.
+        duration: simulated time from the start [s], if it shall be another one than planned.
+        solver: the solver, if ``create`` does not know it by its name.
+        on_step: as in ``simulate``.
+        on_progress: as in ``simulate``.
+        stop_asked: as in ``simulate``.
+        checkpoint_seconds: as in ``simulate``.
+
+    Raises:
+        BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has passed ``duration``
+            already.
+        FailedSimulationError: as in ``simulate``.
+    """
+    simulation = begun_simulation(file, given, duration, solver)
+    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    return simulation
+
+
+def begun_simulation(
+    file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
+) -> Simulation:
+    """Return a stored simulation as far as it has come; arguments and errors as in ``resume_simulation``."""
+    simulation = read_simulation(file, solver)
+    asked = dict(given or {})
+    changes: dict[str, Any] = {name: asked.pop(name) for name in REPLACEABLE if name in asked}
+    check_agreement(simulation.plan, asked, str(file))
+    simulation.plan = changed(simulation.plan, **changes)
+    if duration is not None:
+        simulation.plan = changed(simulation.plan, duration=duration)
+        if simulation.n_steps > simulation.plan.n_steps:
+            raise BenchError(
+                f"{file} has come to {simulation.state.time:g} s already, past the duration of {duration:g} s; "
+                "ask for a longer one, or leave it out."
+            )
+    return simulation
+
+
+def advance(
+    simulation: Simulation,
+    on_step: Sequence[OnStep],
+    on_progress: OnProgress,
+    stop_asked: Callable[[], bool],
+    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+) -> None:
+    """Take the steps that are left; whatever ends them, the result file holds all that were completed.
+
+    Raises:
+        FailedSimulationError: if a step fails; ``failure`` of the simulation says why.
+    """
+    if simulation.is_finished:
+        return
+    simulation.failure = None
+    plan = simulation.plan
+    stepper = plan.stepper(Asked(plan.solver, plan.others))
+    clock, steps = time.perf_counter, WarmClock()
+    began = clock() - simulation.wall_seconds
+    _store(simulation)  # finds out now, not after the first hour, that nothing can be written
+    written = clock()
+    try:
+        while not simulation.is_finished and not stop_asked():
+            _take_step(simulation, partial(steps.step, stepper), on_step)
+            now = clock()
+            simulation.wall_seconds = now - began
+            if now - written >= checkpoint_seconds:
+                _store(simulation)
+                written = clock()
+            on_progress(simulation)
+    finally:
+        _store(simulation)
+
+
+def _store(simulation: Simulation) -> None:
+    if simulation.file is not None:
+        write_simulation(simulation, simulation.file)
+
+
+def _take_step(
+    simulation: Simulation, timed_step: Callable[[State], tuple[Step, float]], on_step: Sequence[OnStep]
+) -> None:
+    number = simulation.n_steps + 1
+    try:
+        step, seconds = timed_step(simulation.state)
+    except (Exception, SystemExit) as error:
+        raise _failed(simulation, said(error)) from error
+    row = _row(simulation, step, seconds)
+    if not all(map(math.isfinite, row[ENERGIES])):
+        raise _failed(simulation, "the motion is no longer finite")
+    simulation.append(row, step.state)
+    for call in on_step:
+        call(number, step)
+
+
+def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
+    """Note that the next step failed; return the error that says so."""
+    number, time = simulation.n_steps + 1, simulation.state.time
+    simulation.failure = Failure(number, time, simulation.plan.solver.name, what.rstrip("."))
+    return simulation.failure.error(simulation.file)
+
+
+def _row(simulation: Simulation, step: Step, seconds: float) -> tuple[float, ...]:
+    """Return the values of one step in the order of ``STEP``."""
+    scene, state = simulation.plan.scene, step.state
+    contacts = step.contacts
+    depth, impact = _depths(simulation, step)
+    return (
+        state.time,
+        0 if contacts is None else len(contacts.keys),
+        step.iterations,
+        judged_residual(step),
+        simulation.statuses.index(NO_CONTACT if step.status is None else step.status),
+        scene.kinetic_energy(state.velocity),
+        scene.potential_energy(state.position),
+        depth / scene.length,
+        impact / scene.length,
+        -1 if scene.balls_through is None else scene.balls_through(state.position),
+        0.0 if scene.agitation is None else scene.agitation(state.position, state.velocity),
+        seconds,
+    )
+
+
+def _depths(simulation: Simulation, step: Step) -> tuple[float, float]:
+    """Return the deepest penetration [m] of the state in which the step began, and that at its midpoint.
+
+    What is in contact at the midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
+    """
+    contacts = step.contacts
+    if contacts is None:
+        return 0.0, 0.0
+    way = 0.5 * simulation.plan.step_size * contacts.directions.transposed_times(simulation.state.velocity)
+    before = contacts.gap - way[:: contacts.rows_per_contact]
+    return max(0.0, -float(before.min())), -float(contacts.gap.min())
+
+
+def judged_residual(step: Step) -> float:
+    """Return the judge's residual of a step, 0 without contacts."""
+    problem = step.problem
+    if problem is None:
+        return 0.0
+    return Residual(problem)(step.impulses, problem.relative_velocity(step.impulses))

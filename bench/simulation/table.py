@@ -1,0 +1,204 @@
+"""The table of a simulation: one row per 0.1 s of simulated time, and what it came to over all."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ...problems.contact.model import Model
+from ..report.counting import counted, unsolved_words
+from .trajectory import Ending, Simulation
+
+WINDOW_SECONDS = 0.1
+"""Simulated time that one row of the table is about."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Some consecutive steps.
+
+    Attributes:
+        time: their end [s].
+        steps: how many they are.
+        contacts: active contacts, mean.
+        iterations: of the solver, mean.
+        step_milliseconds: wall time of a step [ms], mean.
+        residual: the judge's, largest.
+        unsolved: steps that the judge does not find solved to the tolerance.
+        penetration: deepest of a state, over the length of the scene.
+        impact_depth: deepest at a midpoint, where contacts are found, over the same.
+        energy: kinetic and potential at their end [J].
+        balls_through: balls that have left by their end, None where there is no outlet.
+    """
+
+    time: float
+    steps: int
+    contacts: float
+    iterations: float
+    step_milliseconds: float
+    residual: float
+    unsolved: int
+    penetration: float
+    impact_depth: float
+    energy: float
+    balls_through: int | None
+
+
+def windows(simulation: Simulation) -> Iterator[Window]:
+    """Yield a window for each ``WINDOW_SECONDS`` in which a step ends; step sizes need not be equal."""
+    steps = simulation.steps
+    # a step that ends on the border of two windows up to rounding belongs to the earlier one
+    number = np.ceil(steps["time"] / WINDOW_SECONDS - 1e-6).astype(np.int64)
+    borders = np.flatnonzero(np.diff(number)) + 1
+    missed = simulation.unsolved
+    for first, last in zip([0, *borders], [*borders, len(steps)], strict=True):
+        if first < last:
+            yield _window(simulation, slice(first, last), int(missed[first:last].sum()))
+
+
+def summary(simulation: Simulation) -> dict[str, Any]:
+    """Return what the simulation came to over all, as plain values."""
+    steps, plan = simulation.steps, simulation.plan
+    whole = _window(simulation, slice(0, len(steps)), int(simulation.unsolved.sum())) if len(steps) else None
+    seconds = simulation.state.time - plan.scene.start.time
+    worst = int(np.argmax(steps["residual"])) if len(steps) else 0
+    return {
+        "finished": simulation.is_finished,
+        "ended": simulation.ending.value,
+        "failure": None if simulation.failure is None else simulation.failure.what,
+        "steps": simulation.n_steps,
+        "simulated_seconds": seconds,
+        "wall_seconds": simulation.wall_seconds,
+        "wall_per_simulated_second": simulation.wall_seconds / seconds if seconds > 0 else None,
+        "step_seconds": float(steps["seconds"].sum()),
+        "iterations": int(steps["iterations"].sum()),
+        "unsolved_steps": whole.unsolved if whole else 0,
+        "refuted_steps": int(simulation.refuted.sum()),
+        "largest_residual": finite(whole.residual) if whole else 0.0,
+        "largest_residual_time": float(steps["time"][worst]) if whole else None,
+        "deepest_penetration": whole.penetration if whole else 0.0,
+        "deepest_impact": whole.impact_depth if whole else 0.0,
+        "largest_contacts": int(steps["contacts"].max(initial=0)),
+        "balls_through": whole.balls_through if whole else None,
+    }
+
+
+def document(simulation: Simulation) -> dict[str, Any]:
+    """Return plan, summary and windows as values that JSON can write."""
+    rows = [{key: finite(value) for key, value in asdict(window).items()} for window in windows(simulation)]
+    return {
+        "file": None if simulation.file is None else str(simulation.file),
+        "plan": simulation.plan.document(),
+        "summary": summary(simulation),
+        "windows": rows,
+    }
+
+
+def finite(value: Any) -> Any:
+    """Return ``value``, or None for a number that JSON cannot write."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def print_simulation(simulation: Simulation, console: Console) -> None:
+    """Print the table of windows, the total, and in words what was not solved."""
+    scene, plan = simulation.plan.scene, simulation.plan
+    console.print(Text(f"{scene.name} · {plan.solver.name} · Δt {plan.step_size:g} s", style="bold"))
+    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
+    has_outlet = scene.balls_through is not None
+    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "mid/r", "E [J]"]
+    for head in [*heads, *(["through"] if has_outlet else [])]:
+        table.add_column(Text(head), justify="right", no_wrap=True)  # a string would be read as markup
+    for window in windows(simulation):
+        cells = [
+            Text(f"{window.time:.3g}" if window.time < 100 else f"{window.time:.1f}"),
+            Text(f"{window.contacts:.4g}" if window.contacts < 1e4 else f"{window.contacts:.0f}"),
+            Text(f"{window.iterations:.1f}"),
+            Text(
+                f"{window.step_milliseconds:.3g}"
+                if window.step_milliseconds < 1e3
+                else f"{window.step_milliseconds:.0f}"
+            ),
+            Text(f"{window.residual:.0e}"),
+            Text(str(window.unsolved or "–"), style="bold red" if window.unsolved else ""),
+            Text(f"{window.penetration:.4f}"),
+            Text(f"{window.impact_depth:.4f}"),
+            Text(f"{window.energy:.3g}" if window.energy < 0 else f"{window.energy:.4g}"),
+        ]
+        table.add_row(*cells, *([Text(str(window.balls_through))] if has_outlet else []))
+    if console.measure(table, options=console.options.update(width=500)).maximum > console.width:
+        table.padding = (0, 0, 0, 0)  # closer columns, rather than numbers that are cut
+    console.print(table)
+    for line, style in _closing_lines(simulation):
+        console.print(Text(line, style=style))
+
+
+def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
+    """Yield the total, and in words what was not solved, each with its style."""
+    total = summary(simulation)
+    ending = _ending(simulation)
+    if not total["steps"]:
+        yield ("no step is taken yet", "") if ending is None or simulation.failure is None else ending
+        return
+    yield (
+        f"total  {total['simulated_seconds']:.4g} s in {counted(total['steps'], 'step')}, "
+        f"{total['wall_seconds']:.3g} s wall: {total['wall_per_simulated_second']:.3g} s per simulated second",
+        "bold",
+    )
+    if ending:
+        yield ending
+    tolerance = simulation.plan.tolerance
+    if not total["unsolved_steps"]:
+        yield f"every step is solved to {tolerance:.0e}, by the judge", "green"
+        return
+    residual = total["largest_residual"]
+    worst = "infinite" if residual is None else f"{residual:.1e}"
+    yield (
+        f"{unsolved_words(total['unsolved_steps'], total['steps'], tolerance)}; "
+        f"largest residual {worst}, at t = {total['largest_residual_time']:.6g} s",
+        "bold red",
+    )
+    missed = simulation.steps["status"][simulation.unsolved]
+    for status, count in zip(*np.unique(missed, return_counts=True), strict=True):
+        yield f"  the solver says: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
+    solver = simulation.plan.solver
+    if solver.model != Model.COULOMB:
+        yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
+
+
+def _ending(simulation: Simulation) -> tuple[str, str] | None:
+    """Return why the simulation ended before its duration was over, with a style; None if it did not."""
+    seconds, n_balls = f"{simulation.state.time:.4g} s", simulation.plan.scene.n_balls
+    if simulation.ending is Ending.EMPTIED:
+        return f"emptied: all {n_balls} balls are through the outlet after {seconds}", "green"
+    if simulation.ending is Ending.JAMMED:
+        left = n_balls - int(simulation.steps["balls_through"][-1])
+        return f"jammed at {seconds}: {left} of {n_balls} balls rest above the outlet and none passes", "bold yellow"
+    if simulation.ending is Ending.FAILED and simulation.failure is not None:
+        return simulation.failure.what, "bold red"
+    if simulation.ending is Ending.STOPPED:
+        return f"stopped before its end at {simulation.plan.duration:g} s", "yellow"
+    return None
+
+
+def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
+    steps = simulation.steps[part]
+    last = steps[-1]
+    return Window(
+        time=float(last["time"]),
+        steps=len(steps),
+        contacts=float(steps["contacts"].mean()),
+        iterations=float(steps["iterations"].mean()),
+        step_milliseconds=1e3 * float(steps["seconds"].mean()),
+        residual=float(steps["residual"].max()),
+        unsolved=unsolved,
+        penetration=float(steps["penetration"].max()),
+        impact_depth=float(steps["impact_depth"].max()),
+        energy=float(last["kinetic_energy"] + last["potential_energy"]),
+        balls_through=None if simulation.plan.scene.balls_through is None else int(last["balls_through"]),
+    )

@@ -1,0 +1,105 @@
+"""Which states of a simulation are kept: evenly over simulated time, while nobody knows yet how long it will be.
+
+Time is divided in cells of 2^k base spacings, and the first state in each cell is kept. Where that would make more than
+2N states, k grows by one: two cells become one, of which the first state stays. What is kept depends on the states
+alone, not on where the simulation was interrupted. Marked states stay beside these.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import compress, pairwise
+
+from ...problems.stepping.moreau import State
+
+STATES = 500
+"""N if nobody says otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeptState:
+    """A state that is kept.
+
+    Attributes:
+        state: the state.
+        cell: which base spacing it lies in, from 0.
+        is_marked: whether it stays where another one of its cell came before.
+    """
+
+    state: State
+    cell: int
+    is_marked: bool = False
+
+
+class Thinning:
+    """Keeps states that are offered one after the other in the order of time.
+
+    Steps as long as the base spacing leave every 2^k-th state; of steps up to a third of the present spacing, the
+    distances of those that are kept differ by at most a factor of two.
+
+    Args:
+        number: N, at least 1; at most 2N states are held, the last one that was offered included and marked ones not
+            counted, and N at least where there were more in cells of their own.
+        start: the first state, which stays.
+        spacing: base spacing [s].
+    """
+
+    def __init__(self, number: int, start: State, spacing: float) -> None:
+        self._most = 2 * number - 1
+        self._begin, self._spacing = start.time, spacing
+        self._last = start
+        self._hold(0, [KeptState(start, 0)])
+
+    @property
+    def doublings(self) -> int:
+        """k, how often the spacing was doubled."""
+        return self._held[0]
+
+    @property
+    def kept(self) -> list[KeptState]:
+        """The states that are held and the last one offered, in the order of time."""
+        held = self._held[1]
+        if held[-1].state.time >= self._last.time:
+            return list(held)
+        return [*held, self._in_cell(self._last)]
+
+    @property
+    def states(self) -> list[State]:
+        """The same as mere states."""
+        return [kept.state for kept in self.kept]
+
+    def offer(self, state: State, is_marked: bool = False) -> None:
+        """Look at the next state; the last one may be offered once more, to mark it."""
+        doublings, held = self._held
+        self._last = state
+        if state.time <= held[-1].state.time:
+            held[-1] = replace(held[-1], is_marked=held[-1].is_marked or is_marked)
+            return
+        new = self._in_cell(state, is_marked)
+        is_first = new.cell >> doublings > held[-1].cell >> doublings
+        if is_first or is_marked:
+            held.append(new)
+        self._firsts += is_first
+        while self._firsts > self._most:
+            doublings += 1
+            held = _thinned(held, doublings)
+            self._hold(doublings, held)
+
+    def restore(self, states: Sequence[State], marks: Sequence[bool], doublings: int) -> None:
+        """Put what another one of the same arguments has kept in place of everything."""
+        self._last = states[-1]
+        kept = [self._in_cell(state, is_marked) for state, is_marked in zip(states, marks, strict=True)]
+        self._hold(doublings, _thinned(kept, doublings))
+
+    def _hold(self, doublings: int, held: list[KeptState]) -> None:
+        self._held = (doublings, held)
+        self._firsts = len({one.cell >> doublings for one in held})
+
+    def _in_cell(self, state: State, is_marked: bool = False) -> KeptState:
+        return KeptState(state, math.floor((state.time - self._begin) / self._spacing + 0.5), is_marked)
+
+
+def _thinned(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
+    """Return the first state of each cell of 2^doublings base spacings, and the marked ones."""
+    stay = [one.is_marked or before.cell >> doublings < one.cell >> doublings for before, one in pairwise(kept)]
+    return [kept[0], *compress(kept[1:], stay)]

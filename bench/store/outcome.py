@@ -1,0 +1,68 @@
+"""How cases and ladder points end, and the rule that tells a right answer from a wrong one."""
+
+from enum import StrEnum
+
+from ...problems.contact.judge import Verdict
+from ...problems.contact.model import Model
+from ...solvers.interface import Status
+
+WRONG_FACTOR = 10.0
+"""A claim at tolerance t is wrong when the judge of the solver's own model reads more than this many t."""
+
+RELAXED_FACTOR = 10.0
+"""A Coulomb residual this many times that of the solver's own model comes from the model, not from the solve."""
+
+ROUNDING = 1e-13
+"""Residuals below this are rounding."""
+
+
+class Outcome(StrEnum):
+    """What came of a case or of one point of its ladder."""
+
+    MEASURED = "measured"
+    UNSUPPORTED = "unsupported"
+    TIMEOUT = "timeout"
+    CRASHED = "crashed"
+    OUT_OF_MEMORY = "out of memory"
+    MISBEHAVED = "misbehaved"
+
+    SOLVED = "solved"
+    RELAXED = "relaxed"
+    WRONG = "wrong"
+    ITERATION_LIMIT = "iteration limit"
+    TIME_LIMIT = "time limit"
+    STALLED = "stalled"
+    OSCILLATING = "oscillating"
+    DIVERGED = "diverged"
+    INFEASIBLE = "infeasible"
+    NOT_ATTEMPTED = "not attempted"
+
+
+FAULTS = (Outcome.TIMEOUT, Outcome.CRASHED, Outcome.OUT_OF_MEMORY, Outcome.MISBEHAVED)
+"""Ways in which a whole case fails."""
+
+
+def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, coulomb: Verdict) -> Outcome:
+    """Return the outcome of a solve that claims ``status`` at ``tolerance``.
+
+    Args:
+        status: what the solver claims.
+        tolerance: the residual asked for.
+        model: what the solver solves.
+        own: the verdict under the solver's own model.
+        coulomb: the verdict under Coulomb's law.
+
+    Returns:
+        WRONG for a claim that the judge of the solver's own model refutes; RELAXED for a right answer to another
+        question: its Coulomb residual is above the claim, or far above that of its own model; otherwise the outcome of
+        the status.
+    """
+    if status is not Status.SOLVED:
+        return Outcome(status.value)
+    if not own.residual <= WRONG_FACTOR * tolerance:
+        return Outcome.WRONG
+    if model != Model.COULOMB:
+        own_accuracy = max(own.residual, ROUNDING)
+        if not coulomb.residual <= min(tolerance, RELAXED_FACTOR * own_accuracy):
+            return Outcome.RELAXED
+    return Outcome.SOLVED

@@ -1,0 +1,114 @@
+"""Measuring one member of a case: simulate, and keep what it came to and what it cost."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ...problems.errors import said
+from ...problems.scenes.woodpecker import OVERLAP, section_start
+from ...problems.trajectories.limit_cycle import section_error
+from ...problems.trajectories.pour import Watch
+from ..simulation.plan import SimulationPlan
+from ..simulation.run import simulate
+from ..simulation.trajectory import SLACK
+from ..variable.plan import VariablePlan
+from ..variable.running import simulate_variable
+from .plan import Case, StudyPlan, fixed_plan, variable_plan
+
+ERROR = "error"
+"""What the error of one trajectory is called among the values."""
+
+MOST_SOLVES = 10_000
+"""One-step solves after which a variable step is given up: where its solver is too coarse, its laws flicker."""
+
+WARM_SHARE = 0.2
+"""Share of the duration that is simulated beforehand, so that no compilation is timed."""
+
+StopAsked = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One member of a case.
+
+    Attributes:
+        wall: wall time of its steps [s]; judging and noting are not counted.
+        solves: one-step inclusions solved, those of rejected attempts included.
+        unsolved: steps that the judge does not find solved to the tolerance.
+        values: what it came to: the error of a trajectory, or aggregates of a pour; empty if it failed.
+        failure: why it came to nothing; empty if it did.
+    """
+
+    wall: float
+    solves: int
+    unsolved: int
+    values: Mapping[str, float] = field(default_factory=dict)
+    failure: str = ""
+
+
+def measure(plan: StudyPlan, case: Case, member: float, stop_asked: StopAsked = lambda: False) -> Measured | None:
+    """Simulate one member of a case; return None if somebody asked to stop."""
+    simulated = _made(plan, case, member)
+    watch = Watch(simulated.scene)
+    try:
+        found = _run(simulated, watch, stop_asked)
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # a plugin's solver may raise anything, and others are to be measured still
+        return Measured(0.0, 0, 0, failure=said(error))
+    if stop_asked():
+        return None
+    if found.failure:
+        return found
+    is_woodpecker = simulated.scene.name == "woodpecker"
+    values = {ERROR: section_error(watch.last)} if is_woodpecker else watch.aggregates(plan.duration)
+    if not all(map(math.isfinite, values.values())):
+        return replace(found, failure="the motion is no longer finite")
+    return replace(found, values=values)
+
+
+def warm_up(plan: StudyPlan, case: Case, stop_asked: StopAsked = lambda: False) -> None:
+    """Simulate the begin of a case, so that all it needs is compiled."""
+    measure(replace(plan, duration=WARM_SHARE * plan.duration), case, case.members[0], stop_asked)
+
+
+def _made(plan: StudyPlan, case: Case, member: float) -> SimulationPlan | VariablePlan:
+    """Return the simulation of one member: a seed of a pour, a factor on the steps of the woodpecker."""
+    if plan.scene != "woodpecker":
+        options = {**plan.options, "seed": int(member)}
+        return fixed_plan(plan, case, options) if case.is_fixed else variable_plan(plan, case, options)
+    made: Any
+    if case.step_size is not None:
+        # a whole number of steps reaches the end exactly
+        steps = max(1, round(plan.duration / case.step_size * member))
+        made = fixed_plan(plan, case, plan.options, plan.duration / steps)
+    else:
+        made = variable_plan(plan, case, plan.options, member)
+    start: SimulationPlan | VariablePlan = replace(made, scene=replace(made.scene, start=section_start(OVERLAP)))
+    return start
+
+
+def _run(plan: SimulationPlan | VariablePlan, watch: Watch, stop_asked: StopAsked) -> Measured:
+    if isinstance(plan, SimulationPlan):
+        fixed = simulate(plan, on_step=[lambda number, step: watch.note(step.state)], stop_asked=stop_asked)
+        return Measured(float(fixed.steps["seconds"].sum()), fixed.n_steps, int(fixed.unsolved.sum()))
+    solves = 0
+
+    def note(taken: Any) -> None:
+        nonlocal solves
+        solves = taken.solves
+        watch.note(taken.end)
+
+    def is_over() -> bool:
+        return solves > MOST_SOLVES or stop_asked()
+
+    variable = simulate_variable(plan, on_step=[note], stop_asked=is_over)
+    steps = variable.steps
+    missed = int((steps["residual"] > SLACK * plan.tolerance).sum())
+    cost = Measured(float(steps["seconds"].sum()), int(steps["solves"].sum()), missed)
+    if not variable.is_finished and solves > MOST_SOLVES:
+        at = f"at {variable.state.time:.4g} of {plan.until:.4g} s"
+        return replace(cost, failure=f"given up after {MOST_SOLVES} one-step solves, {at}")
+    return cost

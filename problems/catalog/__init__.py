@@ -1,0 +1,1 @@
+"""Problems by name: the catalogue, files, and what plugins offer."""

@@ -1,0 +1,176 @@
+"""Problems and suites by name.
+
+A name is looked up among the hard cases, which are built when asked for, then in the frozen library that is shipped
+with the package, then among those of plugins, then in the user's cache folder, where ``proxbench generate`` puts
+problems.
+"""
+
+import os
+import re
+import sys
+from contextlib import redirect_stdout
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from .. import library
+from ..contact.problem import ContactProblem
+from ..errors import PluginError, ProblemError, suggestion
+from ..hard import HARD_CASES, hard_case
+from .plugin_files import told
+from .plugins import Offer, offers
+from .storage import SUFFIX, read_problem
+
+FUNNEL_SIZES = (30, 100, 300, 1000)
+PILE_SIZES = (100, 300, 1000)
+WOODPECKER_INCIDENTS = (
+    "lower-release",
+    "upper-impact",
+    "beak-impact",
+    "upper-second-impact",
+    "upper-release",
+    "lower-impact",
+    "lower-second-impact",
+    "lower-slip-to-stick",
+    "lower-stick-to-slip",
+)
+
+_FUNNEL = [
+    *(f"funnel-{size}{instant}" for size in FUNNEL_SIZES for instant in ("-early", "", "-late")),
+    *(f"funnel-planar-{size}" for size in FUNNEL_SIZES),
+    *(f"funnel-frictionless-{size}" for size in FUNNEL_SIZES),
+    *(f"pile-{size}" for size in PILE_SIZES),
+]
+
+_WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]
+
+SUITES: dict[str, list[str]] = {
+    "quick": [
+        "hard-counterexample",
+        "hard-sticking-box",
+        "woodpecker-beak-impact",
+        "woodpecker-lower-slip-to-stick",
+        "funnel-planar-30",
+        "funnel-frictionless-300",
+        "funnel-100",
+        "funnel-1000",
+    ],
+    "funnel": _FUNNEL,
+    "woodpecker": _WOODPECKER,
+    "hard": list(HARD_CASES),
+    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL],
+}
+"""Members of each suite, in the order in which they are run."""
+
+
+def cache_folder() -> Path:
+    """Return the folder of generated problems: $PROXBENCH_CACHE, else proxbench in the user's cache folder."""
+    chosen = os.environ.get("PROXBENCH_CACHE")
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "proxbench"
+
+
+def suite_names() -> list[str]:
+    """Return the names of all suites."""
+    return list(SUITES)
+
+
+def suite_members(name: str) -> list[str]:
+    """Return the names of the problems of a suite.
+
+    Raises:
+        ProblemError: for an unknown suite, with the nearest name.
+    """
+    if name not in SUITES:
+        raise ProblemError(f"there is no suite {name!r}{suggestion(name, SUITES)}")
+    return list(SUITES[name])
+
+
+def problem_names() -> list[str]:
+    """Return the names of all standard problems, of those of plugins, and of those in the cache folder."""
+    cached = {path.name.removesuffix(SUFFIX) for path in cache_folder().glob(f"*{SUFFIX}")}
+    known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.refusal)]
+    return [*known, *sorted(cached.difference(known))]
+
+
+def plugin_problems() -> list[Offer]:
+    """Return what plugins offer as problems, the refused ones with their reason."""
+    return offers("problem", SUITES["all"])
+
+
+def is_available(name: str) -> bool:
+    """Whether ``load`` finds the problem without generating it."""
+    at_hand = name in HARD_CASES or _frozen(name) is not None or _cached(name).is_file()
+    return at_hand or (name not in SUITES["all"] and _offer(name) is not None)
+
+
+def load(name: str) -> ContactProblem:
+    """Return one problem by name.
+
+    Raises:
+        ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a damaged
+            file.
+        PluginError: if a plugin offers the name but does not make a problem.
+    """
+    if name in HARD_CASES:
+        return hard_case(name)
+    frozen = _frozen(name)
+    if frozen is not None:
+        with frozen.open("rb") as file:
+            return read_problem(file, label=f"frozen problem {name!r}")
+    offer = None if name in SUITES["all"] else _offer(name)
+    if offer is not None:
+        return _built(offer)
+    if _cached(name).is_file():
+        return read_problem(_cached(name))
+    if name in SUITES["all"]:
+        raise ProblemError(f"problem {name!r} is not generated yet; run: proxbench generate {name}")
+    raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names())}")
+
+
+def suite(name: str) -> list[ContactProblem]:
+    """Return the problems of a suite, in order.
+
+    Raises:
+        ProblemError: for an unknown suite, or a member that is not generated yet.
+    """
+    return [load(member) for member in suite_members(name)]
+
+
+def _offer(name: str) -> Offer | None:
+    return next((offer for offer in plugin_problems() if offer.name == name), None)
+
+
+def _built(offer: Offer) -> ContactProblem:
+    """Return the problem of a plugin, under the name it is offered by."""
+    head = f"problem {offer.name!r} of {offer.source}"
+    make = offer.load()
+    if not callable(make):
+        raise PluginError(f"{head} is of type {type(make).__name__}; offer a function that returns a ContactProblem.")
+    try:
+        with redirect_stdout(sys.stderr):
+            problem = make()
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{head} cannot be built: {told(error)}.") from None
+    if not isinstance(problem, ContactProblem):
+        raise PluginError(f"{head} makes a value of type {type(problem).__name__}; return a ContactProblem.")
+    return problem.renamed(offer.name, plugin=offer.source)
+
+
+def _is_plain(name: str) -> bool:
+    return re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) is not None
+
+
+def _cached(name: str) -> Path:
+    """Return where a generated problem lies; a name with path separators leads nowhere."""
+    return cache_folder() / f"{name if _is_plain(name) else '-'}{SUFFIX}"
+
+
+def _frozen(name: str) -> Traversable | None:
+    """Return the library file of a problem; None if there is none. Names with path separators are never looked up."""
+    if not _is_plain(name):
+        return None
+    file = resources.files(library).joinpath(f"{name}{SUFFIX}")
+    return file if file.is_file() else None

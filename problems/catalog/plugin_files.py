@@ -1,0 +1,161 @@
+"""Plugins that are a single Python file, named on the command line instead of being installed.
+
+A file says what it offers in two lists, ``SOLVERS = [MySolver]`` and ``PROBLEMS = {"my-problem": my_problem}``. It is
+read once, and what was read is what every process runs: a file that is edited meanwhile does not change a run.
+"""
+
+import hashlib
+import re
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from ..errors import PluginError
+
+
+@dataclass(frozen=True)
+class PluginFile:
+    """One plugin file as it was read.
+
+    Attributes:
+        path: where it was read, absolute.
+        content: its bytes.
+    """
+
+    path: Path
+    content: bytes
+
+    @staticmethod
+    def read(path: Path | str) -> "PluginFile":
+        """Read a plugin file without running it.
+
+        Raises:
+            PluginError: if there is none.
+        """
+        place = Path(path).expanduser().resolve()
+        try:
+            return PluginFile(place, place.read_bytes())
+        except FileNotFoundError:
+            raise PluginError(f"there is no plugin file {path}; name a Python file.") from None
+        except OSError as error:
+            raise PluginError(f"cannot read plugin file {path}: {error.strerror}; name a Python file.") from None
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the content."""
+        return hashlib.sha256(self.content).hexdigest()
+
+    @property
+    def source(self) -> str:
+        """What messages call it."""
+        return f"plugin file {self.path}"
+
+    @property
+    def module_name(self) -> str:
+        """The name it is imported under, different for every path."""
+        stem = re.sub(r"\W", "_", self.path.stem)
+        return f"proxbench_plugin_{stem}_{hashlib.sha256(str(self.path).encode()).hexdigest()[:8]}"
+
+    def module(self) -> ModuleType:
+        """Return the module that the file makes, run at the first call after ``make_importable``.
+
+        Raises:
+            PluginError: if it fails to import; the sentence names the line.
+        """
+        try:
+            with redirect_stdout(sys.stderr):
+                return import_module(self.module_name)
+        except (Exception, SystemExit) as error:
+            raise PluginError(f"{self.source} fails to import{where(error, self.path)}: {told(error)}.") from None
+
+    def solvers(self) -> dict[str, Callable[..., Any]]:
+        """Return what it offers as solvers, by name.
+
+        Raises:
+            PluginError: if SOLVERS is no list of classes, or two of them have one name.
+        """
+        offered = getattr(self.module(), "SOLVERS", [])
+        if not isinstance(offered, list | tuple) or not all(callable(one) for one in offered):
+            raise PluginError(f"{self.source}: SOLVERS must be a list of solver classes, SOLVERS = [MySolver].")
+        names = [getattr(one, "__name__", repr(one)) for one in offered]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise PluginError(f"{self.source}: SOLVERS offers the name {twice!r} twice; rename or remove one of them.")
+        return dict(zip(names, offered, strict=True))
+
+    def problems(self) -> dict[str, Callable[..., Any]]:
+        """Return what it offers as problems, by name.
+
+        Raises:
+            PluginError: if PROBLEMS is no dictionary of functions.
+        """
+        offered = getattr(self.module(), "PROBLEMS", {})
+        if not isinstance(offered, dict) or not all(
+            isinstance(name, str) and callable(make) for name, make in offered.items()
+        ):
+            raise PluginError(
+                f'{self.source}: PROBLEMS must map names to functions, PROBLEMS = {{"my-problem": my_problem}}.'
+            )
+        return dict(offered)
+
+    def check_offers(self) -> None:
+        """Raise ``PluginError`` if it offers nothing, and name what it may have meant to offer."""
+        if self.solvers() or self.problems():
+            return
+        candidates = [
+            name
+            for name, value in vars(self.module()).items()
+            if isinstance(value, type) and value.__module__ == self.module_name and hasattr(value, "prepare")
+        ]
+        raise PluginError(
+            f"{self.source} offers nothing; list its solver classes, SOLVERS = [{', '.join(candidates) or 'MySolver'}]"
+            ', or its problems, PROBLEMS = {"my-problem": my_problem}.'
+        )
+
+
+class _Importer(MetaPathFinder, Loader):
+    """Finds plugin files by their module names, also where pickle asks for one in another process."""
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        return ModuleSpec(name, self, origin=str(_known[name].path)) if name in _known else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        file = _known[module.__name__]
+        module.__file__ = str(file.path)
+        exec(compile(file.content, str(file.path), "exec"), module.__dict__)
+
+
+_IMPORTER = _Importer()
+
+_known: dict[str, PluginFile] = {}
+"""Files that can be imported, by module name."""
+
+
+def make_importable(file: PluginFile) -> None:
+    """Let this process import the module of ``file``, and pickles that refer to it, without running it now."""
+    sys.modules.pop(file.module_name, None)
+    _known[file.module_name] = file
+    if _IMPORTER not in sys.meta_path:
+        sys.meta_path.append(_IMPORTER)
+
+
+def told(error: BaseException) -> str:
+    """Return an exception as one line: its type, and the first line of what it says."""
+    said = str(error).strip().splitlines()
+    return type(error).__name__ + (f": {said[0][:200].rstrip('.')}" if said else "")
+
+
+def where(error: BaseException, path: Path) -> str:
+    """Return ``" in line 12"`` for the deepest line of ``path`` that an exception passed through, or nothing."""
+    if isinstance(error, SyntaxError) and error.filename == str(path):
+        return f" in line {error.lineno}"
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return f" in line {lines[-1]}" if lines else ""

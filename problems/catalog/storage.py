@@ -1,0 +1,174 @@
+"""Problems as files: compressed arrays without pickle, written atomically, verified by their digest when read."""
+
+import io
+import json
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..contact.answer import Answer
+from ..contact.factors import Factors, InverseMass
+from ..contact.laws import Laws
+from ..contact.problem import ContactProblem
+from ..errors import ProblemError
+from .archive import ArchiveError, read_arrays
+from .atomic_file import replacing
+
+FORMAT = 1
+"""Version of the file format."""
+
+SUFFIX = ".npz"
+
+_DAMAGES = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError)
+"""What reading raises where the content is not as it should be."""
+
+
+def save_problem(problem: ContactProblem, path: Path) -> None:
+    """Write ``problem`` to ``path``; a file of that name is replaced as a whole or not at all.
+
+    Raises:
+        ProblemError: if the file cannot be written.
+    """
+    arrays = _arrays(problem)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as file:
+            np.savez_compressed(file, **arrays)
+    except OSError as error:
+        raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
+
+
+def problem_bytes(problem: ContactProblem) -> bytes:
+    """Return ``problem`` as the content of a problem file, not compressed."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **_arrays(problem))
+    return buffer.getvalue()
+
+
+def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
+    """Read one problem.
+
+    Args:
+        source: path or open binary file.
+        label: what messages call the file; its path if empty.
+
+    Raises:
+        ProblemError: if the file is missing, damaged, of another format, or does not match its own digest.
+    """
+    name = label or str(source)
+    try:
+        problem, digest = _problem(read_arrays(source), name)
+    except FileNotFoundError:
+        raise ProblemError(f"there is no problem file {name}.") from None
+    except ArchiveError as error:
+        raise ProblemError(f"{name} is damaged or no problem file: {error}; remove it and generate it again.") from None
+    except _DAMAGES as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError(f"{name} is damaged or no problem file; remove it and generate it again.") from None
+    if problem.digest != digest:
+        raise ProblemError(f"{name} does not match its digest; remove it and generate it again.")
+    return problem
+
+
+def _arrays(problem: ContactProblem) -> dict[str, Any]:
+    laws = problem.laws
+    about = {
+        "format": FORMAT,
+        "name": problem.name,
+        "provenance": dict(problem.provenance),
+        "digest": problem.digest,
+        "allow_asymmetric": problem.allow_asymmetric,
+    }
+    arrays: dict[str, Any] = {
+        "about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
+        "c": problem.free_velocity,
+        "kind": laws.kind,
+        "friction_coefficient": laws.friction_coefficient,
+        "fixed_bound": laws.fixed_bound,
+        "partner": laws.partner.astype(np.int32),
+        "first_row": laws.first_row.astype(np.int32),
+    }
+    if problem.factors is not None:
+        arrays |= _compressed("W", problem.factors.force_directions)
+        arrays |= _compressed("Minv", problem.factors.inverse_mass.matrix)
+        if problem.factors.free_motion is not None:
+            arrays["free_motion"] = problem.factors.free_motion
+    else:
+        arrays |= _compressed("G", problem.delassus())
+    answer = problem.answer
+    if answer is not None:
+        arrays["answer.solvable"] = np.array(answer.solvable)
+        if answer.impulses:
+            arrays["answer.impulses"] = np.array(answer.impulses)
+        arrays["answer.sensitivity"] = np.array(answer.sensitivity)
+        for key in ("velocity", "functionals", "values", "witness"):
+            if getattr(answer, key) is not None:
+                arrays[f"answer.{key}"] = getattr(answer, key)
+    return arrays
+
+
+def _compressed(label: str, matrix: Any) -> dict[str, Any]:
+    """Return the arrays of a CSR or CSC matrix, its index type as it is: the digest does not depend on it."""
+    return {
+        f"{label}.data": matrix.data,
+        f"{label}.indices": matrix.indices.astype(np.int32),
+        f"{label}.indptr": matrix.indptr.astype(np.int32),
+        f"{label}.shape": np.array(matrix.shape),
+    }
+
+
+def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
+    about = json.loads(content["about"].tobytes().decode())
+    if not (
+        isinstance(about, dict) and isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)
+    ):
+        raise ValueError("it does not say what it is")
+    if about["format"] != FORMAT:
+        raise ProblemError(f"{name} has format {about['format']}, this version reads format {FORMAT}.")
+    laws = Laws(
+        content["kind"],
+        content["first_row"],
+        content["friction_coefficient"],
+        content["fixed_bound"],
+        content["partner"],
+    )
+    attributes = {
+        "name": about["name"],
+        "provenance": about["provenance"],
+        "answer": _answer(content),
+        "allow_asymmetric": about["allow_asymmetric"],
+    }
+    if "G.data" in content:
+        matrix = _matrix(sp.csr_array, content, "G")
+        return ContactProblem(content["c"], laws, matrix=matrix, **attributes), about["digest"]
+    directions = _matrix(sp.csc_array, content, "W")
+    inverse = InverseMass.create(_matrix(sp.csr_array, content, "Minv"))
+    factors = Factors.create(directions, inverse, content.get("free_motion"))
+    return ContactProblem(content["c"], laws, factors=factors, **attributes), about["digest"]
+
+
+def _matrix(kind: Any, content: dict[str, Any], label: str) -> Any:
+    """Return a sparse matrix; its indices are checked, because compiled code later believes them."""
+    parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
+    if any(part.dtype.kind not in kinds for part, kinds in zip(parts, ("f", "i", "i"), strict=True)):
+        raise ValueError(f"{label} is no matrix of numbers")
+    matrix = kind(parts, shape=tuple(int(length) for length in content[f"{label}.shape"]))
+    matrix.check_format(full_check=True)
+    return matrix
+
+
+def _answer(content: dict[str, Any]) -> Answer | None:
+    if "answer.solvable" not in content:
+        return None
+    return Answer(
+        impulses=tuple(content.get("answer.impulses", ())),
+        velocity=content.get("answer.velocity"),
+        functionals=content.get("answer.functionals"),
+        values=content.get("answer.values"),
+        solvable=bool(content["answer.solvable"]),
+        witness=content.get("answer.witness"),
+        sensitivity=float(content.get("answer.sensitivity", Answer.sensitivity)),
+    )

@@ -1,0 +1,92 @@
+"""What is known about the solution of a problem: impulses where they are unique, else velocities and sums."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import ProblemError
+from .laws import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The known part of a solution; what is left out is not unique or not known.
+
+    Attributes:
+        impulses: all admissible Λ [N s], each of shape (n_rows,), where there are finitely many; any of them is right.
+        velocity: ξ [m/s], shape (n_rows,), where the relative velocity is unique.
+        functionals: A, shape (k, n_rows), where only A Λ = values is determined (a sum of supports, a moment).
+        values: the right-hand side of ``functionals``, shape (k,).
+        solvable: False where the problem has no solution and must be reported as infeasible.
+        witness: one solution Λ [N s], shape (n_rows,), of perhaps many; it proves that there is one.
+        sensitivity: how many times the judge's residual the relative error of velocities and impulses, ``error``, may
+            be; what a residual implies depends on the problem.
+    """
+
+    impulses: tuple[FloatArray, ...] = ()
+    velocity: FloatArray | None = None
+    functionals: FloatArray | None = None
+    values: FloatArray | None = None
+    solvable: bool = True
+    witness: FloatArray | None = None
+    sensitivity: float = 100.0
+
+    def check(self, n_rows: int) -> None:
+        """Raise ``ProblemError`` unless every array fits a problem of ``n_rows`` rows."""
+        for index, impulses in enumerate(self.impulses):
+            if np.shape(impulses) != (n_rows,):
+                raise ProblemError(f"answer.impulses[{index}] must have shape ({n_rows},), got {np.shape(impulses)}.")
+        for name in ("velocity", "witness"):
+            known = getattr(self, name)
+            if known is not None and np.shape(known) != (n_rows,):
+                raise ProblemError(f"answer.{name} must have shape ({n_rows},), got {np.shape(known)}.")
+        if (self.functionals is None) != (self.values is None):
+            raise ProblemError("answer.functionals and answer.values belong together; one of them is missing.")
+        if self.functionals is None or self.values is None:
+            return
+        if np.shape(self.functionals) != (len(self.values), n_rows):
+            raise ProblemError(
+                f"answer.functionals must have shape (len(values), {n_rows}), got {np.shape(self.functionals)}."
+            )
+
+    def impulse_error(self, impulses: ArrayLike) -> float | None:
+        """Return the largest deviation from the known impulses, or from the known sums [N s]; None if neither is known.
+
+        With several admissible solutions it is the distance to the nearest.
+        """
+        given = np.asarray(impulses, dtype=np.float64)
+        if self.impulses:
+            return float(min(np.abs(given - known).max(initial=0.0) for known in self.impulses))
+        if self.functionals is not None and self.values is not None:
+            return float(np.abs(self.functionals @ given - self.values).max(initial=0.0))
+        return None
+
+    def error(self, impulses: ArrayLike, velocity: ArrayLike, speed: float) -> float | None:
+        """Return the largest relative error of what is known, dimensionless; None if nothing is.
+
+        Args:
+            impulses: Λ [N s], shape (n_rows,), compared with the largest known impulse or sum.
+            velocity: ξ = GΛ + c [m/s], shape (n_rows,), compared with ``speed``.
+            speed: the largest free velocity [m/s].
+        """
+        errors = []
+        if self.velocity is not None:
+            errors.append(_ratio(float(np.abs(np.asarray(velocity) - self.velocity).max(initial=0.0)), speed))
+        scale = max((float(np.abs(known).max(initial=0.0)) for known in self._known_impulses()), default=0.0)
+        deviation = self.impulse_error(impulses)
+        if deviation is not None and scale > 0.0:
+            errors.append(deviation / scale)
+        return max(errors, default=None)
+
+    def _known_impulses(self) -> tuple[FloatArray, ...]:
+        if self.impulses:
+            return self.impulses
+        return () if self.values is None else (self.values,)
+
+
+def _ratio(value: float, scale: float) -> float:
+    """Return value / scale with 0/0 = 0 and x/0 = inf."""
+    if value == 0.0:
+        return 0.0
+    return value / scale if scale > 0.0 else float("inf")

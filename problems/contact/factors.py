@@ -1,0 +1,247 @@
+"""The factors of a Delassus matrix: force directions W and inverse mass M⁻¹, with G = Wᵀ M⁻¹ W."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
+
+from ..errors import ProblemError
+from .blocks import BlockLayout
+from .laws import FloatArray, frozen
+from .pieces import Pieces, cut_into_pieces
+
+
+@dataclass(frozen=True, eq=False)
+class InverseMass:
+    """M⁻¹ with its root, which is computed once for all problems that share the object.
+
+    Attributes:
+        matrix: M⁻¹, symmetric positive definite and block diagonal, shape (n_dofs, n_dofs), scipy CSR.
+    """
+
+    matrix: sp.csr_array[Any]
+
+    @staticmethod
+    def create(given: Any) -> "InverseMass":
+        """Return a checked, read-only M⁻¹ from its diagonal, or from a matrix, dense or sparse.
+
+        Raises:
+            ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
+        """
+        if np.ndim(given) == 1 and not sp.issparse(given):
+            diagonal = frozen(given, np.float64)
+            index = np.arange(len(diagonal) + 1, dtype=np.int32)
+            matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
+        else:
+            matrix = sp.csr_array(as_sparse_input(given, "M⁻¹"), dtype=np.float64, copy=True)
+        if matrix.shape[0] != matrix.shape[1]:
+            raise ProblemError(f"M⁻¹ must be square, got {matrix.shape}.")
+        matrix.sum_duplicates()
+        _check_finite(matrix, "M⁻¹")
+        inverse = InverseMass(matrix)
+        _ = inverse.root  # fails here, with the reason, if M⁻¹ is not positive definite
+        return inverse
+
+    @cached_property
+    def is_diagonal(self) -> bool:
+        """Whether M⁻¹ has no entries off its diagonal."""
+        matrix = self.matrix
+        return bool(matrix.nnz == matrix.shape[0] and np.array_equal(matrix.indices, np.arange(matrix.shape[0])))
+
+    @cached_property
+    def root(self) -> sp.csr_array[Any]:
+        """S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
+        if not self.is_diagonal:
+            return _block_cholesky(self.matrix)
+        diagonal = self.matrix.data
+        if (diagonal <= 0).any():
+            dof = int(np.argmax(diagonal <= 0))
+            raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
+        return sp.csr_array((np.sqrt(diagonal), self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
+
+    def times(self, vector: FloatArray) -> FloatArray:
+        """Return M⁻¹ x, shape (n_dofs,)."""
+        product: FloatArray = self.matrix.data * vector if self.is_diagonal else self.matrix @ vector
+        return product
+
+    def root_times(self, vector: FloatArray) -> FloatArray:
+        """Return S x, M⁻¹ = S Sᵀ, shape (n_dofs,)."""
+        product: FloatArray = self.root.data * vector if self.is_diagonal else self.root @ vector
+        return product
+
+    def root_blocks(self, length: int) -> FloatArray | None:
+        """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them, None if it has other entries."""
+        if length not in self._root_blocks:
+            self._root_blocks[length] = self._cut_root(length)
+        return self._root_blocks[length]
+
+    @cached_property
+    def _root_blocks(self) -> dict[int, FloatArray | None]:
+        return {}
+
+    def _cut_root(self, length: int) -> FloatArray | None:
+        root = self.root
+        n_dofs = root.shape[0]
+        if n_dofs % length:
+            return None
+        if self.is_diagonal:
+            return frozen(root.data, np.float64)
+        blocks = sp.bsr_array(root, blocksize=(length, length))
+        if not np.array_equal(blocks.indices, np.arange(n_dofs // length)):
+            return None
+        return frozen(blocks.data, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """W, M⁻¹ and the free motion of the system that a problem comes from; build it with ``create``.
+
+    Attributes:
+        directions: W as given: scipy CSC, shape (n_dofs, n_rows), or in pieces, one block a contact.
+        inverse_mass: M⁻¹.
+        free_motion: u_B + M⁻¹ h Δt, the velocity the system would have without contacts, shape (n_dofs,), or ``None``.
+    """
+
+    directions: sp.csc_array[Any] | Pieces
+    inverse_mass: InverseMass
+    free_motion: FloatArray | None = None
+
+    @staticmethod
+    def create(force_directions: Any, inverse_mass: Any, free_motion: ArrayLike | None = None) -> "Factors":
+        """Return checked, read-only factors; see ``ContactProblem.from_factors`` for the arguments.
+
+        Raises:
+            ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
+        """
+        directions = sp.csc_array(as_sparse_input(force_directions, "W"), dtype=np.float64, copy=True)
+        directions.sum_duplicates()
+        _check_finite(directions, "W")
+        inverse = inverse_mass if isinstance(inverse_mass, InverseMass) else InverseMass.create(inverse_mass)
+        n_dofs = directions.shape[0]
+        if inverse.matrix.shape[0] != n_dofs:
+            raise ProblemError(f"M⁻¹ must have shape ({n_dofs}, {n_dofs}) to go with W, got {inverse.matrix.shape}.")
+        motion = None
+        if free_motion is not None:
+            motion = frozen(free_motion, np.float64)
+            if motion.shape != (n_dofs,) or not np.isfinite(motion).all():
+                raise ProblemError(f"free_motion must be {n_dofs} finite numbers, got shape {motion.shape}.")
+        return Factors(directions, inverse, motion)
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of degrees of freedom."""
+        return int(self.inverse_mass.matrix.shape[0])
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows of the problem."""
+        given = self.directions
+        return given.n_blocks * given.width if isinstance(given, Pieces) else int(given.shape[1])
+
+    @cached_property
+    def force_directions(self) -> sp.csc_array[Any]:
+        """W, shape (n_dofs, n_rows), scipy CSC, read-only."""
+        if not isinstance(self.directions, Pieces):
+            return self.directions
+        columns = self.directions.to_csc()
+        for array in (columns.data, columns.indices, columns.indptr):
+            array.setflags(write=False)
+        return columns
+
+    def scaled_pieces(self, layout: BlockLayout) -> Pieces:
+        """Return W̃ = Sᵀ W in pieces, for the blocks of ``layout``."""
+        given = self.directions
+        if isinstance(given, Pieces) and given.width == layout.width and layout.is_dense:
+            blocks = self.inverse_mass.root_blocks(given.length)
+            if blocks is not None:
+                return given.scaled(blocks)
+        if self.inverse_mass.is_diagonal:
+            return cut_into_pieces(self.force_directions, self.inverse_mass.root.data, layout)
+        return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)
+
+    @cached_property
+    def scaled_directions(self) -> sp.csc_array[Any]:
+        """W̃ = Sᵀ W, so that G = W̃ᵀ W̃, shape (n_dofs, n_rows), columns sorted."""
+        directions, root = self.force_directions, self.inverse_mass.root
+        if self.inverse_mass.is_diagonal:
+            values = directions.data * root.data[directions.indices]
+            return sp.csc_array((values, directions.indices, directions.indptr), shape=directions.shape)
+        scaled = sp.csc_array(root.T @ directions)
+        scaled.sort_indices()
+        return scaled
+
+    def delassus_times(self, impulses: FloatArray) -> FloatArray:
+        """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
+        if isinstance(self.directions, Pieces):
+            return self.directions.transposed_times(self.inverse_mass.times(self.directions.times(impulses)))
+        product: FloatArray = self.force_directions.T @ self.inverse_mass.times(self.force_directions @ impulses)
+        return product
+
+    def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
+        """Return the labelled arrays that define W and M⁻¹, with index types that do not depend on their size."""
+        return [
+            (f"{label}{part}", array if array.dtype == np.float64 else array.astype(np.int64))
+            for label, matrix in (("W", self.force_directions), ("Minv", self.inverse_mass.matrix))
+            for part, array in (("", matrix.data), (".indices", matrix.indices), (".indptr", matrix.indptr))
+        ]
+
+    def fresh(self) -> "Factors":
+        """Return equal factors that share no memory with these."""
+        motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
+        return Factors(self.directions.copy(), InverseMass(self.inverse_mass.matrix.copy()), motion)
+
+
+def as_sparse_input(given: Any, name: str) -> Any:
+    """Return ``given`` if it is a sparse matrix, else as a dense one of numbers.
+
+    Raises:
+        ProblemError: if it is neither.
+    """
+    if sp.issparse(given):
+        return given
+    try:
+        dense = np.asarray(given)
+        if dense.ndim == 2 and dense.dtype.kind in "fiub":
+            return dense
+    except (TypeError, ValueError):
+        pass
+    raise ProblemError(f"{name} must be a matrix of real numbers, dense or scipy sparse, got {type(given).__name__}.")
+
+
+def _check_finite(matrix: Any, name: str) -> None:
+    """Raise ``ProblemError`` that names the first entry which is not finite; make the arrays read-only."""
+    if not np.isfinite(matrix.data).all():
+        entries = matrix.tocoo()
+        at = int(np.argmin(np.isfinite(entries.data)))
+        raise ProblemError(f"{name}[{entries.row[at]}, {entries.col[at]}] = {entries.data[at]} must be finite.")
+    for array in (matrix.data, matrix.indices, matrix.indptr):
+        array.setflags(write=False)
+
+
+def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return S with S Sᵀ = matrix, computed block by block (connected components of the sparsity pattern)."""
+    count, label = connected_components(matrix, directed=False)
+    order = np.argsort(label, kind="stable")
+    starts = np.searchsorted(label[order], np.arange(count + 1))
+    rows, columns, values = [], [], []
+    for block in range(count):
+        dofs = order[starts[block] : starts[block + 1]]
+        dense = matrix[dofs][:, dofs].toarray()
+        if np.abs(dense - dense.T).max() > 1e-12 * np.abs(dense).max():
+            raise ProblemError(f"M⁻¹ must be symmetric; the block of degree of freedom {dofs[0]} is not.")
+        try:
+            root = np.linalg.cholesky(dense)
+        except np.linalg.LinAlgError:
+            raise ProblemError(
+                f"M⁻¹ must be positive definite; the block of degree of freedom {dofs[0]} is not."
+            ) from None
+        at = np.nonzero(root)
+        rows.append(dofs[at[0]])
+        columns.append(dofs[at[1]])
+        values.append(root[at])
+    indices = (np.concatenate(rows), np.concatenate(columns))
+    return sp.csr_array((np.concatenate(values), indices), shape=matrix.shape)

@@ -1,0 +1,344 @@
+"""The judge: how well impulses solve a contact problem, from the impulses alone.
+
+For law i with α_i = the largest diagonal entry of its block of G, and the prox taken onto the law's set C_i(Λ),
+
+    R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_i α_i ‖R_i‖ / max_i ‖c_i‖:
+
+the largest velocity by which a law is violated, relative to the largest free velocity of a law. It depends on no
+solver's step size, on no unit, on no choice of tangents and not on the number of contacts, and it holds across mass
+ratios, where an impulse error relative to max|Λ| does not.
+
+A unilateral law whose own α is zero moves nothing, but the friction that it bounds may: it takes the largest α of those
+friction laws, so that Λ_N > 0 at an opening contact is a violation as soon as it buys friction.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit, uint64
+from numpy.typing import ArrayLike
+
+from ..errors import ProblemError
+from .laws import FloatArray, LawKind, Laws
+from .model import Model
+from .projections import onto_friction_cone, onto_polygon
+
+if TYPE_CHECKING:
+    from .problem import ContactProblem
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the judge says of one vector of impulses.
+
+    Attributes:
+        residual: the number that counts, see the module; inf if Λ is not finite or the problem is infeasible.
+        energy_residual: max_i √α_i ‖R_i‖ over max_i ‖c_i‖/√α_i, the same violation in the scale of energy.
+        natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + μ‖ξ_T‖ e_N (De Saxcé) and ρ = 1.
+        natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), as Siconos relates it.
+        penetration_velocity: max_i (−ξ_N)₊ [m/s].
+        cone_violation: how far Λ lies outside its bounds, max of (−Λ_N)₊ and (‖Λ_T‖ − b)₊ [N s].
+        complementarity: largest absolute Λ_N ξ_N [J].
+        dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], what the impulses take from the free motion; exact for ε = 0.
+        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ where the problem knows ξ*, else None.
+        infeasible: a unilateral law with α_i = 0 and c_i < 0, which no impulse can satisfy.
+        model: the model that ``residual`` and ``energy_residual`` hold the impulses to.
+    """
+
+    residual: float
+    energy_residual: float
+    natural_map_q: float
+    natural_map_max: float
+    penetration_velocity: float
+    cone_violation: float
+    complementarity: float
+    dissipated_energy: float
+    velocity_error: float | None
+    infeasible: bool
+    model: Model
+
+
+class Residual:
+    """The judge's residual of one problem, prepared once for many impulses (solvers stop on it).
+
+    Attributes:
+        alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
+        speeds: ‖c_i‖ of each law [m/s], shape (n_laws,).
+        scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
+        infeasible: whether some unilateral law has α_i = 0 and c_i < 0.
+    """
+
+    def __init__(self, problem: "ContactProblem") -> None:
+        laws, free_velocity = problem.laws, problem.free_velocity
+        alpha, speeds, stuck = _scales(
+            laws.kind, laws.first_row, laws.partner, problem.delassus_diagonal, free_velocity
+        )
+        self.alpha: FloatArray = alpha
+        self.speeds: FloatArray = speeds
+        self.scale = float(speeds.max(initial=0.0))
+        self.infeasible = stuck >= 0
+        self._squares = np.empty(laws.n_laws)
+        self._arguments = (laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner, alpha)
+
+    def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
+        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        if self.infeasible:
+            return np.inf
+        return _relative(_squared_violations(*self._arguments, impulses, velocity, self._squares), self.scale)
+
+
+class ModelResidual(Residual):
+    """The residual under another model than Coulomb's law; attributes as there."""
+
+    def __init__(self, problem: "ContactProblem", model: Model) -> None:
+        super().__init__(problem)
+        self._problem, self._model = problem, model
+
+    def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
+        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        if self.infeasible:
+            return np.inf
+        return _relative(_violations(self._problem, self, impulses, velocity, self._model).max(initial=0.0), self.scale)
+
+
+def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
+    """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
+
+    Args:
+        problem: the contact problem.
+        impulses: Λ, shape (n_rows,).
+        model: hold Λ to this model instead of Coulomb's law; everything but the two residuals stays as it is.
+
+    Raises:
+        ProblemError: if Λ has the wrong shape, or the model does not apply to the problem's laws.
+    """
+    given = np.asarray(impulses, dtype=np.float64)
+    if given.shape != (problem.n_rows,):
+        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry a row; got {given.shape}.")
+    residual = Residual(problem)
+    if not np.isfinite(given).all():
+        inf = np.inf
+        velocity_error = None if problem.answer is None or problem.answer.velocity is None else inf
+        return Verdict(inf, inf, inf, inf, inf, inf, inf, np.nan, velocity_error, residual.infeasible, model)
+    velocity = problem.relative_velocity(given)
+    violation = _violations(problem, residual, given, velocity, model)
+    alpha = residual.alpha
+    energy_scale = _largest_ratio(residual.speeds, np.sqrt(alpha))
+    energy = _largest_ratio(violation, np.sqrt(alpha))
+    natural_map = _natural_map(problem, given, velocity)
+    norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
+    infeasible = residual.infeasible
+    return Verdict(
+        residual=np.inf if infeasible else _relative(violation.max(initial=0.0), residual.scale),
+        energy_residual=np.inf if infeasible else _relative(energy, energy_scale),
+        natural_map_q=_relative(natural_map, norms[0]),
+        natural_map_max=_relative(natural_map, max(norms)),
+        penetration_velocity=_penetration_velocity(problem, velocity),
+        cone_violation=_cone_violation(problem, given),
+        complementarity=_complementarity(problem, given, velocity),
+        dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
+        velocity_error=_velocity_error(problem, velocity, residual.scale),
+        infeasible=infeasible,
+        model=model,
+    )
+
+
+@njit(cache=True)
+def _squared_violations(  # type: ignore[no-untyped-def]
+    kind, first_row, mu, fixed, partner, alpha, impulses, velocity, squares
+):
+    """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest violation [m/s], NaN if any is NaN.
+
+    Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
+    for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
+    """
+    largest = 0.0
+    for law in range(uint64(len(kind))):
+        row, a = uint64(first_row[law]), alpha[law]
+        held = a * impulses[row]
+        x = held - velocity[row]
+        if kind[law] == 0:
+            square = (held - max(x, 0.0)) ** 2
+        else:
+            bound = fixed[law]
+            if partner[law] >= 0:
+                bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
+            bound *= a
+            if kind[law] == 1:
+                square = (held - min(max(x, -bound), bound)) ** 2
+            else:
+                held_2 = a * impulses[row + uint64(1)]
+                y = held_2 - velocity[row + uint64(1)]
+                length_squared = x * x + y * y
+                if length_squared > bound * bound:
+                    scale = bound / np.sqrt(length_squared)
+                    x *= scale
+                    y *= scale
+                square = (held - x) ** 2 + (held_2 - y) ** 2
+        squares[law] = square
+        largest = square if square > largest or square != square else largest
+    return np.sqrt(largest)
+
+
+def _violations(
+    problem: "ContactProblem", residual: Residual, impulses: FloatArray, velocity: FloatArray, model: Model
+) -> FloatArray:
+    """Return α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,)."""
+    laws = problem.laws
+    if model.kind == "convex":
+        return _convex_violations(problem, residual.alpha, impulses, velocity)
+    if model.kind == "pyramid":
+        return _pyramid_violations(problem, residual.alpha, impulses, velocity, model.sides)
+    weight = 0.0 if model.kind == "frictionless" else 1.0
+    mu, fixed = weight * laws.friction_coefficient, weight * laws.fixed_bound
+    violations = _coulomb_violations(laws, mu, fixed, residual.alpha, impulses, velocity)
+    if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is asked for
+        tangent = _tangent(problem, impulses)
+        friction = laws.is_friction
+        violations[friction] = residual.alpha[friction] * np.sqrt((tangent**2).sum(axis=1))
+    return violations
+
+
+def _coulomb_violations(
+    laws: Laws, mu: FloatArray, fixed: FloatArray, alpha: FloatArray, impulses: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Return α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, shape (n_laws,)."""
+    squares = np.empty(laws.n_laws)
+    _squared_violations(laws.kind, laws.first_row, mu, fixed, laws.partner, alpha, impulses, velocity, squares)
+    return np.sqrt(squares)
+
+
+def convex_obstacle(problem: "ContactProblem") -> str | None:
+    """Say why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
+    layout = problem.layout
+    remote = np.flatnonzero(layout.partner != np.arange(layout.n_blocks))
+    if len(remote):
+        law = int(layout.friction_law[remote[0]])
+        return (
+            f"friction law {law} is bounded by a unilateral law that it does not follow, so contact and cone are apart"
+        )
+    return None
+
+
+def _convex_violations(
+    problem: "ContactProblem", alpha: FloatArray, impulses: FloatArray, velocity: FloatArray
+) -> FloatArray:
+    """Violation of −ξ ∈ N_K(Λ) with K the whole set {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N} of a contact, α its largest."""
+    obstacle = convex_obstacle(problem)
+    if obstacle:
+        raise ProblemError(f"the convex model does not apply to {problem.name!r}: {obstacle}.")
+    layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
+    with_none = np.append(alpha, 0.0)  # the last entry answers for law −1
+    block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
+    step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
+    target = lanes - step[:, None] * moved
+    normal, tangent = onto_friction_cone(target[:, 0], target[:, 1:], layout.friction_coefficient, layout.fixed_bound)
+    violation = block_alpha * np.sqrt((lanes[:, 0] - normal) ** 2 + ((lanes[:, 1:] - tangent) ** 2).sum(axis=1))
+    of_law = np.zeros(problem.laws.n_laws)
+    owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
+    of_law[owner] = violation
+    return of_law
+
+
+def _pyramid_violations(
+    problem: "ContactProblem", alpha: FloatArray, impulses: FloatArray, velocity: FloatArray, sides: int
+) -> FloatArray:
+    """As Coulomb's law, with the disc of a spatial friction law replaced by its inscribed polygon."""
+    laws = problem.laws
+    violations = _coulomb_violations(laws, laws.friction_coefficient, laws.fixed_bound, alpha, impulses, velocity)
+    spatial = np.flatnonzero((laws.kind == LawKind.SPATIAL_FRICTION) & (alpha > 0))
+    rows = laws.first_row[spatial]
+    held = np.column_stack([impulses[rows], impulses[rows + 1]])
+    moved = np.column_stack([velocity[rows], velocity[rows + 1]])
+    target = held - moved / alpha[spatial, None]
+    projected = onto_polygon(target, _bounds(problem, impulses)[spatial], sides)
+    violations[spatial] = alpha[spatial] * np.sqrt(((held - projected) ** 2).sum(axis=1))
+    return violations
+
+
+def _bounds(problem: "ContactProblem", impulses: FloatArray) -> FloatArray:
+    """Friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""
+    laws = problem.laws
+    normal = np.maximum(impulses[laws.first_row[np.maximum(laws.partner, 0)]], 0.0) if laws.n_laws else np.zeros(0)
+    bounds: FloatArray = laws.fixed_bound + np.where(laws.partner >= 0, laws.friction_coefficient * normal, 0.0)
+    return bounds
+
+
+def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
+    """Both tangential entries of every friction law, the second 0 for planar ones, shape (n_friction_laws, 2)."""
+    laws = problem.laws
+    friction = laws.is_friction
+    first = laws.first_row[friction]
+    second = np.where(laws.kind[friction] == LawKind.SPATIAL_FRICTION, first + 1, 0)
+    other = np.where(second > 0, rows[second], 0.0)
+    return np.column_stack([rows[first], other])
+
+
+@njit(cache=True)
+def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[no-untyped-def]
+    """Return α_i and ‖c_i‖ of every law, and a unilateral law with α_i = 0 and c_i < 0, −1 if there is none."""
+    alpha, speeds = np.empty(len(kind)), np.empty(len(kind))
+    stuck = -1
+    for law in range(len(kind)):
+        row = first_row[law]
+        alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
+        if kind[law] == 2:
+            alpha[law] = max(alpha[law], diagonal[row + 1])
+            speeds[law] = np.hypot(speeds[law], free_velocity[row + 1])
+        if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
+            stuck = law
+    for law in range(len(kind)):
+        normal = partner[law]
+        if normal >= 0 and diagonal[first_row[normal]] == 0.0:
+            alpha[normal] = max(alpha[normal], alpha[law])
+    return alpha, speeds, stuck
+
+
+def _natural_map(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:
+    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + μ‖ξ_T‖ e_N; a friction law apart from its partner keeps its present bound."""
+    layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
+    own = layout.partner == np.arange(layout.n_blocks)
+    remote_bound = layout.friction_coefficient * np.maximum(lanes[layout.partner, 0], 0.0)
+    friction = np.where(own, layout.friction_coefficient, 0.0)
+    fixed = layout.fixed_bound + np.where(own, 0.0, remote_bound)
+    lifted = moved[:, 0] + friction * np.sqrt((moved[:, 1:] ** 2).sum(axis=1))
+    normal, tangent = onto_friction_cone(lanes[:, 0] - lifted, lanes[:, 1:] - moved[:, 1:], friction, fixed)
+    return float(np.sqrt(((lanes[:, 0] - normal) ** 2).sum() + ((lanes[:, 1:] - tangent) ** 2).sum()))
+
+
+def _penetration_velocity(problem: "ContactProblem", velocity: FloatArray) -> float:
+    laws = problem.laws
+    return float((-velocity[laws.first_row[~laws.is_friction]]).max(initial=0.0))
+
+
+def _cone_violation(problem: "ContactProblem", impulses: FloatArray) -> float:
+    laws = problem.laws
+    pulling = (-impulses[laws.first_row[~laws.is_friction]]).max(initial=0.0)
+    tangent = np.sqrt((_tangent(problem, impulses) ** 2).sum(axis=1))
+    return float(max(pulling, (tangent - _bounds(problem, impulses)[laws.is_friction]).max(initial=0.0)))
+
+
+def _complementarity(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:
+    rows = problem.laws.first_row[~problem.laws.is_friction]
+    return float(np.abs(impulses[rows] * velocity[rows]).max(initial=0.0))
+
+
+def _velocity_error(problem: "ContactProblem", velocity: FloatArray, scale: float) -> float | None:
+    if problem.answer is None or problem.answer.velocity is None:
+        return None
+    return _relative(float(np.abs(velocity - problem.answer.velocity).max(initial=0.0)), scale)
+
+
+def _relative(value: float, scale: float) -> float:
+    """Return value / scale with 0/0 = 0 and x/0 = inf; NaN reads as inf."""
+    if value == 0.0:
+        return 0.0
+    ratio = float(value) / scale if scale > 0.0 else np.inf
+    return ratio if ratio == ratio else np.inf
+
+
+def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:
+    """Largest value/scale over the entries of positive scale."""
+    positive = scales > 0
+    return float((values[positive] / scales[positive]).max(initial=0.0))

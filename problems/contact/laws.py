@@ -1,0 +1,176 @@
+"""The set-valued force laws of a contact problem.
+
+Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) with
+
+    unilateral contact   C = R₀⁺                     1 row
+    planar friction      C = [−b, b]                 1 row
+    spatial friction     C = {x ∈ R² : ‖x‖ ≤ b}      2 rows
+
+and the friction bound b = a + μ max(Λ_partner, 0): a fixed part a (a joint with dry friction) and a Coulomb part
+that belongs to a unilateral law, the partner.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ProblemError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class LawKind(IntEnum):
+    """The kinds of force law; the value is what kernels compare with."""
+
+    UNILATERAL = 0
+    PLANAR_FRICTION = 1
+    SPATIAL_FRICTION = 2
+
+
+ROWS_OF_KIND = np.array([1, 1, 2], dtype=np.int64)
+"""Number of rows of each kind of law."""
+
+
+def frozen(values: ArrayLike, dtype: Any) -> NDArray[Any]:
+    """Return a contiguous read-only copy of ``values``."""
+    array = np.array(values, dtype=dtype, order="C", copy=True)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """All force laws of a problem, one entry per law, in row order.
+
+    Attributes:
+        kind: ``LawKind`` of each law, shape (n_laws,).
+        first_row: first row of each law in c, Λ and ξ, shape (n_laws,). The laws tile the rows without gaps.
+        friction_coefficient: μ ≥ 0 of each friction law, 0 for unilateral ones, shape (n_laws,).
+        fixed_bound: a ≥ 0 [N s] of each friction law, 0 for unilateral ones, shape (n_laws,).
+        partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
+
+    Raises:
+        ProblemError: if the arrays contradict each other; the message names the field, the law and the value.
+    """
+
+    kind: NDArray[np.int8]
+    first_row: IntArray
+    friction_coefficient: FloatArray
+    fixed_bound: FloatArray
+    partner: IntArray
+
+    def __post_init__(self) -> None:
+        for name, dtype in (
+            ("kind", np.int8),
+            ("first_row", np.int64),
+            ("friction_coefficient", np.float64),
+            ("fixed_bound", np.float64),
+            ("partner", np.int64),
+        ):
+            array = frozen(getattr(self, name), dtype)
+            if array.ndim != 1 or len(array) != len(self.kind):
+                raise ProblemError(
+                    f"laws.{name} must have shape ({len(self.kind)},), one entry a law; got {array.shape}."
+                )
+            object.__setattr__(self, name, array)
+        self._check()
+
+    def _check(self) -> None:
+        _require((self.kind >= 0) & (self.kind <= 2), "kind", self.kind, "0 (unilateral), 1 (planar) or 2 (spatial)")
+        rows = np.zeros(len(self.kind), dtype=np.int64)
+        np.cumsum(ROWS_OF_KIND[self.kind[:-1]], out=rows[1:])
+        _require(self.first_row == rows, "first_row", self.first_row, "the row after the law before it")
+        for name in ("friction_coefficient", "fixed_bound"):
+            values = getattr(self, name)
+            _require(np.isfinite(values) & (values >= 0), name, values, "finite and not negative")
+            _require((values == 0) | self.is_friction, name, values, "0 for a unilateral law")
+        in_range = (self.partner >= -1) & (self.partner < len(self.kind))
+        _require(in_range, "partner", self.partner, "the index of a law, or -1")
+        _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a unilateral law")
+        is_unilateral = np.append(self.kind == LawKind.UNILATERAL, True)  # the last entry answers for partner −1
+        _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
+        has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
+        _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
+
+    @cached_property
+    def is_friction(self) -> NDArray[np.bool_]:
+        """True for friction laws, shape (n_laws,)."""
+        mask: NDArray[np.bool_] = self.kind != LawKind.UNILATERAL
+        return mask
+
+    @property
+    def n_laws(self) -> int:
+        """Number of laws."""
+        return len(self.kind)
+
+    @cached_property
+    def n_rows(self) -> int:
+        """Number of rows, the length of c, Λ and ξ."""
+        return int(self.first_row[-1] + ROWS_OF_KIND[self.kind[-1]]) if len(self.kind) else 0
+
+    @staticmethod
+    def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
+        """Return ``n_contacts`` equal contacts with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3).
+
+        ``friction`` is μ, one number or shape (n_contacts,); it is ignored for dim 1.
+        """
+        if dim not in (1, 2, 3):
+            raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
+        try:
+            coefficient = np.broadcast_to(np.asarray(friction, dtype=np.float64), (n_contacts,))
+        except ValueError:
+            shape = np.shape(friction)
+            raise ProblemError(
+                f"friction must be one number or have shape ({n_contacts},), got shape {shape}."
+            ) from None
+        bad = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
+        if len(bad):
+            raise ProblemError(f"friction[{bad[0]}] = {coefficient[bad[0]]} must be finite and not negative.")
+        if np.ndim(friction) == 0:
+            return _equal_laws(float(np.asarray(friction)), dim, n_contacts)
+        return _laws_of_contacts(coefficient, dim)
+
+
+def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
+    """Return one contact for each μ, with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3)."""
+    n_contacts = len(coefficient)
+    index = np.arange(n_contacts, dtype=np.int64)
+    if dim == 1:
+        zeros = np.zeros(n_contacts)
+        return Laws(np.zeros(n_contacts, dtype=np.int8), index, zeros, zeros, np.full(n_contacts, -1))
+    kind = np.tile(np.array([0, dim - 1], dtype=np.int8), n_contacts)
+    first_row = np.column_stack([dim * index, dim * index + 1]).ravel()
+    mu = np.column_stack([np.zeros(n_contacts), coefficient]).ravel()
+    partner = np.column_stack([np.full(n_contacts, -1), 2 * index]).ravel()
+    return Laws(kind, first_row, mu, np.zeros(2 * n_contacts), partner)
+
+
+def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
+    """Return contacts of one μ as the first part of a longer list, which time stepping asks for again and again.
+
+    The longer list has been checked, and every part of it that begins at its beginning holds together.
+    """
+    room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
+    whole = _many_equal_laws(friction, dim, room)
+    count = n_contacts if dim == 1 else 2 * n_contacts
+    part = object.__new__(Laws)
+    for name in ("kind", "first_row", "friction_coefficient", "fixed_bound", "partner"):
+        object.__setattr__(part, name, getattr(whole, name)[:count])
+    return part
+
+
+@lru_cache(maxsize=16)
+def _many_equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
+    return _laws_of_contacts(np.full(n_contacts, friction), dim)
+
+
+def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], wanted: str) -> None:
+    """Raise ``ProblemError`` that names the first law for which ``holds`` is false."""
+    if not holds.all():
+        law = int(np.argmin(holds))
+        raise ProblemError(f"laws.{field}[{law}] = {values[law]} must be {wanted}.")

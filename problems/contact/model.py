@@ -1,0 +1,41 @@
+"""The mathematical model that a solver solves, which need not be the one that nature asks for."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from ..errors import ProblemError
+
+ModelKind = Literal["coulomb", "convex", "pyramid", "frictionless"]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A contact model.
+
+    * ``Model.COULOMB``: unilateral contact with Coulomb friction, the law of nature here.
+    * ``Model.CONVEX``: the associated law, −ξ ∈ N_K(Λ) with K the friction cone; a sliding contact dilates.
+    * ``Model.pyramid(k)``: Coulomb friction with the disc replaced by the inscribed regular k-gon.
+    * ``Model.FRICTIONLESS``: no friction impulses at all.
+    """
+
+    kind: ModelKind
+    sides: int = 0
+
+    COULOMB: ClassVar["Model"]
+    CONVEX: ClassVar["Model"]
+    FRICTIONLESS: ClassVar["Model"]
+
+    @staticmethod
+    def pyramid(sides: int) -> "Model":
+        """Return the pyramid model of ``sides`` sides (at least 3)."""
+        if sides < 3:
+            raise ProblemError(f"a friction pyramid needs at least 3 sides, got {sides}.")
+        return Model("pyramid", sides)
+
+    def __str__(self) -> str:
+        return f"{self.kind}({self.sides})" if self.kind == "pyramid" else self.kind
+
+
+Model.COULOMB = Model("coulomb")
+Model.CONVEX = Model("convex")
+Model.FRICTIONLESS = Model("frictionless")

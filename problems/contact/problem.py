@@ -1,0 +1,305 @@
+"""The contact problem: one time-stepping inclusion, as a frozen value.
+
+Find the impulses Λ [N s] with
+
+    −(G Λ + c)_i ∈ N_{C_i}(Λ_i)      for every law i,      ξ = G Λ + c,
+
+where G [1/kg] is the Delassus matrix, c [m/s] the free velocity and C_i the set of law i (see ``laws``). G is given
+either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, [26–30]).
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from ..errors import ProblemError
+from .answer import Answer
+from .blocks import BlockLayout, layout_of
+from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
+from .factors import Factors, as_sparse_input
+from .laws import FloatArray, Laws, frozen
+from .pieces import Pieces
+
+SYMMETRY_TOLERANCE = 1e-12
+"""Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
+
+SINGLE_SYMMETRY_TOLERANCE = 1e-5
+"""The same for a matrix given in single precision, which is then made symmetric."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactProblem:
+    """One frictional contact problem; build it with ``from_delassus`` or ``from_factors``.
+
+    Attributes:
+        free_velocity: c [m/s], shape (n_rows,).
+        laws: the force laws, which tile the rows.
+        matrix: G [1/kg] as given, or ``None`` where the factors are given.
+        factors: W, M⁻¹ and the free motion, or ``None`` where G is given.
+        name: what tables and files call it.
+        provenance: where it comes from (scene, step, seed, …).
+        answer: what is known about its solution, if anything.
+        allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
+    """
+
+    free_velocity: FloatArray
+    laws: Laws
+    matrix: sp.csr_array | None = None
+    factors: Factors | None = None
+    name: str = "unnamed"
+    provenance: Mapping[str, str | int | float] = field(default_factory=dict)
+    answer: Answer | None = None
+    allow_asymmetric: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        if (self.matrix is None) == (self.factors is None):
+            raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, not both and not neither.")
+        if self.matrix is not None:
+            object.__setattr__(self, "matrix", _checked_matrix(self.matrix, self.laws.n_rows, self.allow_asymmetric))
+        if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
+            raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
+        if self.answer is not None:
+            self.answer.check(self.laws.n_rows)
+
+    def __repr__(self) -> str:
+        form = "G" if self.factors is None else "W and M⁻¹"
+        return f"<ContactProblem {self.name!r}: {self.n_contacts} contacts, {self.n_rows} rows, holds {form}>"
+
+    @staticmethod
+    def from_delassus(
+        delassus: Any,
+        free_velocity: ArrayLike,
+        friction: ArrayLike = 0.0,
+        dim: int = 3,
+        *,
+        laws: Laws | None = None,
+        **attributes: Any,
+    ) -> "ContactProblem":
+        """Return the problem with Delassus matrix G.
+
+        Args:
+            delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows), symmetric positive semidefinite. One of
+                float32 may miss symmetry by its rounding and is replaced by (G + Gᵀ)/2.
+            free_velocity: c [m/s], shape (n_rows,).
+            friction: μ, one number or one for each contact.
+            dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
+            laws: any mixture of laws, instead of ``friction`` and ``dim``.
+            attributes: name, provenance, answer, allow_asymmetric.
+
+        Raises:
+            ProblemError: if anything has the wrong shape, is not finite, not symmetric, or negative where it must not.
+        """
+        c = _as_vector(free_velocity, "c")
+        return ContactProblem(c, laws or _equal_contacts(c, friction, dim), matrix=delassus, **attributes)
+
+    @staticmethod
+    def from_factors(
+        force_directions: Any,
+        inverse_mass: Any,
+        free_velocity: ArrayLike,
+        friction: ArrayLike = 0.0,
+        dim: int = 3,
+        *,
+        laws: Laws | None = None,
+        free_motion: ArrayLike | None = None,
+        **attributes: Any,
+    ) -> "ContactProblem":
+        """Return the problem with G = Wᵀ M⁻¹ W, never assembled unless somebody asks for it.
+
+        Args:
+            force_directions: W, dense or scipy sparse, shape (n_dofs, n_rows).
+            inverse_mass: M⁻¹, its diagonal of shape (n_dofs,), or a (block diagonal) matrix, dense or sparse.
+            free_velocity: c [m/s], shape (n_rows,).
+            friction: μ, one number or one for each contact.
+            dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
+            laws: any mixture of laws, instead of ``friction`` and ``dim``.
+            free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,); optional.
+            attributes: name, provenance, answer.
+
+        Raises:
+            ProblemError: if anything is of the wrong shape, not finite, or negative where it must not be.
+        """
+        c = _as_vector(free_velocity, "c")
+        factors = Factors.create(force_directions, inverse_mass, free_motion)
+        return ContactProblem(c, laws or _equal_contacts(c, friction, dim), factors=factors, **attributes)
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows, the length of c, Λ and ξ."""
+        return len(self.free_velocity)
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts (a unilateral law and its friction count once; a lone friction law counts too)."""
+        return self.layout.n_blocks
+
+    @property
+    def layout(self) -> BlockLayout:
+        """How laws group into contacts of equal, padded width, for kernels."""
+        return layout_of(self.laws)
+
+    def delassus_blocks(self) -> DelassusBlocks:
+        """Return G in padded block rows, assembled at the first call and kept."""
+        return self._delassus_blocks
+
+    @cached_property
+    def _delassus_blocks(self) -> DelassusBlocks:
+        if self.factors is not None:
+            return blocks_from_pieces(self.factor_pieces())
+        assert self.matrix is not None
+        return blocks_from_matrix(self.matrix, self.layout)
+
+    def factor_pieces(self) -> Pieces:
+        """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, cut at the first call and kept.
+
+        Raises:
+            ProblemError: if the problem holds G only.
+        """
+        return self._factor_pieces
+
+    @cached_property
+    def _factor_pieces(self) -> Pieces:
+        if self.factors is None:
+            raise ProblemError(f"{self.name!r} holds G only; its factors W and M⁻¹ are not known.")
+        return self.factors.scaled_pieces(self.layout)
+
+    def delassus(self) -> sp.csr_array:
+        """Return G [1/kg], a read-only scipy CSR array, (n_rows, n_rows), assembled at the first call and kept."""
+        return self.matrix if self.matrix is not None else self._assembled
+
+    @cached_property
+    def _assembled(self) -> sp.csr_array:
+        return self.delassus_blocks().to_csr(self.layout)
+
+    @cached_property
+    def delassus_diagonal(self) -> FloatArray:
+        """Diagonal of G [1/kg], shape (n_rows,), found without assembling G."""
+        if self.factors is not None:
+            return frozen(self.layout.unpad(self.factor_pieces().square_sums()), np.float64)
+        assert self.matrix is not None
+        return frozen(self.matrix.diagonal(), np.float64)
+
+    def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
+        """Return ξ = G Λ + c [m/s], shape (n_rows,), from whichever form the problem holds."""
+        impulses = np.asarray(impulses, dtype=np.float64)
+        if self.factors is not None:
+            return self.factors.delassus_times(impulses) + self.free_velocity
+        assert self.matrix is not None
+        velocity: FloatArray = self.matrix @ impulses + self.free_velocity
+        return velocity
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the numbers that define the problem (G or its factors, c, laws); names do not count."""
+        sha = hashlib.sha256(b"proxbench contact problem 1")
+        for label, array in self._numbers():
+            sha.update(f"{label}:{array.dtype.str}:{array.shape};".encode())
+            sha.update(np.ascontiguousarray(array).tobytes())
+        return sha.hexdigest()
+
+    def _numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
+        laws = self.laws
+        numbers: list[tuple[str, np.ndarray[Any, Any]]] = [
+            ("c", self.free_velocity),
+            ("kind", laws.kind),
+            ("mu", laws.friction_coefficient),
+            ("a", laws.fixed_bound),
+            ("partner", laws.partner),
+        ]
+        if self.factors is not None:
+            return numbers + self.factors.numbers()
+        assert self.matrix is not None
+        return [*numbers, *_csr_numbers("G", self.matrix)]
+
+    def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
+        """Return the same numbers under another name, with ``provenance`` added."""
+        return replace(self, name=name, provenance={**self.provenance, **provenance})
+
+    def fresh(self) -> "ContactProblem":
+        """Return an equal problem that shares no memory and no assembled matrix with this one."""
+        matrix = None if self.matrix is None else self.matrix.copy()
+        factors = None if self.factors is None else self.factors.fresh()
+        return replace(self, free_velocity=self.free_velocity.copy(), matrix=matrix, factors=factors)
+
+
+def _as_vector(values: ArrayLike, name: str) -> FloatArray:
+    try:
+        vector = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{name} must be an array of numbers, got {type(values).__name__}.") from None
+    if vector.ndim != 1:
+        raise ProblemError(f"{name} must be a vector, got shape {vector.shape}.")
+    return vector
+
+
+def _finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
+    vector = _as_vector(values, name)
+    if vector.shape != (length,):
+        raise ProblemError(f"{name} must have shape ({length},), one entry a row; got {vector.shape}.")
+    bad = np.flatnonzero(~np.isfinite(vector))
+    if len(bad):
+        raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
+    return frozen(vector, np.float64)
+
+
+def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:
+    if dim in (1, 2, 3) and len(free_velocity) % dim:
+        raise ProblemError(f"c has {len(free_velocity)} rows, which is no multiple of dim = {dim}.")
+    return Laws.contacts(friction, dim, len(free_velocity) // dim if dim in (1, 2, 3) else 0)
+
+
+def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array:
+    """Return G as a canonical read-only CSR array, or raise ``ProblemError``."""
+    sparse = as_sparse_input(given, "G")
+    is_single = sparse.dtype == np.float32
+    matrix: sp.csr_array[Any] = sp.csr_array(sparse, dtype=np.float64, copy=True)
+    if matrix.shape != (n_rows, n_rows):
+        raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {matrix.shape}.")
+    matrix.sum_duplicates()
+    bad = np.flatnonzero(~np.isfinite(matrix.data))
+    if len(bad):
+        coordinates = matrix.tocoo()
+        row, column = int(coordinates.row[bad[0]]), int(coordinates.col[bad[0]])
+        raise ProblemError(f"G[{row}, {column}] = {matrix.data[bad[0]]} must be finite.")
+    diagonal = matrix.diagonal()
+    negative = np.flatnonzero(diagonal < 0)
+    if len(negative):
+        row = int(negative[0])
+        raise ProblemError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
+    if not allow_asymmetric:
+        _check_symmetry(matrix, SINGLE_SYMMETRY_TOLERANCE if is_single else SYMMETRY_TOLERANCE)
+        if is_single:
+            matrix = sp.csr_array(0.5 * (matrix + matrix.T))
+    for array in (matrix.data, matrix.indices, matrix.indptr):
+        array.setflags(write=False)
+    return matrix
+
+
+def _check_symmetry(matrix: sp.csr_array, tolerance: float) -> None:
+    difference = abs(matrix - matrix.T).tocoo()
+    largest = abs(matrix.data).max(initial=0.0)
+    if difference.nnz and difference.data.max() > tolerance * largest:
+        worst = int(np.argmax(difference.data))
+        row, column = int(difference.row[worst]), int(difference.col[worst])
+        raise ProblemError(
+            f"G[{row}, {column}] = {matrix[row, column]} but G[{column}, {row}] = {matrix[column, row]}: "
+            "G must be symmetric (allow_asymmetric=True admits public data that is not)."
+        )
+
+
+def _csr_numbers(label: str, matrix: sp.csr_array) -> list[tuple[str, np.ndarray[Any, Any]]]:
+    """Return the arrays of a canonical CSR matrix with index types that do not depend on its size."""
+    return [
+        (label, matrix.data),
+        (f"{label}.indices", matrix.indices.astype(np.int64)),
+        (f"{label}.indptr", matrix.indptr.astype(np.int64)),
+    ]

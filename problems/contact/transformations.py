@@ -1,0 +1,238 @@
+"""The same contact problem put otherwise: other order, other tangents, other units, a contact twice, two side by side.
+
+Every one is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
+leads back to the solution T Λ' of the old one. Solvers that depend on such choices are found out by them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ProblemError
+from .answer import Answer
+from .laws import ROWS_OF_KIND, FloatArray, IntArray, LawKind, Laws
+from .problem import ContactProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Transformed:
+    """A problem put otherwise.
+
+    Attributes:
+        problem: the new problem; its answer, where the old one has one that can be carried over.
+        back: T, so that Λ = T Λ' [N s], sparse, shape (old rows, new rows).
+    """
+
+    problem: ContactProblem
+    back: sp.csr_array
+
+    def impulses(self, transformed: ArrayLike) -> FloatArray:
+        """Return Λ of the old problem, shape (old rows,), from Λ' of the new one."""
+        found: FloatArray = self.back @ np.asarray(transformed, dtype=np.float64)
+        return found
+
+
+def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
+    """Return the problem with its contacts in another order; ``order`` holds the old index at each new place.
+
+    Raises:
+        ProblemError: if ``order`` is no permutation of the contacts.
+    """
+    contacts = np.asarray(order, dtype=np.int64)
+    if not np.array_equal(np.sort(contacts), np.arange(problem.n_contacts)):
+        raise ProblemError(f"order must be a permutation of 0 to {problem.n_contacts - 1}.")
+    chosen = _laws_of_contacts(problem)
+    laws = np.concatenate([chosen[contact] for contact in contacts]) if len(contacts) else np.zeros(0, dtype=np.int64)
+    place = np.empty(len(laws) + 1, dtype=np.int64)
+    place[laws] = np.arange(len(laws))
+    place[-1] = -1  # answers for partner −1
+    old = problem.laws
+    new_laws = _laws(old.kind[laws], old.friction_coefficient[laws], old.fixed_bound[laws], place[old.partner[laws]])
+    rows = _rows_of_laws(old, laws)
+    back = sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
+    return _congruent(problem, back, new_laws, "permuted")
+
+
+def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
+    """Return the problem with the tangents of each spatial friction law turned by an angle [rad], shape (n_laws,)."""
+    turn = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
+    back = sp.lil_array(sp.eye_array(problem.n_rows))
+    for law in np.flatnonzero(problem.laws.kind == LawKind.SPATIAL_FRICTION):
+        row, cos, sin = int(problem.laws.first_row[law]), np.cos(turn[law]), np.sin(turn[law])
+        back[row, row], back[row, row + 1] = cos, -sin
+        back[row + 1, row], back[row + 1, row + 1] = sin, cos
+    return _congruent(problem, sp.csr_array(back), problem.laws, "rotated")
+
+
+def duplicated(problem: ContactProblem, contact: int) -> Transformed:
+    """Return the problem with one contact written twice, the copy at the end; Λ of the old is the sum of both.
+
+    A fixed bound is split between the copies.
+
+    Raises:
+        ProblemError: if the friction of one contact is bounded by the impulse of another, which a copy would change.
+    """
+    layout, old = problem.layout, problem.laws
+    if not layout.bounds_are_own:
+        raise ProblemError(f"{problem.name!r} has friction bounded by another contact; it cannot be duplicated.")
+    laws = _laws_of_contacts(problem)[contact]
+    fixed = old.fixed_bound.copy()
+    fixed[laws] *= 0.5
+    partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
+    new_laws = _laws(
+        np.append(old.kind, old.kind[laws]),
+        np.append(old.friction_coefficient, old.friction_coefficient[laws]),
+        np.append(fixed, fixed[laws]),
+        np.append(old.partner, partner),
+    )
+    rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
+    back = sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
+    return _congruent(problem, back, new_laws, "duplicated")
+
+
+def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> Transformed:
+    """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], its answer included.
+
+    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ.
+    """
+    speed, impulse = time / length, time / (mass * length)
+    old, answer = problem.laws, problem.answer
+    laws = replace(old, fixed_bound=old.fixed_bound * impulse)
+    if answer is not None:
+        answer = replace(
+            answer,
+            impulses=tuple(impulse * known for known in answer.impulses),
+            velocity=None if answer.velocity is None else speed * answer.velocity,
+            values=None if answer.values is None else impulse * answer.values,
+            witness=None if answer.witness is None else impulse * answer.witness,
+        )
+    back = sp.csr_array(sp.eye_array(problem.n_rows) / impulse)
+    name = f"{problem.name} in other units"
+    if problem.factors is None:
+        matrix = problem.delassus() * mass
+        made = ContactProblem.from_delassus(
+            matrix,
+            speed * problem.free_velocity,
+            laws=laws,
+            name=name,
+            answer=answer,
+            allow_asymmetric=problem.allow_asymmetric,
+        )
+    else:
+        factors = problem.factors
+        motion = None if factors.free_motion is None else speed * factors.free_motion
+        made = ContactProblem.from_factors(
+            factors.force_directions,
+            factors.inverse_mass.matrix * mass,
+            speed * problem.free_velocity,
+            laws=laws,
+            free_motion=motion,
+            name=name,
+            answer=answer,
+        )
+    return Transformed(made, back)
+
+
+def united(problems: Sequence[ContactProblem]) -> ContactProblem:
+    """Return problems side by side as one in Delassus form, none of which influences another, with their answers.
+
+    Velocities and sums are known where all parts know them, impulses where each part has exactly one solution.
+    """
+    matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
+    c = np.concatenate([problem.free_velocity for problem in problems])
+    first = np.concatenate([[0], np.cumsum([problem.laws.n_laws for problem in problems])])[:-1]
+    partner = [
+        np.where(problem.laws.partner >= 0, problem.laws.partner + offset, -1)
+        for problem, offset in zip(problems, first, strict=True)
+    ]
+    laws = _laws(
+        np.concatenate([problem.laws.kind for problem in problems]),
+        np.concatenate([problem.laws.friction_coefficient for problem in problems]),
+        np.concatenate([problem.laws.fixed_bound for problem in problems]),
+        np.concatenate(partner),
+    )
+    return ContactProblem.from_delassus(matrix, c, laws=laws, answer=_united_answer(problems))
+
+
+def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
+    answers = [problem.answer or Answer() for problem in problems]
+    if not all(answer.solvable for answer in answers):
+        return Answer(solvable=False)
+    impulses: tuple[FloatArray, ...] = ()
+    if all(len(answer.impulses) == 1 for answer in answers):
+        impulses = (np.concatenate([answer.impulses[0] for answer in answers]),)
+    velocities = [answer.velocity for answer in answers]
+    velocity = None
+    if all(known is not None for known in velocities):
+        velocity = np.concatenate([known for known in velocities if known is not None])
+    parts = [
+        np.zeros((0, problem.n_rows)) if answer.functionals is None else answer.functionals
+        for problem, answer in zip(problems, answers, strict=True)
+    ]
+    values = [np.zeros(0) if answer.values is None else answer.values for answer in answers]
+    has_sums = any(len(part) for part in parts)
+    return Answer(
+        impulses=impulses,
+        velocity=velocity,
+        functionals=sp.block_diag(parts).toarray() if has_sums else None,
+        values=np.concatenate(values) if has_sums else None,
+        sensitivity=max(answer.sensitivity for answer in answers),
+    )
+
+
+def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str) -> Transformed:
+    """Return the problem with G' = Tᵀ G T, c' = Tᵀ c; the velocity and the sums of its answer are carried over."""
+    answer, forth = problem.answer, sp.csr_array(back.T)
+    if answer is not None:
+        answer = Answer(
+            velocity=None if answer.velocity is None else forth @ answer.velocity,
+            functionals=None if answer.functionals is None else answer.functionals @ back,
+            values=answer.values,
+            solvable=answer.solvable,
+            sensitivity=answer.sensitivity,
+        )
+    name, c = f"{problem.name}, {how}", forth @ problem.free_velocity
+    if problem.factors is not None:
+        factors = problem.factors
+        made = ContactProblem.from_factors(
+            sp.csc_array(factors.force_directions @ back),
+            factors.inverse_mass.matrix,
+            c,
+            laws=laws,
+            free_motion=factors.free_motion,
+            name=name,
+            answer=answer,
+        )
+        return Transformed(made, back)
+    matrix = sp.csr_array(forth @ problem.delassus() @ back)
+    asymmetric = problem.allow_asymmetric
+    made = ContactProblem.from_delassus(
+        matrix if asymmetric else 0.5 * (matrix + matrix.T),
+        c,
+        laws=laws,
+        name=name,
+        answer=answer,
+        allow_asymmetric=asymmetric,
+    )
+    return Transformed(made, back)
+
+
+def _laws_of_contacts(problem: ContactProblem) -> list[IntArray]:
+    """Return the laws of each contact, its unilateral one first."""
+    layout = problem.layout
+    pairs = np.column_stack([layout.normal_law, layout.friction_law])
+    return [pair[pair >= 0] for pair in pairs]
+
+
+def _rows_of_laws(laws: Laws, chosen: IntArray) -> IntArray:
+    rows = [np.arange(laws.first_row[law], laws.first_row[law] + ROWS_OF_KIND[laws.kind[law]]) for law in chosen]
+    return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
+
+
+def _laws(kind: NDArray[np.int8], friction: FloatArray, fixed: FloatArray, partner: IntArray) -> Laws:
+    """Return laws that tile the rows in the order given."""
+    first_row = np.concatenate([[0], np.cumsum(ROWS_OF_KIND[kind])])[:-1]
+    return Laws(kind, first_row, friction, fixed, partner)

@@ -1,0 +1,1 @@
+"""What moves: mechanical systems given by functions, and balls among surfaces."""

@@ -1,0 +1,1 @@
+"""The event-driven integrator: smooth motion between events that are located exactly."""

@@ -1,0 +1,1 @@
+"""What iterations share: the loop, when to stop, momentum, safeguards and acceleration."""

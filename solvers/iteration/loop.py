@@ -1,0 +1,207 @@
+"""The loop that all projected iterations share: sweep, look at the judge's residual, stop or go on."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from ...problems.contact.judge import Residual
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.errors import ProblemError
+from ..interface import Observer, Solution, SolverError, Status, Stop
+from .stopping import Monitor, sweeps_to_next_look
+
+ROUNDING = 100 * np.finfo(np.float64).eps
+"""What rounding may leave in ξ, relative to the largest G_ii Λ_i: a generous guess."""
+
+
+class Iterates(Protocol):
+    """The state of one iteration."""
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps over all laws."""
+        ...
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows, a fresh array of shape (n_rows,)."""
+        ...
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ = GΛ + c over rows, shape (n_rows,)."""
+        ...
+
+
+@runtime_checkable
+class Calming(Protocol):
+    """Iterates that can be made to move more carefully."""
+
+    def calm(self) -> bool:
+        """Move more carefully from now on; return False if that is done as far as it goes."""
+        ...
+
+
+@dataclass(frozen=True)
+class PreparedIteration:
+    """A projected iteration made ready for one problem.
+
+    Attributes:
+        problem: the problem.
+        begin: makes the iterates from the first Λ, shape (n_rows,).
+    """
+
+    problem: ContactProblem
+    residual: Residual
+    begin: Callable[[FloatArray], Iterates]
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Sweep until the residual reaches the tolerance; see ``Prepared.solve``."""
+        n_rows = self.problem.n_rows
+        first = first_impulses(self.problem, self.residual, start)
+        if self.residual.infeasible:
+            return Solution(first, Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+        monitor = Monitor(stop)
+        iterates = self.begin(first)
+        advance = Advance(iterates, monitor, observe)
+        while True:
+            impulses = iterates.impulses()
+            residual = self.residual(impulses, iterates.relative_velocity())
+            if residual <= stop.tolerance:
+                residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
+            ended = monitor.look(advance.iteration, residual, impulses)
+            repeats = None
+            if ended is None and monitor.suspects_cycle and isinstance(iterates, Calming) and iterates.calm():
+                monitor.be_patient()
+            elif ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
+                repeats = advance.cycle(impulses)
+            if ended is None and (repeats is not None or monitor.lacks_progress):
+                ended = left_by_rounding(self.problem, self.residual, monitor) or repeats
+            if ended is not None:
+                return monitor.solution(ended, advance.iteration, n_rows)
+            left = stop.max_iterations - advance.iteration
+            advance.by(min(left, sweeps_to_next_look(advance.iteration)))
+
+
+def first_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
+    """Return the Λ to begin with, a fresh array of shape (n_rows,): ``start``, or zeros where that is of no use.
+
+    Raises:
+        ProblemError: if ``start`` has the wrong shape.
+    """
+    zeros = np.zeros(problem.n_rows)
+    first = zeros if start is None else np.array(start, dtype=np.float64)
+    if first.shape != zeros.shape:
+        raise ProblemError(f"start must have shape {zeros.shape}, one entry a row; got {first.shape}.")
+    # c = 0 has the answer Λ = 0, against which any other start is infinitely wrong
+    return zeros if residual.infeasible or residual.scale == 0.0 else first
+
+
+def confirmed(
+    problem: ContactProblem, residual: Residual, impulses: FloatArray, found: float, tolerance: float
+) -> float:
+    """Return ``found``, a residual within the tolerance, or the judge's where rounding may tell the two apart.
+
+    ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones, and an
+    iteration adds them in another order than the judge.
+    """
+    if rounding(problem, residual, impulses) <= tolerance:
+        return found
+    return max(found, residual(impulses, problem.relative_velocity(impulses)))
+
+
+def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
+    """Return the residual that rounding of ξ may leave at Λ, shape (n_rows,), if c is not zero: a generous guess."""
+    largest = float(np.abs(problem.delassus_diagonal * impulses).max(initial=0.0))
+    return ROUNDING * largest / residual.scale if residual.scale > 0.0 else 0.0
+
+
+def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monitor) -> tuple[Status, str] | None:
+    """Return how a solve without progress ended if rounding is all that keeps its best residual up, else None."""
+    impulses = monitor.best_impulses
+    if impulses is None:
+        return None
+    limit = rounding(problem, residual, impulses)
+    # the iteration's own ξ comes first because it costs nothing
+    if monitor.best_residual > limit or residual(impulses, problem.relative_velocity(impulses)) > limit:
+        return None
+    return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
+
+
+def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]]) -> PreparedIteration:
+    """Return an iteration made ready for ``problem`` from a generator: all that a simple method has to say.
+
+    Tolerance, limits, cycles, stalls (impulses that are the same over twenty looks in a row), divergence, infeasible
+    problems and observers are seen to.
+
+    Args:
+        problem: the contact problem.
+        sweeps: ``sweeps(start)`` yields Λ [N s], shape (n_rows,), after each sweep, without end. It must not write to
+            ``start``, and may use one array for all it yields.
+
+    Raises:
+        SolverError: from ``solve``, if the generator ends or yields an array of another shape.
+    """
+
+    def begin(start: FloatArray) -> _GeneratedIterates:
+        return _GeneratedIterates(problem, sweeps(start), start)
+
+    return PreparedIteration(problem, Residual(problem), begin)
+
+
+@dataclass
+class _GeneratedIterates:
+    """The iterates of a generator."""
+
+    problem: ContactProblem
+    generator: Iterator[FloatArray]
+    latest: FloatArray
+
+    def sweep(self, count: int) -> None:
+        shape = (self.problem.n_rows,)
+        for _ in range(count):
+            latest = next(self.generator, None)
+            if latest is None or np.shape(latest) != shape:
+                said = "ended" if latest is None else f"yielded an array of shape {np.shape(latest)}"
+                raise SolverError(
+                    f"the generator of an iteration {said}; let it yield arrays of shape {shape} for ever."
+                )
+            self.latest = latest
+
+    def impulses(self) -> FloatArray:
+        return np.array(self.latest, dtype=np.float64)
+
+    def relative_velocity(self) -> FloatArray:
+        return self.problem.relative_velocity(self.latest)
+
+
+@dataclass
+class Advance:
+    """Counts iterations, and shows each iterate to an observer if there is one, with the solver's clock stopped."""
+
+    iterates: Iterates
+    monitor: Monitor
+    observe: Observer | None
+    iteration: int = 0
+
+    def by(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        if self.observe is None:
+            self.iterates.sweep(count)
+            self.iteration += count
+            return
+        for _ in range(count):
+            self.iterates.sweep(1)
+            self.arrive(self.iterates.impulses())
+
+    def cycle(self, before: FloatArray) -> tuple[Status, str] | None:
+        """Do two sweeps from ``before``, the latest Λ; return how it ended if they lead back there."""
+        self.by(1)
+        previous = self.iterates.impulses()
+        self.by(1)
+        return self.monitor.cycle(self.iterates.impulses(), previous, before)
+
+    def arrive(self, impulses: FloatArray) -> None:
+        """Count one iteration that led to ``impulses``, an array that nobody writes to any more."""
+        self.iteration += 1
+        self.monitor.clock.show(self.observe, self.iteration, impulses)

@@ -1,0 +1,102 @@
+"""A safeguard for sweeps: contacts that oscillate give up part of their step, one by one.
+
+One slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1, contacts of high friction can cycle
+even where each is solved exactly, and no one can tell beforehand which contacts of a problem will slip. So all begin
+with the step asked for. Every few sweeps the last two increments of each contact, d = Λ^ν − Λ^(ν−1), are compared:
+where they point against each other without shrinking, in the norm of √α Λ (the contact's own scale of energy),
+
+    dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > SHRINKS ‖d'‖,
+
+the contact's step is cut for good. Contacts that converge keep theirs, and a problem without oscillation is swept as
+without the safeguard, but for the comparison.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit, uint64
+
+from ...problems.contact.laws import FloatArray
+
+INTERVALS = (19, 37, 73)
+"""Sweeps from one comparison to the next, the first ones after a cut: long enough for it to show its effect. Prime, so
+that looks meet a cycle of several iterates in different phases."""
+
+OPPOSED = 0.5
+"""Increments are opposed when the cosine between them is below minus this."""
+
+SHRINKS = 0.9
+"""Increments that shrink faster than this a sweep are left alone."""
+
+CUT = 0.6
+"""What remains of a step that is cut."""
+
+SMALLEST = 1e-3
+"""No step falls below this fraction of the one it began with."""
+
+ROUNDING = 1e-14
+"""Increments below this fraction of the impulse are rounding, whatever their direction."""
+
+
+class OscillationGuard:
+    """Watches the impulses of sweeps.
+
+    Attributes:
+        fraction: what is left of each contact's step, 1 at first, shape (n_blocks,).
+    """
+
+    def __init__(self, step_sizes: FloatArray, padded: FloatArray) -> None:
+        """Watch ``padded``, Λ padded and flat, of contacts with ``step_sizes`` [kg], shape (n_blocks, 2)."""
+        n_blocks = len(step_sizes)
+        self.fraction = np.ones(n_blocks)
+        self._step_sizes, self._padded = step_sizes.reshape(-1), padded
+        self._width = len(padded) // n_blocks if n_blocks else 1
+        self._before, self._previous = np.empty_like(padded), np.empty_like(padded)
+        self._since_look, self._calm_looks = 0, 0
+
+    def restart(self) -> None:
+        """Compare nothing across a jump of the impulses."""
+        self._since_look = 0
+
+    def sweep(self, count: int, sweeps: Callable[[int], None], after_cut: Callable[[], None]) -> None:
+        """Do ``count`` sweeps by ``sweeps``; compare increments now and then, and call ``after_cut`` after a cut."""
+        while count > 0:
+            left = INTERVALS[min(self._calm_looks, len(INTERVALS) - 1)] - self._since_look
+            if left == 2:
+                self._before[:] = self._padded
+            elif left == 1:
+                self._previous[:] = self._padded
+            step = min(count, left - 2 if left > 2 else 1)
+            sweeps(step)
+            self._since_look += step
+            count -= step
+            if step == left:
+                self._since_look, self._calm_looks = 0, self._calm_looks + 1
+                iterates = (self._before, self._previous, self._padded)
+                if _cut_where_opposed(self._width, *iterates, self._step_sizes, self.fraction):
+                    self._calm_looks = 0
+                    after_cut()
+
+
+@njit(cache=True)
+def _cut_where_opposed(width, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
+    """Cut the step of every contact whose last two increments are opposed and do not shrink; return whether any was."""
+    one, two, lanes = uint64(1), uint64(2), uint64(width)
+    was_cut = False
+    for i in range(uint64(len(fraction))):
+        k = lanes * i
+        product, older, newer, impulse = 0.0, 0.0, 0.0, 0.0
+        for lane in range(lanes):
+            r = step_sizes[two * i + (one if lane > 0 else uint64(0))]
+            weight = 1.0 / r if r > 0.0 else 0.0
+            a = previous[k + lane] - before[k + lane]
+            b = newest[k + lane] - previous[k + lane]
+            product += weight * a * b
+            older += weight * a * a
+            newer += weight * b * b
+            impulse += weight * newest[k + lane] ** 2
+        opposed = product < -OPPOSED * np.sqrt(older * newer)
+        if opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
+            fraction[i] = max(CUT * fraction[i], SMALLEST)
+            was_cut = True
+    return was_cut

@@ -1,0 +1,1 @@
+"""The kernels: sweeps over the Delassus matrix or the factors, contact by contact."""

@@ -1,0 +1,228 @@
+"""Sweeps over spatial contacts in batches that the processor's vector units update at once.
+
+Contacts that share no body do not see each other's updates. The contacts of a sweep are dealt into batches of ``LANES``
+such that no two of a batch share a body, and that of any two which do, the earlier one is in the earlier batch: each
+contact then reads exactly the velocities that it would read in a sweep one by one, and the iterates are the same.
+
+A batch is kept as a record: for each number of a contact (its two pieces of W̃, c, step sizes, a, μ and coupling) the
+values of all its contacts side by side. The loop over a batch has no branches, and the compiler makes it vector
+instructions; what it reads and writes through indices is copied before and after. Lanes left empty hold zeros and touch
+the idle chunk.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit, uint64
+
+from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.contact.pieces import Pieces
+
+LANES = 16
+"""Contacts in a batch: the fewest for which compilers make vector instructions of a loop of known length."""
+
+FULLNESS = 0.75
+"""Least share of lanes in use for which batches pay."""
+
+
+def deal_into_batches(pieces: Pieces) -> tuple[Any, int]:
+    """Return the place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
+    places, n_batches = _deal(pieces.chunks, pieces.n_chunks)
+    return places, int(n_batches)
+
+
+def batch_arguments(
+    pieces: Pieces, places: Any, n_batches: int, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
+) -> tuple[Any, ...]:
+    """Return what ``sweep_batches`` reads: axes of a chunk, bodies of the contacts, and the records.
+
+    Args:
+        pieces: W̃ in pairs of pieces of width 3.
+        places: place of each block.
+        n_batches: number of batches.
+        free: c, padded and flat.
+        laws: step sizes (N, T in turn), μ, a.
+        coupling: G_T1N and G_T2N of each block, in turn.
+    """
+    sizes, friction, fixed = laws
+    bodies, records = _pack(
+        pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, sizes, friction, fixed, coupling
+    )
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), bodies, records
+
+
+def slots_in_batches(places: Any) -> IntArray:
+    """Return where Λ_N, Λ_T1 and Λ_T2 of each block stand for ``sweep_batches``, shape (3 · n_blocks,).
+
+    The lanes of a batch stand side by side: all its Λ_N, then all its Λ_T1, then all its Λ_T2.
+    """
+    slots: IntArray = _slots(places)
+    return slots
+
+
+@njit(cache=True)
+def _slots(places):  # type: ignore[no-untyped-def]
+    slots = np.empty(3 * len(places), dtype=np.int64)
+    for block in range(len(places)):
+        batch = places[block] // LANES
+        for k in range(3):
+            slots[3 * block + k] = 2 * LANES * batch + places[block] + LANES * k
+    return slots
+
+
+@njit(cache=True)
+def _deal(chunks, idle):  # type: ignore[no-untyped-def]
+    n_blocks = len(chunks) // 2
+    places = np.empty(n_blocks, dtype=np.int64)
+    next_batch = np.zeros(idle + 1, dtype=np.int64)  # first batch behind the last one that touches each chunk
+    used = np.zeros(n_blocks + 1, dtype=np.int64)  # lanes in use
+    first_open, n_batches = 0, 0
+    for block in range(n_blocks):
+        batch = first_open
+        for p in (2 * block, 2 * block + 1):
+            if chunks[p] != idle:
+                batch = max(batch, next_batch[chunks[p]])
+        while used[batch] == LANES:
+            batch += 1
+        places[block] = LANES * batch + used[batch]
+        used[batch] += 1
+        for p in (2 * block, 2 * block + 1):
+            next_batch[chunks[p]] = batch + 1
+        n_batches = max(n_batches, batch + 1)
+        while used[first_open] == LANES:
+            first_open += 1
+    return places, n_batches
+
+
+@njit(cache=True)
+def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed, coupling):  # type: ignore[no-untyped-def]
+    """Return first coordinate of both bodies of each lane, shape (n_batches, 2, LANES), and the records, flat."""
+    length = values.shape[2]
+    pieces, numbers = values.reshape(-1), uint64(6 * length)
+    block_at = np.zeros(n_batches * LANES, dtype=np.uint64)
+    used = np.zeros(n_batches, dtype=np.uint64)
+    for block in range(len(places)):
+        block_at[places[block]] = block
+        used[places[block] // LANES] += 1
+    bodies = np.full(n_batches * 2 * LANES, idle * length, dtype=np.uint64)
+    records = np.zeros(n_batches * (6 * length + 9) * LANES)
+    one, two, three, lanes, at = uint64(1), uint64(2), uint64(3), uint64(LANES), uint64(0)
+    for batch in range(uint64(n_batches)):
+        for k in range(numbers):
+            for lane in range(used[batch]):
+                records[at + lane] = pieces[numbers * block_at[batch * lanes + lane] + k]
+            at += lanes
+        for lane in range(used[batch]):
+            block, here = block_at[batch * lanes + lane], at + lane
+            bodies[two * batch * lanes + lane] = chunks[two * block] * length
+            bodies[(two * batch + one) * lanes + lane] = chunks[two * block + one] * length
+            for k in range(three):
+                records[here + k * lanes] = free[three * block + k]
+            for k in range(two):
+                records[here + (three + k) * lanes] = sizes[two * block + k]
+                records[here + (uint64(7) + k) * lanes] = coupling[two * block + k]
+            records[here + uint64(5) * lanes] = fixed[block]
+            records[here + uint64(6) * lanes] = friction[block]
+        at += uint64(9) * lanes
+    return bodies, records
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def sweep_batches(  # type: ignore[no-untyped-def]
+    count, axes, bodies, records, held, scaled, change, before, momentum, present
+):
+    """Do ``count`` sweeps on Λ, as ``slots_in_batches`` arranges it, and v = W̃ Λ with an idle chunk behind.
+
+    Args:
+        count: number of sweeps.
+        axes: axes of a chunk.
+        bodies: first coordinate of both bodies of each lane.
+        records: the numbers of the contacts.
+        held: Λ.
+        scaled: v.
+        change: what the last sweep changed in Λ.
+        before: v before that, in use with momentum only.
+        momentum: β of the method, see ``momentum``.
+        present: β of the coming sweep.
+
+    Returns:
+        β of the sweep after these.
+    """
+    two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
+    row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
+    own, others, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
+    for _ in range(count):
+        if momentum > 0.0:
+            for k in range(uint64(len(scaled))):
+                v = scaled[k]
+                scaled[k] = v + present * (v - before[k])
+                before[k] = v
+        turn[:] = 0.0
+        for batch in range(n_batches):
+            pair = two * lanes * batch
+            for lane in range(lanes):
+                a, b = bodies[pair + lane], bodies[pair + lanes + lane]
+                for x in range(length):
+                    own[lanes * x + lane] = scaled[a + x]
+                    own[lanes * (length + x) + lane] = scaled[b + x]
+            begin, at = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
+            _update(axes, records, begin, held, change, at, present, turn, own, others)
+            for lane in range(lanes):
+                a, b = bodies[pair + lane], bodies[pair + lanes + lane]
+                for x in range(length):
+                    scaled[a + x] = others[lanes * x + lane]
+                    scaled[b + x] = others[lanes * (length + x) + lane]
+        present = 0.0 if turn.sum() > 0.0 else momentum
+    return present
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def _update(axes, records, begin, held, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
+    """Update a batch: its record from ``begin`` on, its Λ in ``held`` from ``at`` on, v ``before`` and ``after``.
+
+    Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.
+    """
+    two, lanes, length = uint64(2), uint64(LANES), uint64(len(axes))
+    row = lanes * length
+    law = begin + uint64(6) * row
+    for lane in range(lanes):
+        a, c, n = begin + lane, law + lane, at + lane
+        b, t, s = a + uint64(3) * row, n + lanes, n + two * lanes
+        normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
+        normal_b, first_b, second_b = 0.0, 0.0, 0.0
+        for x in range(length):
+            v_a, v_b = before[lanes * x + lane], before[lanes * (length + x) + lane]
+            normal += records[a + lanes * x] * v_a
+            first += records[a + row + lanes * x] * v_a
+            second += records[a + two * row + lanes * x] * v_a
+            normal_b += records[b + lanes * x] * v_b
+            first_b += records[b + row + lanes * x] * v_b
+            second_b += records[b + two * row + lanes * x] * v_b
+        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
+        size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
+        new_n = max(old_n - size_n * (normal + normal_b), 0.0)
+        dn = new_n - old_n
+        new_t = old_t - size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
+        new_s = old_s - size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
+        bound = records[c + uint64(5) * lanes] + records[c + uint64(6) * lanes] * new_n
+        squared = new_t * new_t + new_s * new_s
+        scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+        new_t *= scale
+        new_s *= scale
+        step_n, step_t, step_s = new_n - held[n], new_t - held[t], new_s - held[s]
+        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
+        change[n], change[t], change[s] = step_n, step_t, step_s
+        held[n], held[t], held[s] = new_n, new_t, new_s
+        dt, ds = new_t - old_t, new_s - old_s
+        for x in range(length):
+            after[lanes * x + lane] = before[lanes * x + lane] + (
+                records[a + lanes * x] * dn
+                + records[a + row + lanes * x] * dt
+                + records[a + two * row + lanes * x] * ds
+            )
+            after[lanes * (length + x) + lane] = before[lanes * (length + x) + lane] + (
+                records[b + lanes * x] * dn
+                + records[b + row + lanes * x] * dt
+                + records[b + two * row + lanes * x] * ds
+            )

@@ -1,0 +1,195 @@
+"""Gauss–Seidel sweeps over the assembled Delassus matrix, one kernel for each block width.
+
+A block i holds the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of its lanes N, T1, T2 from the newest impulses, updates
+Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T: law by law the sweep of [54, 55], with G read once.
+
+The kernels address flat arrays with unsigned numbers: numba then needs neither strides nor a test for negative indices,
+which makes a sweep about a third faster than the same loops over blocks of three axes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit, uint64
+
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.delassus import DelassusBlocks
+from ...problems.contact.laws import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ..iteration.loop import Iterates
+from ..iteration.momentum import with_momentum
+from .projection import disc_scale
+
+
+@dataclass(frozen=True, eq=False)
+class DelassusSweep:
+    """Everything a sweep reads and never writes.
+
+    Attributes:
+        layout: the padded blocks.
+        matrix: first stored block of each row, first lane of each stored block's column, and the values of G, flat.
+        free: c, padded and flat.
+        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
+        kernel: the sweep for this width.
+    """
+
+    layout: BlockLayout
+    matrix: tuple[Any, Any, FloatArray]
+    free: FloatArray
+    laws: tuple[FloatArray, FloatArray, FloatArray, Any]
+    kernel: Callable[..., None]
+
+    @staticmethod
+    def over(problem: ContactProblem, blocks: DelassusBlocks, sizes: FloatArray) -> "DelassusSweep":
+        """Return the sweep of ``problem`` with step sizes of shape (n_blocks, 2)."""
+        layout = problem.layout
+        kernel = {1: _sweep_frictionless, 2: _sweep_planar, 3: _sweep_spatial}[layout.width]
+        lanes = (layout.width * blocks.columns).astype(np.uint32)
+        matrix = (blocks.starts.astype(np.uint64), lanes, blocks.values.reshape(-1))
+        free = layout.pad(problem.free_velocity).reshape(-1)
+        return DelassusSweep(layout, matrix, free, law_arguments(layout, sizes), kernel)
+
+    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+        return with_momentum(self.over_padded(self.layout.pad(start).reshape(-1)), momentum)
+
+    def over_padded(self, padded: FloatArray) -> "DelassusIterates":
+        """Return the iterates that live in ``padded``, Λ padded and flat."""
+        return DelassusIterates(self, padded)
+
+
+class DelassusIterates:
+    """Λ of a Gauss–Seidel iteration, padded and flat."""
+
+    def __init__(self, sweep: DelassusSweep, padded: FloatArray) -> None:
+        self._sweep = sweep
+        self._impulses = padded
+        self._velocity = np.empty_like(padded)
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        self._sweep.kernel(count, *self._sweep.matrix, self._sweep.free, *self._sweep.laws, self._impulses)
+
+    def linear(self) -> tuple[FloatArray, int]:
+        """Return Λ, which sweeps change in place, and its length."""
+        return self._impulses, len(self._impulses)
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows."""
+        return self._sweep.layout.unpad(self._impulses)
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        layout = self._sweep.layout
+        block_product(layout.width, *self._sweep.matrix, self._impulses, self._sweep.free, self._velocity)
+        return layout.unpad(self._velocity)
+
+
+def law_arguments(layout: BlockLayout, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Any]:
+    """Return step sizes, μ, a and the N lane of each partner, as every sweep kernel takes them."""
+    partner_lanes = (layout.width * layout.partner).astype(np.uint64)
+    return sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes
+
+
+def block_product(
+    width: int, starts: Any, lanes: Any, values: Any, impulses: FloatArray, free: FloatArray, velocity: FloatArray
+) -> None:
+    """Write ξ = GΛ + c, padded and flat."""
+    if width == 3:
+        _product_spatial(starts, lanes, values, impulses, free, velocity)
+    else:
+        _product(width, starts, lanes, values, impulses, free, velocity)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _product(width, starts, lanes, values, impulses, free, velocity):  # type: ignore[no-untyped-def]
+    one, width = uint64(1), uint64(width)
+    for i in range(uint64(len(starts) - 1)):
+        for lane in range(width):
+            total = free[width * i + lane]
+            for p in range(starts[i], starts[i + one]):
+                j, v = uint64(lanes[p]), (width * p + lane) * width
+                for other in range(width):
+                    total += values[v + other] * impulses[j + other]
+            velocity[width * i + lane] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _product_spatial(starts, lanes, values, impulses, free, velocity):  # type: ignore[no-untyped-def]
+    one, two, three = uint64(1), uint64(2), uint64(3)
+    for i in range(uint64(len(starts) - 1)):
+        k = three * i
+        normal, first, second = free[k], free[k + one], free[k + two]
+        for p in range(starts[i], starts[i + one]):
+            j, v = uint64(lanes[p]), uint64(9) * p
+            n, t, s = impulses[j], impulses[j + one], impulses[j + two]
+            normal += values[v] * n + values[v + one] * t + values[v + two] * s
+            first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
+            second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+        velocity[k], velocity[k + one], velocity[k + two] = normal, first, second
+
+
+@njit(cache=True, fastmath={"contract"})
+def _sweep_frictionless(  # type: ignore[no-untyped-def]
+    count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+):
+    one, two = uint64(1), uint64(2)
+    for _ in range(count):
+        for i in range(uint64(len(friction))):
+            normal = free[i]
+            for p in range(starts[i], starts[i + one]):
+                normal += values[p] * impulses[uint64(lanes[p])]
+            impulses[i] = max(impulses[i] - sizes[two * i] * normal, 0.0)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _sweep_planar(  # type: ignore[no-untyped-def]
+    count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+):
+    one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
+    for _ in range(count):
+        for i in range(uint64(len(friction))):
+            k = two * i
+            normal, tangent = free[k], free[k + one]
+            for p in range(starts[i], starts[i + one]):
+                j, v = uint64(lanes[p]), four * p
+                n, t = impulses[j], impulses[j + one]
+                normal += values[v] * n + values[v + one] * t
+                tangent += values[v + two] * n + values[v + three] * t
+            old = impulses[k]
+            new = max(old - sizes[k] * normal, 0.0)
+            impulses[k] = new
+            tangent += values[four * starts[i] + two] * (new - old)
+            bound = fixed[i] + friction[i] * impulses[partner[i]]
+            impulses[k + one] = min(max(impulses[k + one] - sizes[k + one] * tangent, -bound), bound)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _sweep_spatial(  # type: ignore[no-untyped-def]
+    count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+):
+    one, two, three = uint64(1), uint64(2), uint64(3)
+    for _ in range(count):
+        for i in range(uint64(len(friction))):
+            k = three * i
+            normal, first, second = free[k], free[k + one], free[k + two]
+            for p in range(starts[i], starts[i + one]):
+                j, v = uint64(lanes[p]), uint64(9) * p
+                n, t, s = impulses[j], impulses[j + one], impulses[j + two]
+                normal += values[v] * n + values[v + one] * t + values[v + two] * s
+                first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
+                second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+            own = uint64(9) * starts[i]
+            old = impulses[k]
+            new = max(old - sizes[two * i] * normal, 0.0)
+            impulses[k] = new
+            first += values[own + three] * (new - old)
+            second += values[own + uint64(6)] * (new - old)
+            bound = fixed[i] + friction[i] * impulses[partner[i]]
+            x = impulses[k + one] - sizes[two * i + one] * first
+            y = impulses[k + two] - sizes[two * i + one] * second
+            scale = disc_scale(x, y, bound)
+            impulses[k + one] = x * scale
+            impulses[k + two] = y * scale

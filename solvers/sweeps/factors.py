@@ -1,0 +1,273 @@
+"""Gauss–Seidel sweeps over the factors: G = W̃ᵀ W̃ is never assembled.
+
+With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep keeps the scaled velocity v = W̃ Λ up to date, so that a contact costs only
+the degrees of freedom that it touches:
+
+    ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
+
+W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. Contacts between two bodies
+have a kernel of their own, whose two pieces of W̃ need no inner loop over pieces; many of them are swept in batches.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit, uint64
+
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.contact.pieces import Pieces
+from ...problems.contact.problem import ContactProblem
+from ..iteration.loop import Iterates
+from ..iteration.momentum import calmed, with_momentum
+from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, slots_in_batches, sweep_batches
+from .delassus import law_arguments
+from .projection import disc_scale
+
+
+@dataclass(frozen=True, eq=False)
+class FactorSweep:
+    """Everything a sweep reads and never writes.
+
+    Attributes:
+        layout: the padded blocks.
+        pieces: W̃ in pieces.
+        kernel: does sweeps; called with their number, ``kernel_arguments``, Λ and v; for batches see there.
+        kernel_arguments: what the kernel reads.
+        product: writes ξ from v; called with ``product_arguments``, v and ξ.
+        product_arguments: what the product reads.
+        slots: where the kernel keeps each entry of padded Λ, None if in that order.
+        n_held: length of Λ as the kernel keeps it.
+    """
+
+    layout: BlockLayout
+    pieces: Pieces
+    kernel: Callable[..., Any]
+    kernel_arguments: tuple[Any, ...]
+    product: Callable[..., None]
+    product_arguments: tuple[Any, ...]
+    slots: IntArray | None = None
+    n_held: int = 0
+
+    @staticmethod
+    def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
+        """Return the sweep of ``problem``, which holds factors, with step sizes of shape (n_blocks, 2).
+
+        Spatial contacts between two bodies, or one and the ground, have kernels of their own, in batches if these fill.
+        """
+        layout, pieces = problem.layout, problem.factor_pieces()
+        free, laws = layout.pad(problem.free_velocity).reshape(-1), law_arguments(layout, sizes)
+        coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
+        if layout.width != 3 or not pieces.in_pairs:
+            factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
+            return FactorSweep(layout, pieces, _sweep, (*factor, free, *laws, coupling), _product, (*factor, free))
+        pairs = _pairs(pieces)
+        product = (_product_spatial_pairs, (*pairs, free))
+        places, n_batches = deal_into_batches(pieces)
+        if len(places) < FULLNESS * LANES * n_batches or not layout.bounds_are_own:
+            return FactorSweep(layout, pieces, _sweep_spatial_pairs, (*pairs, free, *laws, coupling), *product)
+        arguments = batch_arguments(pieces, places, n_batches, free, laws[:3], coupling)
+        n_held = 3 * LANES * n_batches
+        return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots_in_batches(places), n_held)
+
+    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+        if self.slots is not None:
+            return BatchIterates(self, start, momentum)
+        return with_momentum(FactorIterates(self, start), momentum)
+
+
+class FactorIterates:
+    """Λ, arranged as the kernel keeps it, and v = W̃ Λ of a Gauss–Seidel iteration."""
+
+    def __init__(self, sweep: FactorSweep, start: FloatArray) -> None:
+        self._sweep = sweep
+        layout, pieces = sweep.layout, sweep.pieces
+        padded = layout.pad(start).reshape(-1)
+        self._relative = np.empty_like(padded)
+        n_held = len(padded) if sweep.slots is None else sweep.n_held
+        idle = pieces.length  # where the idle chunk reads and writes
+        self._both = np.zeros(n_held + pieces.n_chunks * pieces.length + idle)
+        self._held, self._scaled = self._both[:n_held], self._both[n_held:]
+        self._held[slice(None) if sweep.slots is None else sweep.slots] = padded
+        self._scaled[:-idle] = pieces.times(padded)
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        own = self._sweep
+        own.kernel(count, *own.kernel_arguments, self._held, self._scaled)
+
+    def linear(self) -> tuple[FloatArray, int]:
+        """Return Λ and v one after the other, which sweeps change in place, and the length of Λ."""
+        return self._both, len(self._held)
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows."""
+        slots = self._sweep.slots
+        return self._sweep.layout.unpad(self._held if slots is None else self._held[slots])
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        own = self._sweep
+        own.product(*own.product_arguments, self._scaled, self._relative)
+        return own.layout.unpad(self._relative)
+
+
+class BatchIterates(FactorIterates):
+    """The same for sweeps in batches, which see to momentum themselves."""
+
+    def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float) -> None:
+        super().__init__(sweep, start)
+        self._momentum, self._present = momentum, 0.0
+        self._change = np.zeros_like(self._held)
+        self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        arrays = (self._held, self._scaled, self._change, self._before)
+        own = self._sweep
+        self._present = own.kernel(count, *own.kernel_arguments, *arrays, self._momentum, self._present)
+
+    def calm(self) -> bool:
+        """Lower β; return False if there is none."""
+        if self._momentum == 0.0:
+            return False
+        self._momentum = calmed(self._momentum)
+        self._present = min(self._present, self._momentum)
+        return True
+
+
+def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
+    """Return axes of a chunk, first coordinate of each piece, and the pieces flat, two a block.
+
+    The axes are a tuple whose length the compiler knows, so that it unrolls the loops over them.
+    """
+    firsts = (pieces.length * pieces.chunks).astype(np.uint64)
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, pieces.values.reshape(-1)
+
+
+@njit(cache=True)
+def _own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
+    """G_T1N and G_T2N of every block, shape (n_blocks, 2)."""
+    coupling = np.zeros((len(starts) - 1, 2))
+    _, width, length = pieces.shape
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            for lane in range(1, width):
+                for k in range(length):
+                    coupling[i, lane - 1] += pieces[p, lane, k] * pieces[p, 0, k]
+    return coupling
+
+
+@njit(cache=True, fastmath={"contract"})
+def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+    """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
+    one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
+    for i in range(uint64(len(starts) - 1)):
+        for lane in range(lanes):
+            total = free[lanes * i + lane]
+            for p in range(starts[i], starts[i + one]):
+                for k in range(length):
+                    total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
+            relative[lanes * i + lane] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+    """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
+    one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
+    for i in range(uint64(len(firsts)) // two):
+        k = three * i
+        normal, first, second = free[k], free[k + one], free[k + two]
+        for body in range(two):
+            begin, own = firsts[two * i + body], three * length * (two * i + body)
+            for x in range(length):
+                v = scaled[begin + x]
+                normal += pieces[own + x] * v
+                first += pieces[own + length + x] * v
+                second += pieces[own + two * length + x] * v
+        relative[k], relative[k + one], relative[k + two] = normal, first, second
+
+
+@njit(cache=True, fastmath={"contract"})
+def _sweep(  # type: ignore[no-untyped-def]
+    count, width, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+):
+    """Sweeps over blocks of any width with any number of pieces."""
+    one, two, lanes, length = uint64(1), uint64(2), uint64(width), uint64(pieces.shape[2])
+    xi, old = np.empty(3), np.empty(3)
+    for _ in range(count):
+        for i in range(uint64(len(friction))):
+            k = lanes * i
+            for lane in range(lanes):
+                xi[lane] = free[k + lane]
+                old[lane] = impulses[k + lane]
+                for p in range(starts[i], starts[i + one]):
+                    chunk = length * chunks[p]
+                    for a in range(length):
+                        xi[lane] += pieces[p, lane, a] * scaled[chunk + a]
+            impulses[k] = max(old[0] - sizes[two * i] * xi[0], 0.0)
+            if width > 1:
+                change = impulses[k] - old[0]
+                bound = fixed[i] + friction[i] * impulses[partner[i]]
+                x = old[1] - sizes[two * i + one] * (xi[1] + coupling[two * i] * change)
+                if width == 2:
+                    impulses[k + one] = min(max(x, -bound), bound)
+                else:
+                    y = old[2] - sizes[two * i + one] * (xi[2] + coupling[two * i + one] * change)
+                    scale = disc_scale(x, y, bound)
+                    impulses[k + one], impulses[k + two] = x * scale, y * scale
+            for lane in range(lanes):
+                change = impulses[k + lane] - old[lane]
+                for p in range(starts[i], starts[i + one]):
+                    chunk = length * chunks[p]
+                    for a in range(length):
+                        scaled[chunk + a] += pieces[p, lane, a] * change
+
+
+@njit(cache=True, fastmath={"contract"})
+def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
+    count, axes, firsts, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+):
+    """Sweeps over spatial contacts between two bodies, or one body and the ground."""
+    one, two, length = uint64(1), uint64(2), uint64(len(axes))
+    for _ in range(count):
+        for i in range(uint64(len(friction))):
+            k, own = uint64(3) * i, uint64(6) * length * i
+            a, b = firsts[two * i], firsts[two * i + one]
+            normal, first, second = free[k], free[k + one], free[k + two]
+            normal_a, first_a, second_a = 0.0, 0.0, 0.0
+            for x in range(length):
+                va, vb, at = scaled[a + x], scaled[b + x], own + x
+                normal += pieces[at + uint64(3) * length] * vb
+                first += pieces[at + uint64(4) * length] * vb
+                second += pieces[at + uint64(5) * length] * vb
+                normal_a += pieces[at] * va
+                first_a += pieces[at + length] * va
+                second_a += pieces[at + two * length] * va
+            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+            new = max(old_n - sizes[two * i] * (normal + normal_a), 0.0)
+            impulses[k] = new
+            dn = new - old_n
+            first += first_a + coupling[two * i] * dn
+            second += second_a + coupling[two * i + one] * dn
+            bound = fixed[i] + friction[i] * impulses[partner[i]]
+            t = old_t - sizes[two * i + one] * first
+            s = old_s - sizes[two * i + one] * second
+            scale = disc_scale(t, s, bound)
+            t *= scale
+            s *= scale
+            impulses[k + one], impulses[k + two] = t, s
+            dt, ds = t - old_t, s - old_s
+            for x in range(length):
+                at = own + x
+                scaled[a + x] = (
+                    scaled[a + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
+                )
+            for x in range(length):
+                at = own + x + uint64(3) * length
+                scaled[b + x] = (
+                    scaled[b + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
+                )

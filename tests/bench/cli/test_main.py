@@ -1,0 +1,120 @@
+"""The command line: one sentence and an exit code for every mistake."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli.main import run_command
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("rnu", "'run'"),
+        ("run --suit quick", "'--suite'"),
+        ("run --suite quik", "'quick'"),
+        ("run --solver SORprx", "'SORprox'"),
+        ("run --solver SORprox(relaxtion=1)", "'relaxation'"),
+        ("run --solver SORprox(relaxation=-1)", "relaxation"),
+        ("run --solver __import__('os').getcwd()", "cannot read"),
+        ("run --problem funel-30", "'funnel-30'"),
+        ("run --tolerance 3", "between 0 and 1"),
+        ("run --tolerance abc", "--tolerance"),
+        ("run --solve-seconds -1", "solve_seconds"),
+        ("list solvrs", "'solvers'"),
+        ("generate", "--suite"),
+        ("generate funnel-31", "'funnel-3"),
+        ("generate --suite hard", "no problem of the suite 'hard' comes from a scene"),
+        ("report nowhere", "no stored run"),
+        ("run --resume nowhere", "no stored run"),
+        ("run --resume nowhere --solver SORprox", "--solver"),
+        ("run --retry-failed", "--resume"),
+        ("run --quiet --json", "--quiet and --json"),
+        ("report nowhere --quiet --json", "--quiet and --json"),
+        ("run --suite hard --problem hard-no-motion", "--problem"),
+        ("run --problem hard-no-motion --run-id ../elsewhere", "'../elsewhere'"),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_exit_code_two(
+    line: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_command(line.split()) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("proxbench: ")
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unwritable_output_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for line in (f"run --results {tmp_path}/file", f"generate woodpecker-beak-impact --output {tmp_path}/file"):
+        assert run_command(line.split()) == 2
+        assert "cannot write" in capsys.readouterr().err
+
+
+def test_a_run_prints_its_tables_and_says_where_the_files_are(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --results {tmp_path} --run-id one"
+    assert run_command(line.split()) == 0
+    printed = capsys.readouterr().out
+    assert "hard-tresca-joint" in printed
+    for folder in ("cases", "tables", "charts"):
+        assert any((tmp_path / "one" / folder).iterdir())
+    assert str(tmp_path / "one" / "charts") in printed
+
+
+def test_a_quiet_run_without_charts_prints_where_its_files_are_and_draws_none(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    run = tmp_path / "one"
+    line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --results {tmp_path} --run-id one"
+    assert run_command([*line.split(), "--quiet", "--no-charts"]) == 0
+    printed = capsys.readouterr()
+    assert printed.out == f"results  {run}\ntables   {run}/tables\n"
+    assert printed.err == ""
+    assert not (run / "charts").exists()
+    assert run_command(["report", str(run), "--quiet"]) == 0
+    assert capsys.readouterr().out == f"results  {run}\ntables   {run}/tables\ncharts   {run}/charts\n"
+    assert any((run / "charts").iterdir())
+
+
+def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["report", str(finished_run), "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert len(document["results"]) == 15
+    assert document["damaged"] == []
+
+
+def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["list", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert {"SORprox", "Jprox", "JORprox", "ClarabelSOCP"} <= {row["name"] for row in listed["solvers"]}
+    assert {"quick", "funnel", "woodpecker", "hard", "all"} == {row["name"] for row in listed["suites"]}
+    assert {"funnel", "pile", "woodpecker"} == {row["name"] for row in listed["scenes"]}
+    slider = next(row for row in listed["problems"] if row["name"] == "hard-duplicated-slider")
+    assert (slider["contacts"], slider["rows"]) == (10, 30)
+    assert slider["laws"] == ["unilateral", "spatial friction"]
+
+
+def test_without_a_command_the_help_is_shown_as_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command([]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("Usage: proxbench [OPTIONS] COMMAND")
+    assert "generate" in printed.err
+
+
+def test_help_loads_neither_numba_nor_pandas() -> None:
+    code = (
+        "import sys; from proxbench.bench.cli.main import run_command; run_command(['--help']);"
+        "print(sorted({'numba', 'pandas', 'altair', 'clarabel', 'scipy'} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+    assert "generate" in done.stdout

@@ -1,0 +1,131 @@
+"""``proxbench check`` tells what fails, survives what it checks, and has an exit code for scripts."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.conformance import SOLVER_CHECKS
+from proxbench.bench.conformance.run import checked
+from proxbench.bench.errors import BenchError
+from proxbench.problems.catalog.plugins import registered
+
+WRAPPED = """
+import os, time
+from proxbench.problems import Model
+from proxbench.solvers import create
+
+class Wrapped:
+    name, model = "Wrapped", Model.COULOMB
+    def supports(self, problem):
+        return None
+    def prepare(self, problem):
+        return Ready(create("SORprox").prepare(problem))
+
+class Ready:
+    def __init__(self, inner):
+        self.inner = inner
+    def solve(self, stop, start=None, observe=None):
+        if DEED_WHEN:
+            DEED
+        return self.inner.solve(stop, start=start, observe=observe)
+
+SOLVERS = [Wrapped]
+"""
+
+
+def plugin(folder: Path, deed: str, when: str = "stop.max_iterations == 10**9") -> str:
+    """A file with a solver that does something, as a rule only in the check of the time limit."""
+    path = folder / "wrapped.py"
+    path.write_text(WRAPPED.replace("DEED_WHEN", when).replace("DEED", deed))
+    return str(path)
+
+
+def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["check", plugin(tmp_path, "pass")]) == 0
+    printed = capsys.readouterr().out
+    assert f"solver Wrapped from plugin file {tmp_path}/wrapped.py" in printed
+    assert f"{len(SOLVER_CHECKS)} passed" in printed
+    assert registered() == []
+
+
+@pytest.mark.parametrize(
+    ("deed", "seconds", "words"),
+    [
+        ("os._exit(3)", 60.0, "its process ended by itself with exit code 3"),
+        ("os.abort()", 60.0, "killed by SIGABRT"),
+        ("time.sleep(1000)", 10.0, "it did not end within 10 s"),
+        ("raise ValueError('odd')", 60.0, "it raised ValueError: odd (line 18 of wrapped.py)"),
+        ("[bytes(2**28) for _ in range(100)]", 60.0, "MB of memory"),
+    ],
+)
+def test_a_fault_fails_its_own_check_and_the_others_go_on(
+    deed: str, seconds: float, words: str, tmp_path: Path
+) -> None:
+    (subject,) = checked(plugin(tmp_path, deed), seconds=seconds)
+    results = {row["check"]: row for row in subject["checks"]}
+    assert words in results.pop("time limit")["sentence"]
+    assert {row["result"] for row in results.values()} == {"passed"}
+    assert not subject["passed"]
+
+
+def test_failures_are_told_in_a_table_and_by_the_exit_code(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped where lines end
+    assert run_command(["check", plugin(tmp_path, "print('hello')", "True")]) == 1
+    printed = capsys.readouterr().out
+    assert "silent            failed          it printed 'hello'; say it in Solution.message." in printed
+    assert f"{len(SOLVER_CHECKS) - 1} passed, 1 failed" in printed
+
+
+def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["check", "SORprox(relaxation=1.5)", "--json"]) == 0
+    (subject,) = json.loads(capsys.readouterr().out)
+    assert (subject["kind"], subject["name"], subject["passed"]) == ("solver", "SORprox(relaxation=1.5)", True)
+    assert [row["check"] for row in subject["checks"]] == [check.name for check in SOLVER_CHECKS]
+    assert all(row["promise"].endswith(".") for row in subject["checks"])
+
+
+def test_every_check_is_announced_with_how_many_are_done() -> None:
+    told: list[tuple[str, int, int]] = []
+    (subject,) = checked("hard-groove", on_check=lambda *what: told.append(what))
+    names = [row["check"] for row in subject["checks"]]
+    assert told == [(f"hard-groove: {name}", done, len(names)) for done, name in enumerate(names)]
+
+
+def test_a_problem_can_be_checked() -> None:
+    (subject,) = checked("hard-groove-frictionless")
+    assert subject["kind"] == "problem"
+    assert [row["result"] for row in subject["checks"]] == ["passed"] * 4
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("check SORprx", "did you mean 'SORprox'"),
+        ("check SORprox(relaxation=-1)", "relaxation"),
+        ("check funel-30", "did you mean 'funnel-30'"),
+        ("check SORprox --seconds 0", "must be positive"),
+        ("check", "NAME|FILE"),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_exit_code_two(
+    line: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(line.split()) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert words in printed.err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("import os; os._exit(9)", "exit code 9"), ("while True: pass", "it did not end within 3 s")],
+)
+def test_a_file_that_crashes_or_hangs_when_imported_is_told(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.py").write_text(text)
+    with pytest.raises(BenchError, match=words):
+        checked(str(tmp_path / "bad.py"), seconds=3.0)

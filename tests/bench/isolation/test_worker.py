@@ -1,0 +1,80 @@
+"""Whatever a solver does costs its own case and nothing else, and is told for what it is."""
+
+from dataclasses import replace
+
+import psutil
+import pytest
+from misbehaving_solvers import Misbehaving
+from proxbench.bench.measure.case import Case
+from proxbench.bench.measure.plan import Limits
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import load
+from proxbench.problems.catalog.storage import problem_bytes
+
+LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
+ENDLESS = {"sleep", "spin"}
+"""Deeds that only a limit of time ends; the others have all the time that they need on a busy machine."""
+
+
+def carried_out(deed: str) -> Case:
+    problem = load("hard-sticking-box")
+    limits = replace(LIMITS, case_seconds=1.0) if deed in ENDLESS else LIMITS
+    case = Case(problem, Misbehaving(deed), limits)
+    try:
+        case.begin(problem_bytes(problem), 1e-6)
+        if case.is_open:
+            answer = case.measure(1e-6, 0.0)
+            if answer is not None:
+                case.add_point(1e-6, [answer])
+    finally:
+        case.end()
+    return case
+
+
+@pytest.mark.parametrize(
+    ("deed", "outcome", "words"),
+    [
+        ("raise", Outcome.CRASHED, "the plugin gave up"),
+        ("exit", Outcome.CRASHED, "exit code 7"),
+        ("segfault", Outcome.CRASHED, "SIGSEGV"),
+        ("sleep", Outcome.TIMEOUT, "its 1 s"),
+        ("spin", Outcome.TIMEOUT, "its 1 s"),
+        ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
+        ("none", Outcome.MISBEHAVED, "NoneType"),
+        ("shape", Outcome.MISBEHAVED, "shape (1,)"),
+        ("nan", Outcome.MISBEHAVED, "not finite"),
+        ("write", Outcome.MISBEHAVED, "changed the numbers"),
+    ],
+)
+def test_a_fault_is_named_and_leaves_no_process(deed: str, outcome: Outcome, words: str) -> None:
+    case = carried_out(deed)
+    document = case.document()
+    assert document["outcome"] == outcome
+    assert words in document["reason"]
+    _, still_alive = psutil.wait_procs(processes_of_cases(), timeout=60.0)
+    assert still_alive == []
+
+
+def processes_of_cases() -> list[psutil.Process]:
+    """Return what the server of this process has forked and is still there."""
+    return [process for server in psutil.Process().children() for process in server.children(recursive=True)]
+
+
+def test_a_fault_keeps_traceback_and_output() -> None:
+    document = carried_out("print").document()
+    assert "RuntimeError: after much noise" in document["traceback"]
+    assert "noise noise" in document["stderr"]
+    assert len(document["stderr"]) <= 4000
+
+
+def test_a_solver_that_a_signal_kills_leaves_the_place_in_its_code() -> None:
+    printed = carried_out("segfault").document()["stderr"]
+    assert "in do_segfault" in printed
+    assert "Extension modules" not in printed
+
+
+@pytest.mark.parametrize("deed", ["lie", "patch"])
+def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_process(deed: str) -> None:
+    points = carried_out(deed).document()["points"]
+    assert [point["outcome"] for point in points] == [Outcome.WRONG]
+    assert points[0]["residual"] > 1e-3

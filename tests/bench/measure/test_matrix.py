@@ -1,0 +1,73 @@
+"""The matrix says of every solver on every problem how it ended, and why where it did not solve."""
+
+import json
+from pathlib import Path
+
+import pytest
+from misbehaving_solvers import Misbehaving
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.measure.matrix import Cell, default_solvers, measured_matrix
+from proxbench.bench.report.matrix import count_bad, matrix_page
+from proxbench.bench.store.outcome import Outcome
+from proxbench.solvers import Stop, available
+
+PROBLEMS = ["hard-groove", "hard-sticking-box", "hard-squeezed", "hard-counterexample"]
+SOLVERS = ["SORprox", "Enumeration", "ClarabelSOCP"]
+
+
+@pytest.fixture(scope="module")
+def cells() -> list[Cell]:
+    return measured_matrix(PROBLEMS, SOLVERS, Stop(1e-8, 10_000, 2.0))
+
+
+def cell(cells: list[Cell], problem: str, solver: str) -> Cell:
+    return next(found for found in cells if (found.problem, found.solver) == (problem, solver))
+
+
+def test_every_registered_solver_takes_part() -> None:
+    assert {name.partition("(")[0] for name in default_solvers()} >= set(available())
+
+
+def test_each_cell_says_how_it_ended_and_why(cells: list[Cell]) -> None:
+    assert len(cells) == len(PROBLEMS) * len(SOLVERS)
+    solved = cell(cells, "hard-groove", "SORprox")
+    assert solved.outcome is Outcome.SOLVED
+    assert solved.reason == ""
+    assert solved.residual <= 1e-8
+    assert solved.answer_error is not None
+    assert solved.answer_error <= 1e-5
+    assert "cycle" in cell(cells, "hard-counterexample", "SORprox").reason
+    assert cell(cells, "hard-sticking-box", "Enumeration").outcome is Outcome.UNSUPPORTED
+    assert cell(cells, "hard-counterexample", "ClarabelSOCP").outcome is Outcome.RELAXED
+    assert all(found.reason for found in cells if found.outcome is not Outcome.SOLVED)
+    assert count_bad(cells) == 0
+
+
+def test_the_page_has_every_problem_every_solver_and_every_reason(cells: list[Cell]) -> None:
+    page = matrix_page(cells, 1e-8, "proxbench matrix")
+    assert "| hard-counterexample | O −2 | ✓ | R −1 |" in page
+    assert "* hard-squeezed: it has no solution, and no solver claims one." in page
+    assert all(f"`{solver}`" in page for solver in SOLVERS)
+    assert "it has spatial friction, whose directions of slip cannot be enumerated" in page
+
+
+def test_a_solver_that_crashes_costs_its_own_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("proxbench.bench.measure.matrix.create", lambda name: Misbehaving(name))
+    found = measured_matrix(["hard-groove", "hard-sticking-box"], ["segfault"], Stop(1e-6, 100, 1.0))
+    assert [crashed.outcome for crashed in found] == [Outcome.CRASHED] * 2
+    assert count_bad(found) == 2
+    assert "crashed" in matrix_page(found, 1e-6, "")
+
+
+def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["matrix", "--problem", "hard-groove", "--solver", "SORprox", "--tolerance", "1e-4"]
+    assert run_command([*line, "--output", str(tmp_path / "page.md")]) == 0
+    assert "1 cells, 0 of them wrong or at fault" in capsys.readouterr().out
+    assert "--tolerance 0.0001" in (tmp_path / "page.md").read_text()
+    assert run_command([*line, "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["outcome"] == "solved"
+    assert run_command([*line, "--output", str(tmp_path / "none" / "page.md")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+    assert run_command(["matrix", "--problem", "hard-grove"]) == 2
+    assert "hard-groove" in capsys.readouterr().err

@@ -1,0 +1,45 @@
+"""A plan is checked as a whole before anything runs."""
+
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.plan import DEFAULT_SOLVERS, LADDER, Limits, make_plan
+from proxbench.problems import ProblemError
+from proxbench.solvers import SolverError
+
+
+def test_the_default_is_the_quick_suite_with_eight_problems_and_eight_variants() -> None:
+    plan = make_plan()
+    assert len(plan.problems) >= 8
+    assert len(plan.solvers) == len(DEFAULT_SOLVERS) >= 8
+    assert plan.tolerances == LADDER
+    assert not plan.missing
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"suite": "quik"}, ProblemError, "'quick'"),
+        ({"problems": ["funel-30"]}, ProblemError, "'funnel-30'"),
+        ({"solvers": ["SORprx"]}, SolverError, "'SORprox'"),
+        ({"solvers": ["SORprox(relaxtion=1)"]}, SolverError, "'relaxation'"),
+        ({"solvers": ["SORprox", "SORprox"]}, BenchError, "more than once"),
+        ({"problems": ["funnel-30", "funnel-30"]}, BenchError, "more than once"),
+        ({"tolerances": [2.0]}, BenchError, "between 0 and 1"),
+        ({"tolerances": [float("nan")]}, BenchError, "between 0 and 1"),
+    ],
+)
+def test_what_is_wrong_is_named_with_the_remedy(
+    arguments: dict[str, object], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        make_plan(**arguments)  # type: ignore[arg-type]
+
+
+def test_tolerances_are_ordered_from_coarse_to_fine_without_repetition() -> None:
+    assert make_plan(tolerances=[1e-6, 1e-2, 1e-6]).tolerances == (1e-2, 1e-6)
+
+
+@pytest.mark.parametrize("name", ["solve_seconds", "case_seconds", "memory_bytes", "max_iterations"])
+def test_limits_must_be_positive(name: str) -> None:
+    with pytest.raises(BenchError, match=name):
+        Limits(**{name: 0})  # type: ignore[arg-type]

@@ -1,0 +1,307 @@
+"""Plugin files: what they offer can be named, in the processes of cases too, and what is wrong with them is told."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from proxbench.bench import load, resume, run
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.plugins import use_plugin_files
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import PluginError
+from proxbench.problems import load as load_problem
+from proxbench.problems.catalog.plugins import forget, registered
+from proxbench.solvers import SolverError, available, create
+
+GOOD = """
+from dataclasses import dataclass
+import numpy as np
+from proxbench.problems import ContactProblem, Model, project
+from proxbench.solvers import described, iterate
+
+@dataclass(frozen=True)
+class Filed:
+    relaxation: float = 1.0
+    model = Model.COULOMB
+    name = property(described)
+
+    def supports(self, problem):
+        return None
+
+    def prepare(self, problem):
+        step = self.relaxation / abs(problem.delassus()).sum(axis=1).max()
+        def sweeps(impulses):
+            while True:
+                impulses = project(problem.laws, impulses - step * problem.relative_velocity(impulses))
+                yield impulses
+        return iterate(problem, sweeps)
+
+def falling():
+    return ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3)
+
+SOLVERS = [Filed]
+PROBLEMS = {"falling-point": falling}
+"""
+
+
+@pytest.fixture(autouse=True)
+def nothing_registered() -> Iterator[None]:
+    """Take back what a test has registered."""
+    yield
+    for file in registered():
+        forget(file)
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[..., Path]:
+    """Write a plugin file."""
+
+    def write(text: str, name: str = "mine.py") -> Path:
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_file_s_names_can_be_created_loaded_and_measured(written: Callable[..., Path], tmp_path: Path) -> None:
+    use_plugin_files([written(GOOD)])
+    assert "Filed" in available()
+    assert create("Filed(relaxation=1.5)").name == "Filed(relaxation=1.5)"
+    assert load_problem("falling-point").name == "falling-point"
+    folder = run(
+        ["falling-point", "hard-sticking-box"],
+        ["Filed(relaxation=1.5)", "SORprox"],
+        results=tmp_path,
+        tolerances=[1e-4],
+    )
+    frames = load(folder)
+    assert (frames.cases["outcome"] == Outcome.MEASURED).all()
+    assert (frames.points["outcome"] == Outcome.SOLVED).all()
+
+
+def test_a_case_runs_what_was_read_even_if_the_file_is_edited_meanwhile(
+    written: Callable[..., Path], tmp_path: Path
+) -> None:
+    path = written(GOOD)
+    use_plugin_files([path])
+    path.write_text("raise RuntimeError('edited')")
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4])
+    assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
+
+
+CLASS = "from proxbench.problems import Model\nclass Mine:\n"
+NAME, MODEL = "    name = 'Mine'\n", "    model = Model.COULOMB\n"
+SUPPORTS = "    def supports(self, problem): return None\n"
+PREPARE = "    def prepare(self, problem): return None\n"
+OFFERED = "SOLVERS = [Mine]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = (", "fails to import in line 1: SyntaxError"),
+        ("import numpy\n\n1 / 0\n", "fails to import in line 3: ZeroDivisionError: division by zero"),
+        ("import no_such_module", "fails to import in line 1: ModuleNotFoundError: No module named 'no_such_module'"),
+        ("raise SystemExit(3)", "fails to import in line 1: SystemExit: 3"),
+        ("x = 1", "offers nothing; list its solver classes, SOLVERS = [MySolver]"),
+        (CLASS + PREPARE, "offers nothing; list its solver classes, SOLVERS = [Mine]"),
+        (CLASS + PREPARE + "SOLVERS = Mine\n", "SOLVERS must be a list of solver classes"),
+        ("PROBLEMS = [abs]", "PROBLEMS must map names to functions"),
+        ("def SORprox(): pass\nSOLVERS = [SORprox]", "solver 'SORprox', a name that Proxbench itself uses; give it"),
+        ("PROBLEMS = {'funnel-30': abs}", "problem 'funnel-30', a name that Proxbench itself uses"),
+        ("PROBLEMS = {'a/b': abs}", "a problem's name must be made of letters"),
+        (CLASS + MODEL + SUPPORTS + PREPARE + OFFERED, "it has no name, the text that tables show; add name = "),
+        (CLASS + NAME + SUPPORTS + PREPARE + OFFERED, "it has no model, what it solves; add model = Model.COULOMB"),
+        (CLASS + NAME + "    model = 'coulomb'\n" + SUPPORTS + PREPARE + OFFERED, "its model is a str, not"),
+        (CLASS + NAME + MODEL + SUPPORTS + PREPARE + "SOLVERS = [Mine, Mine]\n", "offers the name 'Mine' twice"),
+        (CLASS + NAME + MODEL + PREPARE + OFFERED, "it has no method supports(problem)"),
+        (CLASS + NAME + MODEL + SUPPORTS + OFFERED, "it has no method prepare(problem)"),
+        (
+            CLASS + NAME + MODEL + SUPPORTS + "    def prepare(self): pass\n" + OFFERED,
+            "it has prepare(), which cannot be called as prepare(problem)",
+        ),
+        (
+            CLASS + "    name = 'Yours'\n" + MODEL + SUPPORTS + PREPARE + OFFERED,
+            "it calls itself 'Yours'; its name must begin with 'Mine'",
+        ),
+        (CLASS + "    def __init__(self, omega): pass\n" + OFFERED, "cannot be created without 'omega'; give every"),
+        (CLASS + "    def __init__(self): 1 / 0\n" + OFFERED, "cannot be created: ZeroDivisionError"),
+        (CLASS + "    def __init__(self, *omega): pass\n" + OFFERED, "takes *omega; name every option"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
+    text: str, words: str, written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = written(text)
+    for line in (["run", "--results", str(tmp_path / "results"), "--plugin", str(path)], ["check", str(path)]):
+        assert run_command(line) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.count("\n") == 1
+        assert words in printed.err
+        assert str(path) in printed.err
+        assert registered() == []
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("deed", "words"),
+    [
+        ("import os; os._exit(0)", "ends the process with exit code 0"),
+        ("import ctypes; ctypes.string_at(0)", "ends the process with SIGSEGV"),
+        ("import os; os.fork() or __import__('time').sleep(2); os._exit(3)", "ends the process with exit code 3"),
+    ],
+    ids=["exit", "segfault", "leaves a process"],
+)
+def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
+    deed: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = written(GOOD + deed)
+    assert run_command(["run", "--results", str(tmp_path / "results"), "--plugin", str(path)]) == 2
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert registered() == []
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_missing_file_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    for line in ("run --plugin nowhere.py", "list --plugin nowhere.py", "check nowhere.py"):
+        assert run_command(line.split()) == 2
+        assert "there is no plugin file" in capsys.readouterr().err
+
+
+def test_two_files_with_one_name_are_refused_and_the_first_stays(written: Callable[..., Path]) -> None:
+    use_plugin_files([written(GOOD)])
+    with pytest.raises(
+        PluginError, match=r"other\.py offers the solver 'Filed', and plugin file .*mine\.py offers the"
+    ):
+        use_plugin_files([written(GOOD, "other.py")])
+    assert create("Filed").name == "Filed"
+
+
+def test_a_name_that_hides_its_options_is_refused(written: Callable[..., Path]) -> None:
+    use_plugin_files([written(GOOD.replace("name = property(described)", "name = 'Filed'"))])
+    with pytest.raises(PluginError, match=r"with relaxation=1.5 it still calls itself 'Filed'"):
+        create("Filed(relaxation=1.5)")
+
+
+def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Callable[..., Path]) -> None:
+    use_plugin_files([written(GOOD)])
+    with pytest.raises(SolverError, match="'relaxation'"):
+        create("Filed(relaxtion=1)")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "outcome", "words"),
+    [
+        ("return None", "return True", Outcome.MISBEHAVED, "its supports returned True"),
+        (
+            "return iterate(problem, sweeps)",
+            "return 3",
+            Outcome.MISBEHAVED,
+            "its prepare returned an int, which has no",
+        ),
+        ("yield impulses", "yield impulses[1:]", Outcome.CRASHED, "yielded an array of shape (2,)"),
+        ("return iterate", "import threading; self.__dict__['x'] = 1; raise ValueError('no') #", Outcome.CRASHED, "no"),
+    ],
+)
+def test_a_solver_that_breaks_the_contract_costs_its_own_case(
+    old: str, new: str, outcome: Outcome, words: str, written: Callable[..., Path], tmp_path: Path
+) -> None:
+    path = written(GOOD.replace(old, new))
+    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    cases = load(folder).cases.set_index("solver")
+    assert cases.loc["SORprox", "outcome"] == Outcome.MEASURED
+    assert cases.loc["Filed", "outcome"] == outcome
+    assert words in cases.loc["Filed", "reason"]
+
+
+def test_a_solver_that_cannot_be_pickled_costs_its_own_case(written: Callable[..., Path], tmp_path: Path) -> None:
+    text = GOOD.replace(
+        "    relaxation: float = 1.0\n", "    def __post_init__(self): self.__dict__['f'] = lambda: 0\n"
+    )
+    path = written(text.replace("self.relaxation", "1.0"))
+    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    cases = load(folder).cases.set_index("solver")
+    assert cases.loc["Filed", "outcome"] == Outcome.MISBEHAVED
+    assert "cannot be sent to the process of its case" in cases.loc["Filed", "reason"]
+    assert cases.loc["SORprox", "outcome"] == Outcome.MEASURED
+
+
+def test_a_problem_that_cannot_be_built_is_told_before_anything_is_measured(
+    written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for body, words in (("return 3", "makes a value of type int"), ("1 / 0", "cannot be built: ZeroDivisionError")):
+        path = written(f"def f():\n    {body}\nPROBLEMS = {{'mine': f}}")
+        results = tmp_path / "results"
+        for line in (["generate", "mine"], ["run", "--problem", "mine", "--results", str(results)]):
+            assert run_command([*line, "--plugin", str(path)]) == 2
+            assert words in capsys.readouterr().err
+        assert not results.exists()
+
+
+def test_resume_asks_for_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
+    path = written(GOOD)
+    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    recorded = load(folder).info["plugins"]
+    assert {(entry["kind"], entry["name"]) for entry in recorded} == {("solver", "Filed"), ("problem", "falling-point")}
+    assert {entry["file"] for entry in recorded} == {str(path)}
+    (file,) = registered()
+    assert {entry["sha256"] for entry in recorded} == {file.sha256}
+    forget(file)
+
+    lost = next(iter((folder / "cases").glob("*Filed*")))
+    lost.unlink()
+    with pytest.raises(BenchError, match=r"add --plugin .*mine\.py"):
+        resume(folder)
+    assert resume(folder, plugins=[path]) == folder
+    assert len(load(folder).cases) == 2
+
+    path.write_text(GOOD + "# edited\n")
+    with pytest.raises(BenchError, match=r"mine\.py has changed since the run began; put the old version back"):
+        resume(folder, plugins=[path])
+    for file in registered():
+        forget(file)
+    path.unlink()
+    with pytest.raises(BenchError, match=r"plugin file .*mine\.py, which is gone; put it back"):
+        resume(folder)
+
+
+def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
+    written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = written(GOOD)
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    for file in registered():
+        forget(file)
+    assert run_command(["run", "--resume", str(folder)]) == 2
+    assert f"add --plugin {path}" in capsys.readouterr().err
+    assert registered() == []
+    assert run_command(["run", "--resume", str(folder), "--plugin", str(path)]) == 0
+
+
+def test_a_generated_problem_is_found_without_the_plugin(
+    written: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path / "cache"))
+    assert run_command(["generate", "falling-point", "--json", "--plugin", str(written(GOOD))]) == 0
+    (digest,) = json.loads(capsys.readouterr().out).values()
+    for file in registered():
+        forget(file)
+    assert load_problem("falling-point").digest == digest
+
+
+def test_what_a_file_prints_when_imported_does_not_spoil_json(
+    written: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written("print('hello')\n" + GOOD)
+    assert run_command(["list", "solvers", "--json", "--plugin", str(path)]) == 0
+    rows = json.loads(capsys.readouterr().out)["solvers"]
+    mine = next(row for row in rows if row["name"] == "Filed")
+    assert (mine["model"], mine["options"], mine["error"]) == ("coulomb", ["relaxation=1.0"], "")
+    assert mine["source"] == f"plugin file {path}"

@@ -1,0 +1,145 @@
+"""What is charged to a solver is its preparing and its solving, exactly, and nothing of the harness."""
+
+import gc
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from proxbench.bench.measure import protocol as measure
+from proxbench.bench.measure.protocol import Measurement
+from proxbench.problems import ContactProblem, load
+from proxbench.solvers import Model, Solution, Status, Stop
+
+STOP = Stop(1e-4)
+
+
+@dataclass
+class Clock:
+    """A clock that stands still, but for what moves it; each reading of it takes ``reading`` seconds."""
+
+    now: float = 100.0
+    reading: float = 0.0
+
+    def perf_counter(self) -> float:
+        self.now += self.reading
+        return self.now
+
+
+@dataclass
+class Timed:
+    """A solver whose preparing and solving move the clock by known times."""
+
+    clock: Clock
+    prepare_seconds: float = 0.0
+    solve_seconds: float = 0.0
+    status: Status = Status.SOLVED
+    raises: bool = False
+    seen: list[ContactProblem] = field(default_factory=list)
+    collecting: list[bool] = field(default_factory=list)
+    observed: list[bool] = field(default_factory=list)
+
+    name: ClassVar[str] = "Timed"
+    model: ClassVar[Model] = Model.COULOMB
+    has_iterates: ClassVar[bool] = True
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return None
+
+    def prepare(self, problem: ContactProblem) -> "Timed":
+        self.seen.append(problem)
+        self.collecting.append(gc.isenabled())
+        self.clock.now += self.prepare_seconds
+        return self
+
+    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
+        self.collecting.append(gc.isenabled())
+        self.observed.append(observe is not None)
+        self.clock.now += self.solve_seconds
+        if self.raises:
+            raise RuntimeError
+        return Solution(np.zeros(self.seen[-1].n_rows), self.status, 1)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """A clock in place of the harness's, on which copying a problem takes seven seconds."""
+    clock = Clock()
+    monkeypatch.setattr(measure, "perf_counter", clock.perf_counter)
+    fresh = ContactProblem.fresh
+
+    def slow_copy(problem: ContactProblem) -> ContactProblem:
+        clock.now += 7.0
+        return fresh(problem)
+
+    monkeypatch.setattr(ContactProblem, "fresh", slow_copy)
+    return clock
+
+
+def measured(solver: Timed) -> Measurement:
+    return Measurement(load("hard-counterexample"), solver)
+
+
+def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
+    _, times = measured(Timed(clock, 0.25, 0.5)).round(STOP, 0.0)
+    assert times == [(0.25, 0.5)]
+
+
+def test_a_solver_that_does_nothing_is_charged_one_reading_of_the_clock_for_each_part(clock: Clock) -> None:
+    clock.reading = 0.125
+    _, times = measured(Timed(clock)).round(STOP, 0.0)
+    assert times == [(0.125, 0.125)]
+
+
+def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clock) -> None:
+    _, times = measured(Timed(clock, 1.0, 2.0)).round(STOP, 25.0)
+    assert times == [(1.0, 2.0)] * 3  # ten seconds each with the copy
+
+
+def test_a_solve_that_fails_ends_the_round(clock: Clock) -> None:
+    solver = Timed(clock, 1.0, 2.0, status=Status.STALLED)
+    solution, times = measured(solver).round(STOP, 1e3)
+    assert solution.status is Status.STALLED
+    assert times == [(1.0, 2.0)]
+
+
+def test_every_timed_solve_has_a_problem_of_its_own_and_no_observer(clock: Clock) -> None:
+    solver = Timed(clock)
+    measurement = measured(solver)
+    measurement.warm_up(STOP)
+    measurement.round(STOP, 20.0)
+    assert len(solver.seen) == 4
+    arrays = [problem.free_velocity for problem in (measurement.problem, *solver.seen)]
+    assert not any(np.shares_memory(one, other) for i, one in enumerate(arrays) for other in arrays[:i])
+    assert solver.observed == [False] * 4
+
+
+def test_an_observed_solve_is_not_timed(clock: Clock) -> None:
+    solver = Timed(clock, 1.0, 2.0)
+    clock.reading = 1.0
+    measured(solver).observe(STOP)
+    assert solver.observed == [True]
+    assert clock.now == 100.0 + 7.0 + 3.0  # copy and solve, and no reading
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_garbage_is_not_collected_on_the_clock_and_is_again_afterwards(clock: Clock, raises: bool) -> None:
+    solver = Timed(clock, raises=raises)
+    measurement = measured(solver)
+    assert gc.isenabled()
+    if raises:
+        with pytest.raises(RuntimeError):
+            measurement.round(STOP, 0.0)
+    else:
+        measurement.round(STOP, 0.0)
+    assert solver.collecting == [False, False]
+    assert gc.isenabled()
+
+
+def test_collection_that_the_caller_switched_off_stays_off(clock: Clock) -> None:
+    gc.disable()
+    try:
+        measured(Timed(clock)).round(STOP, 0.0)
+        assert not gc.isenabled()
+    finally:
+        gc.enable()

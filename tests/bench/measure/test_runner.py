@@ -1,0 +1,201 @@
+"""A run measures as the protocol says, keeps what is finished, and goes on where it stopped."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from misbehaving_solvers import Misbehaving
+from proxbench.bench import load, run
+from proxbench.bench.measure.plan import Limits
+from proxbench.bench.measure.protocol import Measurement
+from proxbench.bench.measure.runner import CaseFinished, RunStarted, resume
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import ContactProblem, judge
+from proxbench.problems import load as load_problem
+from proxbench.solvers import Status, Stop, create
+
+
+def test_every_attempt_is_a_row(finished_run: Path) -> None:
+    frames = load(finished_run)
+    assert len(frames.cases) == 15
+    assert frames.damaged == []
+    outcomes = frames.cases.set_index(["problem", "solver"])["outcome"]
+    assert (outcomes[:, "Misbehaving(raise)"] == Outcome.CRASHED).all()
+    assert (outcomes[:, "SORprox"] == Outcome.MEASURED).all()
+
+
+def test_a_point_has_at_least_five_timed_solves_and_a_failure_one(finished_run: Path) -> None:
+    points = load(finished_run).points
+    solved = points[points["outcome"] == Outcome.SOLVED]
+    assert (solved["repeats"] >= 5).all()
+    assert (points[points["outcome"] == Outcome.OSCILLATING]["repeats"] == 1).all()
+    assert (solved["total_seconds"] >= solved["solve_seconds"]).all()
+
+
+def test_after_a_failure_finer_tolerances_are_not_attempted_and_say_why(finished_run: Path) -> None:
+    points = load(finished_run).points
+    swept = points[(points["problem"] == "hard-counterexample") & (points["solver"] == "SORprox")]
+    assert swept["outcome"].tolist() == [Outcome.OSCILLATING, Outcome.NOT_ATTEMPTED, Outcome.NOT_ATTEMPTED]
+    assert "0.01 already ended oscillating" in swept["reason"].iloc[-1]
+
+
+def test_false_claims_are_wrong_and_relaxed_models_are_relaxed(finished_run: Path) -> None:
+    points = load(finished_run).points
+    claims = points[(points["solver"] == "Misbehaving(lie)") & (points["residual"] > 10 * points["tolerance"])]
+    assert len(claims) == 8
+    assert set(claims["outcome"]) == {Outcome.WRONG}
+    conic = points[(points["solver"] == "ClarabelSOCP") & (points["problem"] == "funnel-30")]
+    assert set(conic["outcome"]) == {Outcome.RELAXED}
+    assert conic["residual"].between(0.05, 0.5).all()
+    assert (conic["model_residual"] <= conic["tolerance"]).all()
+
+
+def test_an_infeasible_problem_is_reported_as_such(finished_run: Path) -> None:
+    points = load(finished_run).points
+    found = points[(points["problem"] == "hard-immovable") & (points["solver"] == "SORprox")]
+    assert found["outcome"].iloc[0] == Outcome.INFEASIBLE
+
+
+def test_the_curve_is_that_of_the_observed_solve(finished_run: Path) -> None:
+    frames = load(finished_run)
+    curve = frames.iterations.query("problem == 'funnel-30' and solver == 'SORprox(relaxation=0.5)'")
+    assert curve["iteration"].is_monotonic_increasing
+    assert curve["iteration"].iloc[0] == 1
+    problem = load_problem("funnel-30")
+    once = create("SORprox", relaxation=0.5).prepare(problem).solve(Stop(1e-300, 1))
+    assert curve["residual"].iloc[0] == pytest.approx(judge(problem, once.impulses).residual, rel=1e-12)
+
+
+def test_known_impulses_are_compared(finished_run: Path) -> None:
+    points = load(finished_run).points
+    solved = points.query("problem == 'hard-counterexample' and outcome == 'solved' and tolerance == 1e-6")
+    assert (solved["impulse_error"] <= 1e-6).all()
+
+
+def test_run_json_tells_machine_and_drift(finished_run: Path) -> None:
+    info = load(finished_run).info
+    assert {"processor", "memory_bytes", "versions", "commit", "load", "thread_pools"} <= set(info["machine"])
+    assert len(info["calibration_seconds"]) == 1 + 3
+    assert info["finished"]
+
+
+def test_resume_measures_the_missing_and_the_damaged_and_keeps_the_rest(tmp_path: Path) -> None:
+    folder = run(
+        ["hard-tresca-joint", "hard-no-motion"], ["SORprox", "Jprox"], results=tmp_path, tolerances=[1e-2, 1e-4]
+    )
+    files = sorted((folder / "cases").iterdir())
+    kept = {file: file.read_bytes() for file in files[2:]}
+    files[0].unlink()
+    files[1].write_bytes(files[1].read_bytes()[:-40])
+    events: list[object] = []
+    assert resume(folder, on_event=events.append) == folder
+    started = next(event for event in events if isinstance(event, RunStarted))
+    assert (started.done, started.total) == (2, 4)
+    assert sum(isinstance(event, CaseFinished) for event in events) == 2
+    assert sorted((folder / "cases").iterdir()) == files
+    assert all(file.read_bytes() == content for file, content in kept.items())
+    assert load(folder).damaged == []
+
+
+def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    events: list[object] = []
+    with pytest.raises(Exception, match="cannot write"):
+        run(["hard-no-motion"], ["SORprox"], results=tmp_path / "file", on_event=events.append)
+    assert events == []
+
+
+def test_a_problem_and_a_solver_can_be_objects(tmp_path: Path) -> None:
+    problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
+    folder = run([problem], [create("SORprox"), Misbehaving("exit")], results=tmp_path, tolerances=[1e-6])
+    cases = load(folder).cases
+    assert cases["problem"].tolist() == ["mine", "mine"]
+    assert cases["outcome"].tolist() == [Outcome.MEASURED, Outcome.CRASHED]
+
+
+@pytest.mark.parametrize("name", ["Jprox", "JORprox(relaxation=0.5)", "SORprox", "SORprox(form='factors')"])
+def test_observed_and_timed_solves_end_in_the_same_bits(name: str) -> None:
+    problem = load_problem("funnel-30")
+    measurement = Measurement(problem, create(name))
+    stop = Stop(1e-5, 500, 10.0)
+    timed, _ = measurement.round(stop, 0.0)
+    observed = create(name).prepare(problem.fresh()).solve(stop, observe=lambda iteration, impulses: None)
+    assert timed.impulses.tobytes() == observed.impulses.tobytes()
+    assert timed.status is observed.status
+
+
+def test_a_round_goes_on_for_its_time_but_a_failure_is_measured_once() -> None:
+    problem = load_problem("hard-counterexample")
+    measurement = Measurement(problem, create("SORprox", relaxation=0.5))
+    measurement.warm_up(Stop(1e-6))
+    solution, times = measurement.round(Stop(1e-6), 0.05)
+    assert solution.status is Status.SOLVED
+    assert len(times) > 3
+    _, times = Measurement(problem, create("SORprox")).round(Stop(1e-6), 0.05)
+    assert len(times) == 1
+
+
+def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-c",
+        "from proxbench.bench.cli.main import main; main()",
+        "run",
+        "--results",
+        str(tmp_path),
+    ]
+    names = ["hard-no-motion", "hard-tresca-joint", "funnel-100", "funnel-1000"]
+    command += ["--run-id", "x", "--solver", "SORprox", "--solver", "Jprox"]
+    command += [word for name in names for word in ("--problem", name)]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell may ignore it
+    )
+    cases = tmp_path / "x" / "cases"
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and len(list(cases.glob("*.json"))) < 2:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "--resume" in errors
+    finished = list(cases.iterdir())
+    assert 2 <= len(finished) < 2 * len(names)
+    assert all(file.suffix == ".json" for file in finished)
+    assert all(json.loads(file.read_text())["outcome"] == "measured" for file in finished)
+    assert not os.path.exists(f"/proc/{process.pid}")
+
+
+def test_limits_are_those_of_the_plan(tmp_path: Path) -> None:
+    folder = run(
+        ["funnel-30"],
+        [Misbehaving("sleep")],
+        results=tmp_path,
+        tolerances=[1e-1],
+        limits=Limits(solve_seconds=0.1, case_seconds=0.5),
+    )
+    case = load(folder).cases.iloc[0]
+    assert case["outcome"] == Outcome.TIMEOUT
+    assert "longer than its 0.5 s" in case["reason"]
+    assert 0.5 <= case["wall_seconds"] < Limits().case_seconds
+
+
+def test_a_script_without_a_main_guard_is_run_once(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from proxbench.bench import load, run\n"
+        "print('begin')\n"
+        f"folder = run(['hard-no-motion'], ['SORprox', 'Jprox'], results={str(tmp_path)!r}, tolerances=[1e-2])\n"
+        "print(load(folder).cases['outcome'].tolist())\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.splitlines() == ["begin", "['measured', 'measured']"]

@@ -1,0 +1,140 @@
+"""Places of contacts come back from the force directions alone."""
+
+import numpy as np
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.recordings.contact_points import Places, find_places, grid_places
+from proxbench.problems import ContactProblem, load
+from proxbench.problems.contact.laws import FloatArray
+from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.surfaces import Plane
+from proxbench.problems.stepping.moreau import step_problem
+
+
+def heap(dimension: int, friction: float | None) -> tuple[ContactProblem, FloatArray]:
+    """Balls of two sizes that barely overlap: a chain on the ground; the problem and its contact points."""
+    radii = np.array([0.01, 0.02, 0.01, 0.02, 0.01])
+    turns = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.6, 0.8, 0.0]])
+    if dimension == 2:
+        turns = np.array([[0.0, 1.0], [0.6, 0.8], [-0.6, 0.8], [1.0, 0.0]])
+    centres = [np.append(np.zeros(dimension - 1), radii[0] - 1e-12)]
+    points = []
+    for k, turn in enumerate(turns):
+        centres.append(centres[-1] + (radii[k] + radii[k + 1] - 1e-12) * turn)
+        points.append(centres[k] + radii[k] * turn)
+    ground = Plane((0.0,) * dimension, (*[0.0] * (dimension - 1), 1.0))
+    system = BallSystem(radii, np.ones(5), [ground], dimension, friction=friction)
+    velocity = system.at_rest(np.zeros((5, dimension)))
+    assembly = system.assemble(np.concatenate(centres), velocity, 1e-3)
+    assert assembly.contacts is not None
+    # keys are ordered by the first ball: its contact with the next one, then that with the ground
+    points.insert(1, np.zeros(dimension))
+    spatial = np.array(points) if dimension == 3 else np.insert(np.array(points), 1, 0.0, axis=1)
+    return step_problem(assembly, assembly.contacts, velocity), spatial
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_contact_points_of_a_heap_come_back_up_to_a_shift(dimension: int) -> None:
+    problem, points = heap(dimension, 0.3)
+    found = find_places(problem).positions
+    np.testing.assert_allclose(found - found[0], points - points[0], atol=1e-10)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_balls_of_a_heap_come_back_with_their_radii(dimension: int) -> None:
+    places = find_places(heap(dimension, 0.3)[0])
+    assert places.bodies is not None
+    np.testing.assert_allclose(places.bodies.radii, [0.01, 0.02, 0.01, 0.02, 0.01], rtol=1e-9)
+    first = places.bodies.centres[0] - places.positions[1]  # its contact with the ground
+    np.testing.assert_allclose(first, [0.0, 0.0, 0.01], atol=1e-10)
+    assert len(places.bodies.arms) == 0
+    assert "5 balls" in places.origin
+
+
+def test_balls_in_contact_touch() -> None:
+    places = find_places(load("pile-100"))
+    assert places.bodies is not None
+    depth = np.linalg.norm(places.positions[:, None] - places.bodies.centres[None], axis=2) - places.bodies.radii
+    assert np.abs(depth).min(axis=1).max() < 1e-9  # every contact lies on a ball
+
+
+def with_inertia(problem: ContactProblem, factor: float) -> ContactProblem:
+    """The same contacts of bodies that turn ``factor`` times as hard."""
+    assert problem.factors is not None
+    inverse = problem.factors.inverse_mass.matrix.diagonal().reshape(-1, 6)
+    inverse[:, 3:] /= factor
+    factors = problem.factors.force_directions
+    return ContactProblem.from_factors(factors, inverse.ravel(), problem.free_velocity, 0.3)
+
+
+@pytest.mark.parametrize(("factor", "balls"), [(1.0, 5), (0.5, 5), (1.1, 0)])
+def test_what_turns_harder_than_a_uniform_ball_is_none(factor: float, balls: int) -> None:
+    bodies = find_places(with_inertia(heap(3, 0.3)[0], factor)).bodies
+    assert bodies is not None
+    assert bodies.is_ball.sum() == balls
+
+
+def test_bodies_of_unknown_shape_are_joined_to_their_contacts() -> None:
+    places = find_places(load("hard-sticking-box"))
+    assert places.bodies is not None
+    assert not places.bodies.is_ball.any()
+    np.testing.assert_allclose(places.bodies.arms[:, 0], np.tile(places.bodies.centres, (4, 1)), atol=1e-12)
+    np.testing.assert_allclose(places.bodies.arms[:, 1], places.positions, atol=1e-12)
+    assert "1 body of unknown shape" in places.origin
+
+
+def test_balls_that_cannot_turn_do_not_show_their_radius() -> None:
+    places = find_places(load("funnel-frictionless-30"))
+    assert places.bodies is not None
+    assert not places.bodies.is_ball.any()
+
+
+@pytest.mark.parametrize("name", ["funnel-100", "funnel-planar-30", "funnel-frictionless-30"])
+def test_impulses_in_space_add_up_to_the_momentum_of_the_bodies(name: str) -> None:
+    problem = load(name)
+    assert problem.factors is not None
+    rng = np.random.default_rng(0)
+    only = int(rng.integers(problem.n_contacts))
+    lanes = np.zeros((problem.n_contacts, problem.layout.width))
+    lanes[only] = rng.uniform(1.0, 2.0, problem.layout.width)
+    vector = find_places(problem).vectors(lanes)[only]
+    momentum = problem.factors.force_directions @ problem.layout.unpad(lanes)
+    length = {"funnel-100": 6, "funnel-planar-30": 3, "funnel-frictionless-30": 3}[name]
+    bodies = momentum.reshape(-1, length)[:, : 2 if "planar" in name else 3]
+    pushed = bodies[np.flatnonzero(np.abs(bodies).max(axis=1) > 0)]
+    drawn = vector[[0, 2]] if "planar" in name else vector
+    assert min(np.abs(body - drawn).max() for body in pushed) < 1e-12
+
+
+def test_the_corners_of_a_box_come_back() -> None:
+    found = find_places(load("hard-sticking-box")).positions
+    corners = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    np.testing.assert_allclose(found, corners, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["hard-counterexample", "woodpecker-beak-impact", "hard-mixed-laws", "hard-stack-10"])
+def test_what_is_no_heap_of_bodies_stands_on_a_grid_and_says_so(name: str) -> None:
+    problem = load(name)
+    places = find_places(problem)
+    assert places.positions.shape == (problem.n_contacts, 3)
+    assert "grid" in places.origin
+    assert places.bodies is None
+    assert "none are drawn" in places.origin
+    np.testing.assert_array_equal(places.frames[0], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+
+
+def test_contacts_on_a_grid_stand_apart() -> None:
+    positions = grid_places(10).positions
+    assert len({tuple(position) for position in positions}) == 10
+
+
+def test_heaps_that_do_not_touch_stand_apart() -> None:
+    places = find_places(load("funnel-1000"))
+    distances = np.linalg.norm(places.positions[:, None] - places.positions[None], axis=2)
+    np.fill_diagonal(distances, 1.0)
+    assert distances.min() > 0.1 * places.size
+
+
+def test_places_that_do_not_go_together_are_refused() -> None:
+    with pytest.raises(BenchError, match="frames of shape"):
+        Places(np.zeros((2, 3)), np.zeros((3, 3, 3)), 1.0, "")

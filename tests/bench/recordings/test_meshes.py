@@ -1,0 +1,34 @@
+"""Meshes lie on what they show."""
+
+import numpy as np
+from proxbench.bench.recordings.meshes import ball_mesh, surface_meshes
+from proxbench.problems.scenes.effects import Planar
+from proxbench.problems.scenes.funnel import STANDARD_EFFECTS, Funnel
+
+
+def test_a_ball_has_its_radius_and_two_shades() -> None:
+    mesh = ball_mesh(0.02, (0, 114, 178))
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 0.02, rtol=1e-12)
+    assert mesh.triangles.max() == len(mesh.vertices) - 1
+    assert mesh.colours is not None
+    shades, counts = np.unique(mesh.colours, axis=0, return_counts=True)
+    assert len(shades) == 2
+    assert counts[0] == counts[1]
+
+
+def test_the_funnel_is_where_balls_touch_it() -> None:
+    system = Funnel(10, outlet_radius=0.0).system()
+    meshes = surface_meshes(system.surfaces, top=0.3, width=0.2, dimension=3)
+    assert len(meshes) == 3  # cone, wall, plate
+    for mesh in meshes:
+        middles = mesh.vertices[mesh.triangles].mean(axis=1)  # below the round surface by the sag of a facet
+        reach = np.full(len(middles), 1e-3)
+        assert len(middles) in [len(surface.touching(middles, reach)[0]) for surface in system.surfaces]
+        assert mesh.vertices[:, 2].max() <= 0.3
+
+
+def test_planar_walls_stand_left_and_right() -> None:
+    system = Funnel(10, (*STANDARD_EFFECTS, Planar())).system()
+    meshes = surface_meshes(system.surfaces, top=0.3, width=0.02, dimension=2)
+    assert len(meshes) == 4
+    assert sorted(np.sign(mesh.vertices[:, 0].mean()) for mesh in meshes) == [-1, -1, 1, 1]

@@ -1,0 +1,108 @@
+"""Charts show judged residuals, in files that open anywhere."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from proxbench.bench import load
+from proxbench.bench.report.charts import LARGEST_RESIDUAL, convergence, problem_chart, work_precision, write_charts
+from proxbench.bench.store.outcome import Outcome
+
+
+def named(chart: dict[str, Any]) -> set[str]:
+    """Names that are written as text into a chart."""
+    names = set()
+    for panel in chart["vconcat"]:
+        for layer in panel["layer"]:
+            if layer["mark"]["type"] == "text":
+                field = layer["encoding"]["text"]["field"]
+                names |= {row[field] for row in chart["datasets"][layer["data"]["name"]]}
+    return names
+
+
+def test_accuracy_is_the_judged_residual_never_the_tolerance(finished_run: Path) -> None:
+    chart = json.loads(work_precision(load(finished_run), "funnel-30").to_json())
+    fields = {layer["encoding"]["x"]["field"] for layer in chart["layer"] if layer["mark"]["type"] != "text"}
+    assert fields == {"residual"}
+
+
+def test_a_solver_has_the_same_colour_in_every_chart(finished_run: Path) -> None:
+    frames = load(finished_run)
+    scales = [
+        json.loads(chart.to_json())["layer"][0]["encoding"]["color"]["scale"]
+        for chart in (work_precision(frames, "funnel-30"), convergence(frames, "hard-counterexample"))
+    ]
+    assert scales[0] == scales[1]
+
+
+def test_a_solver_is_named_at_its_curve_or_in_the_key(finished_run: Path) -> None:
+    frames = load(finished_run)
+    chart = json.loads(problem_chart(frames, "funnel-30").to_json())
+    names = named(chart)
+    assert {"SORprox", "ClarabelSOCP"} <= names
+    assert "Misbehaving(raise)" not in names  # it has nothing to show
+
+
+def test_no_key_stands_below_curves_that_are_all_named(finished_run: Path) -> None:
+    frames = load(finished_run)
+    one = replace(
+        frames,
+        points=frames.points[frames.points["solver"] == "SORprox"],
+        iterations=frames.iterations[frames.iterations["solver"] == "SORprox"],
+    )
+    chart = json.loads(problem_chart(one, "funnel-30").to_json())
+    assert len(chart["vconcat"]) == 2
+    assert named(chart) == {"SORprox"}
+
+
+def test_who_is_not_shown_is_named_with_the_reason(finished_run: Path) -> None:
+    frames = load(finished_run)
+    chart = json.loads(problem_chart(frames, "funnel-30").to_json())
+    costs, iterations = (" ".join(panel["title"]["subtitle"]) for panel in chart["vconcat"][:2])
+    assert "not shown: Misbehaving(raise) (crashed" in costs
+    assert "ClarabelSOCP" not in costs
+    assert "not shown: ClarabelSOCP, Misbehaving(lie) (no iterates)" in iterations
+
+
+def test_the_reason_why_a_problem_is_unsupported_is_shown(finished_run: Path) -> None:
+    frames = load(finished_run)
+    points = frames.points[frames.points["solver"] != "SORprox"]
+    cases = frames.cases.copy()
+    cases.loc[cases["solver"] == "SORprox", ["outcome", "reason"]] = [Outcome.UNSUPPORTED.value, "no balls " * 20]
+    chart = json.loads(work_precision(replace(frames, cases=cases, points=points), "funnel-30").to_json())
+    lines = chart["title"]["subtitle"]
+    assert "SORprox (unsupported: no balls" in " ".join(lines)
+    assert " …)" in " ".join(lines)
+    assert all(len(line) < 130 for line in lines)
+
+
+def test_every_point_is_marked_as_answered_or_not(finished_run: Path) -> None:
+    chart = json.loads(work_precision(load(finished_run), "funnel-30").to_json())
+    filters = [layer["transform"][0]["filter"] for layer in chart["layer"] if layer["mark"]["type"] == "point"]
+    answered, unanswered = (set(chosen["oneOf"]) for chosen in filters if isinstance(chosen, dict))
+    assert answered == {Outcome.SOLVED, Outcome.RELAXED}
+    assert answered | unanswered == set(Outcome)
+    assert not answered & unanswered
+
+
+def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished_run: Path) -> None:
+    frames = load(finished_run)
+    growing = pd.DataFrame({"problem": "funnel-30", "solver": "SORprox", "iteration": [1, 2], "residual": [0.5, 1e9]})
+    chart = json.loads(convergence(replace(frames, iterations=growing), "funnel-30").to_json())
+    drawn = next(rows for rows in chart["datasets"].values() if len(rows) == 2)
+    assert [row["residual"] for row in drawn] == [0.5, 1e9]
+    layer = chart["layer"][0]
+    assert layer["encoding"]["y"]["scale"]["domain"] == [0.25, LARGEST_RESIDUAL]
+    assert layer["mark"]["clip"]
+
+
+def test_one_chart_of_every_problem_and_those_of_the_run_are_written(finished_run: Path, tmp_path: Path) -> None:
+    files = write_charts(load(finished_run), tmp_path)
+    names = {file.name for file in files}
+    charts = ("funnel-30", "hard-counterexample", "summary-success", "summary-time")  # hard-immovable: nothing finite
+    assert names == {f"{chart}.{kind}" for chart in charts for kind in ("svg", "png")}
+    for file in files:
+        begin = file.read_bytes()[:200]
+        assert begin.startswith(b"\x89PNG") if file.suffix == ".png" else b"<svg" in begin

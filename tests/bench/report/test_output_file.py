@@ -1,0 +1,80 @@
+"""The file that --output names: found before any work, and written with the permissions of any new file."""
+
+import os
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.report.output_file import output_file
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.run import simulate
+from proxbench.bench.store.store import Store
+from proxbench.bench.study.defaults import make_study_plan
+from proxbench.bench.study.study import Study, write_points
+from proxbench.problems.catalog.atomic_file import replacing
+
+
+@pytest.fixture(params=[0o022, 0o077], ids=oct)
+def mask(request: pytest.FixtureRequest) -> Iterator[int]:
+    """Let new files of this process lack these permissions."""
+    wanted = int(request.param)
+    before = os.umask(wanted)
+    yield wanted
+    assert os.umask(before) == wanted
+
+
+def written_simulation(file: Path) -> None:
+    simulate(make_simulation_plan("woodpecker", step_size=1e-3, duration=1e-3), file)
+
+
+def written_study(file: Path) -> None:
+    Study(make_study_plan("woodpecker"), file).store()
+
+
+def written_run(file: Path) -> None:
+    Store.create(file.parent).write_info({"cases": []})
+    (file.parent / "run.json").rename(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("a.npz", written_simulation),
+        ("a.json", written_study),
+        ("a.csv", lambda file: write_points([], file)),
+        ("b.json", written_run),
+    ],
+    ids=["simulation", "study", "points", "run"],
+)
+def test_results_have_the_permissions_of_any_new_file(
+    name: str, write: Callable[[Path], None], mask: int, tmp_path: Path
+) -> None:
+    write(tmp_path / name)
+    assert stat.S_IMODE((tmp_path / name).stat().st_mode) == 0o666 & ~mask
+
+
+def test_a_result_that_replaces_another_has_them_too(mask: int, tmp_path: Path) -> None:
+    file = tmp_path / "a"
+    file.write_bytes(b"old")
+    file.chmod(0o600)
+    with replacing(file) as opened:
+        opened.write(b"new")
+    assert stat.S_IMODE(file.stat().st_mode) == 0o666 & ~mask
+    assert file.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("name", ["a.npz", "x.txt", "runs-1.5", "a.json.gz"])
+def test_an_output_with_another_suffix_is_refused_and_makes_nothing(name: str, tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"ends in \.\w+, and this result is a \.json file; name a file"):
+        output_file(tmp_path / name, "pile", ".json", force=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_may_have_any_name_if_it_exists(tmp_path: Path) -> None:
+    folder = tmp_path / "runs-1.5"
+    folder.mkdir()
+    assert output_file(folder, "pile", ".npz", force=False).parent == folder
+    assert output_file(tmp_path / "new" / "runs", "pile", ".npz", force=False).parent == tmp_path / "new" / "runs"
+    assert output_file(tmp_path / "a.npz", "pile", ".npz", force=False) == tmp_path / "a.npz"

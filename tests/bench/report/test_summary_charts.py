@@ -1,0 +1,51 @@
+"""Charts of a whole run show what its summary table says."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from proxbench.bench import load
+from proxbench.bench.report.summary_charts import success_chart, summary_charts, time_chart
+from proxbench.bench.report.tables import summary_table
+from proxbench.bench.store.outcome import Outcome
+
+
+def rows(chart: Any, field: str) -> list[dict[str, Any]]:
+    """Rows of all data of a chart that have a field, each once."""
+    found = [row for data in chart.to_dict()["datasets"].values() for row in data if field in row]
+    return list({json.dumps(row): row for row in found}.values())
+
+
+def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> None:
+    frames = load(finished_run)
+    means = {(row["solver"], row["accuracy"]): row for row in rows(time_chart(frames), "reached")}
+    for row in summary_table(frames).to_dict("records"):
+        for accuracy in (1e-4, 1e-6):
+            drawn = means[row["solver"], accuracy]
+            assert drawn["milliseconds"] == pytest.approx(1e3 * row[f"mean_time_{accuracy:.0e}"])
+            reached, _, number = drawn["reached"].split()
+            assert int(reached) / int(number) == pytest.approx(row[f"correct_{accuracy:.0e}"])
+
+
+def test_counts_are_what_the_judge_and_the_solver_say(finished_run: Path) -> None:
+    frames = load(finished_run)
+    counts = {(row["solver"], row["tolerance"]): row for row in rows(success_chart(frames), "claimed")}
+    for row in summary_table(frames).to_dict("records"):
+        cell = counts[row["solver"], "1e-4"]
+        assert cell["claimed"] / cell["n"] == pytest.approx(row["success_1e-04"])
+        assert cell["confirmed"] / cell["n"] == pytest.approx(row["correct_1e-04"])
+
+
+def test_who_supports_nothing_is_named(finished_run: Path) -> None:
+    frames = load(finished_run)
+    cases = frames.cases.copy()
+    cases.loc[cases["solver"] == "SORprox", "outcome"] = Outcome.UNSUPPORTED
+    for chart in summary_charts(replace(frames, cases=cases)).values():
+        assert "not shown: SORprox (no supported problem)" in " ".join(chart.to_dict()["title"]["subtitle"])
+
+
+def test_nothing_is_drawn_where_nothing_is_supported(finished_run: Path) -> None:
+    frames = load(finished_run)
+    assert summary_charts(replace(frames, cases=frames.cases.assign(outcome=Outcome.UNSUPPORTED))) == {}

@@ -1,0 +1,122 @@
+"""Tables say what was measured, and nothing that was not."""
+
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from proxbench.bench import load
+from proxbench.bench.report.tables import (
+    duration,
+    print_tables,
+    results_table,
+    summary_table,
+    time_to_accuracy,
+    write_tables,
+)
+from proxbench.bench.store.outcome import Outcome
+from rich.console import Console
+
+
+def points(*rows: tuple[float, float, str]) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
+
+
+def test_time_to_accuracy_is_the_least_time_among_points_that_are_accurate_enough() -> None:
+    frame = points((1e-3, 1.0, "solved"), (1e-5, 3.0, "solved"), (1e-6, 2.0, "time limit"))
+    assert time_to_accuracy(frame, 1e-2) == 1.0
+    assert time_to_accuracy(frame, 1e-4) == 2.0
+    assert np.isnan(time_to_accuracy(frame, 1e-8))
+
+
+def test_wrong_claims_are_never_ranked() -> None:
+    assert np.isnan(time_to_accuracy(points((1e-9, 0.1, "wrong")), 1e-2))
+
+
+def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> None:
+    table = results_table(load(finished_run)).set_index(["problem", "solver"])
+    assert len(table) == 15
+    assert table.loc[("funnel-30", "ClarabelSOCP"), "outcome"] == Outcome.RELAXED
+    assert "convex" in str(table.loc[("funnel-30", "ClarabelSOCP"), "reason"])
+    assert table.loc[("funnel-30", "Misbehaving(lie)"), "outcome"] == Outcome.WRONG
+    assert table.loc[("funnel-30", "Misbehaving(raise)"), "outcome"] == Outcome.CRASHED
+    assert "the plugin gave up" in str(table.loc[("funnel-30", "Misbehaving(raise)"), "reason"])
+    assert table.loc[("hard-counterexample", "SORprox"), "outcome"] == Outcome.OSCILLATING
+
+
+def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run: Path) -> None:
+    table = results_table(load(finished_run)).set_index(["problem", "solver"])
+    assert np.isnan(float(table.loc[("funnel-30", "ClarabelSOCP"), "time_to_1e-02"]))
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "columns", "summed"),
+    [
+        ([1e-1], ["1e-01"], ["1e-01"]),
+        ([2.5e-4, 1e-2], ["1e-02", "2.5e-04"], ["1e-02", "2.5e-04"]),
+        ([1e-2, 1e-4, 1e-6], ["1e-02", "1e-04", "1e-06"], ["1e-04", "1e-06"]),
+        ([10.0**-k for k in range(1, 11)], ["1e-02", "1e-04", "1e-06", "1e-08"], ["1e-04", "1e-06"]),
+        ([10.0**-k for k in range(1, 7)], ["1e-02", "1e-04", "1e-06"], ["1e-04", "1e-06"]),
+        ([0.9, 0.8, 0.7, 0.6, 0.5], ["5e-01"], ["5e-01"]),
+    ],
+)
+def test_columns_are_what_was_asked_for(
+    finished_run: Path, tolerances: list[float], columns: list[str], summed: list[str]
+) -> None:
+    frames = load(finished_run)
+    asked = replace(frames, info={**frames.info, "plan": {**frames.info["plan"], "tolerances": tolerances}})
+    results, summary = results_table(asked), summary_table(asked)
+    assert [key for key in results if key.startswith("time_to_")] == [f"time_to_{tag}" for tag in columns]
+    assert [key for key in summary if key.startswith("correct_")] == [f"correct_{tag}" for tag in summed]
+    shown = StringIO()
+    print_tables(asked, Console(file=shown, width=120))
+    assert all(tag in shown.getvalue() for tag in columns)
+
+
+def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
+    summary = summary_table(load(finished_run)).set_index("solver")
+    assert summary.loc["Misbehaving(lie)", "success_1e-04"] == 1.0
+    assert summary.loc["Misbehaving(lie)", "correct_1e-04"] == 0.0
+    assert summary.loc["Misbehaving(lie)", "wrong"] == 8
+    assert summary.loc["SORprox(relaxation=0.5)", "correct_1e-06"] == pytest.approx(2 / 3)
+
+
+def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:
+    files = write_tables(load(finished_run), tmp_path)
+    assert {file.suffix for file in files} == {".csv", ".parquet", ".md"}
+    from_csv, from_parquet = pd.read_csv(tmp_path / "results.csv"), pd.read_parquet(tmp_path / "results.parquet")
+    assert from_parquet["time_to_1e-04"].dtype == np.float64
+    assert from_csv["residual"].to_numpy() == pytest.approx(from_parquet["residual"].to_numpy(), nan_ok=True)
+
+
+@pytest.mark.parametrize("kept", [Outcome.UNSUPPORTED, "none"])
+def test_a_run_without_a_measured_case_still_has_tables(finished_run: Path, tmp_path: Path, kept: str) -> None:
+    frames = load(finished_run)
+    cases = frames.cases.iloc[:2].assign(outcome=kept) if kept == Outcome.UNSUPPORTED else frames.cases.iloc[:0]
+    bare = replace(frames, cases=cases, points=frames.points.iloc[:0])
+    write_tables(bare, tmp_path)
+    assert set(pd.read_csv(tmp_path / "results.csv").columns) == set(results_table(frames).columns)
+    assert len(pd.read_parquet(tmp_path / "summary.parquet")) == 0
+    text = StringIO()
+    print_tables(bare, Console(file=text, width=100))
+    assert ("unsupported" if len(cases) else "no case") in text.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 100, 120])
+def test_the_printed_table_fits_its_width_and_spells_failures_out(finished_run: Path, width: int) -> None:
+    text = StringIO()
+    print_tables(load(finished_run), Console(file=text, width=width))
+    printed = text.getvalue()
+    assert max(map(len, printed.splitlines())) <= width
+    for words in ("oscillating", "relaxed", "RuntimeError: the plugin gave up", "infeasible", "residual", " wrong"):
+        assert words in printed
+    assert "…" not in printed
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(1.5, "1.5 s"), (0.0031, "3.1 ms"), (4.2e-5, "42 µs"), (float("nan"), "–"), (3e-7, "0.3 µs")]
+)
+def test_times_are_shown_in_engineering_units(seconds: float, text: str) -> None:
+    assert duration(seconds) == text

@@ -1,0 +1,26 @@
+"""The chart of a fixed step says of the simulation what is true of it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.bench.simulation.chart import simulation_chart
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.trajectory import STEP, Simulation
+
+
+@pytest.mark.parametrize(
+    ("residuals", "tolerance", "words"),
+    [
+        ([1e-5, 3e-4, 1.0], 1e-4, "steps solved to 1e-4, 2 missed, by SORprox"),
+        ([1e-5, 1e-5, 1e-5], 2.5e-5, "steps solved to 2.5e-5, 0 missed, by SORprox"),
+    ],
+)
+def test_the_subtitle_counts_the_steps_that_were_missed(residuals: list[float], tolerance: float, words: str) -> None:
+    simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}, tolerance=tolerance))
+    steps = np.zeros(3, dtype=STEP)
+    steps["time"], steps["residual"] = [0.1, 0.2, 0.3], residuals
+    simulation.restore(steps, replace(simulation.state, time=0.3))
+    drawing: dict[str, Any] = simulation_chart(simulation).to_dict()
+    assert drawing["title"]["subtitle"].endswith(words)

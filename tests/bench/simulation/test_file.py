@@ -1,0 +1,149 @@
+"""Result files hold everything, and one that does not is refused in one sentence."""
+
+import json
+import zipfile
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.simulation.file import read_simulation
+from proxbench.bench.simulation.plan import SimulationPlan
+from proxbench.bench.simulation.result_file import READERS
+from proxbench.bench.simulation.run import simulate
+from proxbench.bench.variable.file import read_variable, write_variable
+from proxbench.bench.variable.plan import make_variable_plan
+from proxbench.bench.variable.simulation import VariableSimulation
+from proxbench.problems import load
+from proxbench.problems.catalog.storage import save_problem
+
+Pour = Callable[..., SimulationPlan]
+
+
+@pytest.fixture
+def stored(pour: Pour, tmp_path: Path) -> Path:
+    file = tmp_path / "stored.npz"
+    simulate(pour(150), file)
+    return file
+
+
+def rewritten(file: Path, **changes: Any) -> None:
+    with np.load(file, allow_pickle=False) as arrays:
+        content = {name: arrays[name] for name in arrays.files}
+    content.update(changes)
+    with file.open("wb") as target:
+        np.savez(target, **{name: array for name, array in content.items() if array is not None})
+
+
+def assert_refused(file: Path, words: str) -> None:
+    with pytest.raises(BenchError) as caught:
+        read_simulation(file)
+    assert words in str(caught.value)
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_holds_plan_steps_and_state_without_pickle(pour: Pour, tmp_path: Path) -> None:
+    simulation = simulate(pour(150), tmp_path / "a.npz")
+    again = read_simulation(tmp_path / "a.npz")
+    assert again.plan.document() == simulation.plan.document()
+    assert again.steps.tobytes() == simulation.steps.tobytes()
+    assert again.wall_seconds == simulation.wall_seconds
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        assert archive.testzip() is None
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
+        states = {"times", "marks", "positions", "velocities", "contacts", "keys", "impulses"}
+        assert set(arrays.files) == {"about", "steps", *(f"state_{name}" for name in states)}
+        assert not any(arrays[name].dtype.hasobject for name in arrays.files)
+
+
+def test_a_byte_changed_in_any_array_is_noticed(stored: Path) -> None:
+    content = stored.read_bytes()
+    with zipfile.ZipFile(stored) as archive:
+        places = [entry.header_offset + 30 + len(entry.filename) + entry.file_size for entry in archive.infolist()]
+    for place in places:
+        damaged = bytearray(content)
+        damaged[place] ^= 0x40
+        stored.write_bytes(bytes(damaged))
+        assert_refused(stored, "is damaged")
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+def test_a_file_cut_short_is_noticed(stored: Path, share: float) -> None:
+    content = stored.read_bytes()
+    stored.write_bytes(content[: int(share * len(content))])
+    assert_refused(stored, "is damaged")
+
+
+def test_files_of_others_are_told_apart(tmp_path: Path) -> None:
+    file = tmp_path / "other.npz"
+    for content in (b"", b"hello", b"\x93NUMPY"):
+        file.write_bytes(content)
+        assert_refused(file, "no result file of a simulation")
+    save_problem(load("hard-no-motion"), file)
+    assert_refused(file, "no result file of a simulation")
+    assert_refused(tmp_path / "nowhere.npz", "there is no result file")
+    assert_refused(tmp_path, "is a folder; name a result file in it")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"state_positions": np.zeros(3)},
+        {"state_velocities": None},
+        {"state_keys": np.zeros(1, dtype=np.int64)},
+        {"state_times": np.array([0.0, 5.0])},
+        {"steps": np.zeros(4)},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_arrays_that_do_not_go_together_are_noticed(stored: Path, changes: dict[str, Any]) -> None:
+    rewritten(stored, **changes)
+    assert_refused(stored, "is damaged")
+
+
+def test_a_simulation_with_another_kind_of_step_names_what_reads_it(stored: Path, tmp_path: Path) -> None:
+    variable = tmp_path / "variable.npz"
+    write_variable(VariableSimulation(make_variable_plan("woodpecker")), variable)
+    with pytest.raises(BenchError, match=r"holds a simulation with a variable step; read it with .*\.read_variable"):
+        read_simulation(variable)
+    with pytest.raises(BenchError, match=r"holds a simulation with a fixed step; read it with .*\.read_simulation"):
+        read_variable(stored)
+    for _, reader in READERS.values():
+        module, _, name = reader.rpartition(".")
+        assert callable(getattr(import_module(module), name))
+
+
+def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
+    positions = np.array([state.position for state in read_simulation(stored).states])
+    positions[-1, 0] = np.nan
+    rewritten(stored, state_positions=positions)
+    assert_refused(stored, "is damaged")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"format": 99}, "has format 99"),
+        ({"format": 2}, "has format 2, this version reads format 3; simulate anew"),
+        ({"plan": {"scene": "avalanche"}}, "is damaged"),
+        ({"statuses": []}, "is damaged"),
+    ],
+)
+def test_a_header_of_another_kind_is_named(stored: Path, change: dict[str, Any], words: str) -> None:
+    with np.load(stored) as arrays:
+        about = json.loads(arrays["about"].tobytes())
+    about.update(change)
+    rewritten(stored, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
+    assert_refused(stored, words)
+
+
+def test_a_scene_that_this_version_lacks_is_named(stored: Path) -> None:
+    with np.load(stored) as arrays:
+        about = json.loads(arrays["about"].tobytes())
+    about["plan"]["scene"] = "avalanche"
+    rewritten(stored, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
+    assert_refused(stored, "there is no scene 'avalanche'")

@@ -1,0 +1,63 @@
+"""Plans are checked before anything starts, and a resumed one must not be contradicted."""
+
+from collections.abc import Callable
+
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.simulation.plan import SimulationPlan, check_agreement, make_simulation_plan
+from proxbench.problems import ProxbenchError
+
+Pour = Callable[..., SimulationPlan]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({"step_size": 0.0}, "step_size must be positive"),
+        ({"step_size": float("nan")}, "step_size must be positive"),
+        ({"duration": -1.0}, "duration must be positive"),
+        ({"duration": float("inf")}, "duration must be positive and finite, got inf s"),
+        ({"step_size": 0.2, "duration": 0.1}, "must not be longer than the duration"),
+        ({"tolerance": 1.0}, "between 0 and 1"),
+        ({"tolerance": float("nan")}, "between 0 and 1"),
+        ({"max_iterations": 0}, "max_iterations"),
+        ({"solver": "SORprx"}, "'SORprox'"),
+    ],
+)
+def test_a_number_out_of_range_is_named(numbers: dict[str, float], words: str) -> None:
+    with pytest.raises(ProxbenchError, match=words):
+        make_simulation_plan("pile", {"balls": 2}, **numbers)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("duration", "step_size", "steps"), [(0.3, 1e-4, 3000), (0.7, 1e-4, 7000), (1.0, 0.3, 4), (0.1, 0.1, 1)]
+)
+def test_the_last_step_reaches_the_end_of_the_duration(duration: float, step_size: float, steps: int) -> None:
+    assert make_simulation_plan("woodpecker", duration=duration, step_size=step_size).n_steps == steps
+
+
+def test_a_plan_made_again_from_its_document_is_the_same(pour: Pour) -> None:
+    document = pour(options={"friction": None, "drag": 0.1}, solver="SORprox(relaxation=1.2)").document()
+    assert make_simulation_plan(**document).document() == document
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"scene": "funnel"}, "scene funnel contradicts old.npz, which has scene pile"),
+        ({"friction": 0.4}, "friction 0.4 contradicts old.npz, which has friction 0.3"),
+        ({"friction": None}, "friction off contradicts"),
+        ({"balls": 31}, "balls 31 contradicts"),
+        ({"outlet": 3.0}, "which has no outlet"),
+    ],
+)
+def test_what_contradicts_a_stored_plan_is_named(pour: Pour, given: dict[str, object], words: str) -> None:
+    with pytest.raises(BenchError) as caught:
+        check_agreement(pour(), given, "old.npz")
+    assert words in str(caught.value)
+    assert str(caught.value).count(". ") == 0
+
+
+def test_what_agrees_with_a_stored_plan_may_be_said_again(pour: Pour) -> None:
+    plan = pour()
+    check_agreement(plan, {"scene": "pile", "balls": 30, "friction": 0.3}, "old.npz")

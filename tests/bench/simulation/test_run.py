@@ -1,0 +1,225 @@
+"""Simulations take the stepper's steps, are judged by the judge, and go on in the same bits after an interruption."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from proxbench.bench.errors import BenchError, FailedSimulationError
+from proxbench.bench.simulation.file import read_simulation
+from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
+from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.bench.simulation.trajectory import STEP, Ending, Simulation
+from proxbench.problems import ContactProblem, Model, judge
+from proxbench.problems.stepping.moreau import Step
+from proxbench.solvers import Solution, Status, Stop, create
+
+Pour = Callable[..., SimulationPlan]
+TIMELESS = [name for name in STEP.names or () if name != "seconds"]
+
+
+def assert_same_bits(one: Simulation, other: Simulation) -> None:
+    for name in TIMELESS:
+        assert one.steps[name].tobytes() == other.steps[name].tobytes(), name
+    for name in ("position", "velocity", "keys", "impulses"):
+        assert getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes(), name
+    assert one.state.time == other.state.time
+    assert [state.time for state in one.states] == [state.time for state in other.states]
+    for mine, its in zip(one.states, other.states, strict=True):
+        for name in ("position", "velocity", "keys", "impulses"):
+            assert getattr(mine, name).tobytes() == getattr(its, name).tobytes(), name
+
+
+def stop_after(steps: int) -> Callable[[], bool]:
+    asked = iter(range(steps + 1))
+    return lambda: next(asked) == steps
+
+
+@pytest.mark.parametrize("scene", ["pile", "woodpecker"])
+def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: str, tmp_path: Path) -> None:
+    numbers: dict[str, Any] = {"options": {"balls": 30}, "step_size": 1e-3} if scene == "pile" else {"step_size": 1e-4}
+    plan = make_simulation_plan(scene, duration=200 * numbers["step_size"], states=7, **numbers)
+    whole = simulate(plan)
+    assert whole.n_steps == 200
+    assert whole.steps["contacts"][120:].any()
+    part = simulate(plan, tmp_path / "part.npz", stop_asked=stop_after(120))
+    assert (part.n_steps, part.is_finished) == (120, False)
+    resumed = resume_simulation(tmp_path / "part.npz")
+    assert resumed.is_finished
+    assert_same_bits(resumed, whole)
+    assert_same_bits(read_simulation(tmp_path / "part.npz"), whole)
+
+
+def test_without_the_stored_impulses_the_bits_would_differ(pour: Pour, tmp_path: Path) -> None:
+    """The comparison above can fail: the warm start is part of the state."""
+    whole = simulate(pour())
+    part = simulate(pour(), stop_asked=stop_after(160))
+    assert len(part.state.keys)
+    cold = Simulation(pour())
+    cold.restore(part.steps, type(part.state)(part.state.time, part.state.position, part.state.velocity))
+    stepper = cold.plan.stepper()
+    assert stepper.step(cold.state).state.velocity.tobytes() != stepper.step(part.state).state.velocity.tobytes()
+    assert whole.n_steps == 200
+
+
+def test_a_simulation_takes_the_steps_of_the_bare_stepper(pour: Pour) -> None:
+    plan, seen = pour(), list[tuple[int, Step]]()
+    simulation = simulate(plan, on_step=[lambda number, step: seen.append((number, step))])
+    bare = list(plan.stepper().steps(plan.scene.start, 200))
+    assert [number for number, _ in seen] == list(range(1, 201))
+    for row, (_, step), expected in zip(simulation.steps, seen, bare, strict=True):
+        assert step.state.velocity.tobytes() == expected.state.velocity.tobytes()
+        assert row["contacts"] == (0 if step.contacts is None else len(step.contacts.keys))
+        if step.problem is not None:
+            assert row["residual"] == pytest.approx(judge(step.problem, step.impulses).residual, rel=1e-6, abs=1e-13)
+
+
+def test_steps_are_numbered_on_after_resuming(pour: Pour, tmp_path: Path) -> None:
+    seen: list[int] = []
+    simulate(pour(), tmp_path / "a.npz", stop_asked=stop_after(5))
+    resume_simulation(tmp_path / "a.npz", stop_asked=stop_after(2), on_step=[lambda number, step: seen.append(number)])
+    assert seen == [6, 7]
+
+
+def test_a_finished_simulation_can_be_prolonged_but_not_shortened(pour: Pour, tmp_path: Path) -> None:
+    simulate(pour(120), tmp_path / "a.npz")
+    with pytest.raises(BenchError, match="past the duration"):
+        resume_simulation(tmp_path / "a.npz", duration=0.1)
+    assert_same_bits(resume_simulation(tmp_path / "a.npz", duration=0.2), simulate(pour(200)))
+
+
+def test_steps_that_miss_the_tolerance_are_counted(pour: Pour) -> None:
+    simulation = simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10))
+    assert simulation.unsolved.any()
+    assert not simulation.refuted.any()
+    limit = simulation.statuses.index("iteration limit")
+    assert set(simulation.steps["status"][simulation.unsolved]) == {limit}
+
+
+WELL = 8
+
+
+@dataclass(frozen=True)
+class Misled:
+    """A solver that goes wrong from its eighth problem on, in one of several ways."""
+
+    how: str
+    calls: list[int]
+    name: str = "Misled"
+    model: ClassVar[Model] = Model.COULOMB
+    has_iterates: ClassVar[bool] = False
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return "this is too many" if self.how == "decline" and len(self.calls) >= WELL - 1 else None
+
+    def prepare(self, problem: ContactProblem) -> "Misled":
+        self.calls.append(problem.n_rows)
+        return self
+
+    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
+        rows = self.calls[-1]
+        if len(self.calls) >= WELL and self.how == "raise":
+            raise ZeroDivisionError("oh\nno")
+        if len(self.calls) >= WELL and self.how == "exit":
+            raise SystemExit(7)
+        wrong = np.nan if len(self.calls) >= WELL and self.how == "nan" else 0.0
+        return Solution(np.full(rows, wrong), Status.SOLVED, 1)
+
+
+def test_a_claim_that_the_judge_refutes_is_counted_as_unsolved(pour: Pour) -> None:
+    simulation = simulate(pour(solver=Misled("lie", [])))
+    assert simulation.refuted.any()
+    assert (simulation.refuted == simulation.unsolved).all()
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("raise", "ZeroDivisionError: oh no"),
+        ("exit", "SystemExit: 7"),
+        ("nan", "no longer finite"),
+        ("decline", "this is too many"),
+    ],
+)
+def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
+    pour: Pour, tmp_path: Path, how: str, words: str
+) -> None:
+    file = tmp_path / "a.npz"
+    with pytest.raises(FailedSimulationError) as caught:
+        simulate(pour(solver=Misled(how, [])), file)
+    kept = read_simulation(file, Misled(how, []))
+    message = str(caught.value)
+    assert words in message
+    assert f"step {kept.n_steps + 1}, from t = {kept.state.time:.6g} s, failed with Misled" in message
+    assert str(file) in message
+    assert "\n" not in message
+    assert 0 < (kept.steps["contacts"] > 0).sum() < WELL
+    assert kept.ending is Ending.FAILED
+    assert kept.failure is not None
+    assert words in kept.failure.reason
+    assert np.isfinite(kept.state.velocity).all()
+
+
+def test_another_solver_goes_on_from_where_the_first_one_was_stopped(pour: Pour, tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    simulate(pour(), file, stop_asked=iter([False] * 20 + [True]).__next__)
+    resumed = resume_simulation(file, {"solver": "SORprox", "tolerance": 1e-6, "max_iterations": 9000})
+    assert resumed.is_finished
+    stored = read_simulation(file)
+    assert (stored.plan.solver.name, stored.plan.tolerance, stored.plan.max_iterations) == ("SORprox", 1e-6, 9000)
+    assert (stored.steps["residual"][21:] <= 1.1e-6).all()
+
+
+def test_an_interruption_in_a_recorder_leaves_whole_steps_in_the_file(pour: Pour, tmp_path: Path) -> None:
+    def interrupt(number: int, step: Step) -> None:
+        if number == 7:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate(pour(), tmp_path / "a.npz", on_step=[interrupt])
+    assert read_simulation(tmp_path / "a.npz").n_steps == 7
+    assert_same_bits(resume_simulation(tmp_path / "a.npz"), simulate(pour()))
+
+
+def test_the_file_is_written_at_intervals(pour: Pour, tmp_path: Path) -> None:
+    seen: list[int] = []
+    file = tmp_path / "a.npz"
+    simulate(
+        pour(5),
+        file,
+        checkpoint_seconds=0.0,
+        on_progress=lambda simulation: seen.append(read_simulation(file).n_steps),
+    )
+    assert seen == [1, 2, 3, 4, 5]
+
+
+def test_an_output_that_exists_is_replaced_by_force_alone(pour: Pour, tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    file.write_bytes(b"precious")
+    with pytest.raises(BenchError, match="exists already"):
+        simulate(pour(3), file)
+    assert file.read_bytes() == b"precious"
+    assert simulate(pour(3), file, force=True).file == file
+    assert read_simulation(file).n_steps == 3
+
+
+def test_a_folder_gets_a_file_named_after_the_scene(pour: Pour, tmp_path: Path) -> None:
+    simulation = simulate(pour(1), tmp_path / "new" / "folder")
+    assert simulation.file is not None
+    assert simulation.file.parent == tmp_path / "new" / "folder"
+    assert simulation.file.name.startswith("pile-")
+    assert [file.name for file in simulation.file.parent.iterdir()] == [simulation.file.name]
+
+
+@pytest.mark.parametrize(
+    "solver", ["SORprox", "SORprox(form='factors')", "JORprox(relaxation=0.3)", "ClarabelCoulomb", "CvxpyCoulomb"]
+)
+def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None:
+    state = simulate(pour(160)).state
+    plan = pour()
+    problem = plan.stepper().step(state).problem
+    assert problem is not None
+    solution = create(solver).prepare(problem).solve(Stop(1e-4, 2000, float("inf")))
+    assert solution.status is Status.SOLVED

@@ -1,0 +1,155 @@
+"""A result file alone gives table, chart and recording; one whose step failed says so, and loses nothing."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.recordings.replay import step_to
+from proxbench.bench.simulation.asking import Asked
+from proxbench.bench.simulation.file import read_simulation
+from proxbench.problems.stepping.moreau import Moreau, State
+from proxbench.solvers import Solution, Status, Stop, create
+
+FIXED = "simulate pile --balls 20 --duration 0.16 --step-size 1e-3 --no-progress --states 20"
+VARIABLE = "simulate woodpecker --start cycle --duration 0.02 --no-progress"
+both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variable"])
+
+
+class Broken:
+    """A prepared solver whose impulses are no numbers."""
+
+    def __init__(self, rows: int) -> None:
+        self._rows = rows
+
+    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
+        return Solution(np.full(self._rows, np.nan), Status.SOLVED, 1)
+
+
+@pytest.fixture(params=["raises", "exits", "nan"])
+def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Let every solver fail from its fortieth problem on."""
+    prepare, calls = Asked.prepare, []
+
+    def fail(asked: Asked, problem: Any) -> Any:
+        calls.append(problem)
+        if len(calls) < 40:
+            return prepare(asked, problem)
+        if request.param == "nan":
+            return Broken(problem.n_rows)
+        raise RuntimeError("no more") if request.param == "raises" else SystemExit(3)
+
+    monkeypatch.setattr(Asked, "prepare", fail)
+    return monkeypatch
+
+
+@both
+def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solver(
+    line: str, failing: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file, film, chart = tmp_path / "a.npz", tmp_path / "a.rrd", tmp_path / "a.svg"
+    assert run_command([*line.split(), "--output", f"{file}", "--record", f"{film}", "--chart", f"{chart}"]) == 1
+    printed = capsys.readouterr()
+    assert "total  " in printed.out
+    assert "failed with SORprox" in printed.out
+    assert printed.err.count("\n") == 1
+    assert ", from t = " in printed.err
+    assert f"proxbench simulate --resume {file} --solver" in printed.err
+    assert film.is_file()
+    assert chart.is_file()
+    assert run_command(["report", str(file)]) == 1
+    again = capsys.readouterr()
+    assert again == printed
+    assert run_command(["report", str(file), "--json"]) == 1
+    assert "failed with SORprox" in json.loads(capsys.readouterr().out)["summary"]["failure"]
+    failing.undo()
+    films = film.read_bytes()
+    assert run_command(f"simulate --resume {file} --solver SORprox(relaxation=0.9) --no-progress".split()) == 0
+    assert "failed" not in capsys.readouterr().out
+    assert film.read_bytes() != films
+    assert run_command(["report", str(file)]) == 0
+
+
+@both
+def test_a_report_prints_what_the_simulation_printed(
+    line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run_command([*line.split(), "--output", f"{tmp_path}/a.npz"]) == 0
+    printed = capsys.readouterr().out
+    assert run_command(["report", f"{tmp_path}/a.npz"]) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_a_report_of_steps_that_are_not_solved_is_a_failure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    line = [*FIXED.split(), "--max-iterations", "1", "--tolerance", "1e-10", "--output", f"{tmp_path}/a.npz"]
+    assert run_command(line) == 1
+    assert run_command(["report", f"{tmp_path}/a.npz"]) == 1
+    assert "not solved to 1e-10" in capsys.readouterr().out
+
+
+@both
+def test_a_recording_is_made_of_the_result_alone(line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    assert run_command([*line.split(), "--output", str(file)]) == 0
+    assert run_command(["record", str(file)]) == 0
+    assert f"rerun {tmp_path}/a.rrd" in capsys.readouterr().out
+    assert run_command(["record", str(file)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert run_command(["record", str(file), "--force", "--output", f"{tmp_path}/b.rrd"]) == 0
+    assert {"a.rrd", "b.rrd"} <= {path.name for path in tmp_path.iterdir()}
+    assert run_command(["record", str(file), "--solver", "SORprox", "--force"]) == 2
+    assert "leave --solver out" in capsys.readouterr().err
+
+
+def test_a_recording_has_curves_of_all_steps_and_bodies_where_states_are_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rerun.chunk import RrdReader
+
+    assert run_command([*FIXED.split(), "--output", f"{tmp_path}/a.npz", "--record", f"{tmp_path}/a.rrd"]) == 0
+    drawn: dict[str, set[int]] = {}
+    for chunk in RrdReader(tmp_path / "a.rrd").stream():
+        batch = chunk.to_record_batch().to_pydict()
+        drawn.setdefault(chunk.entity_path, set()).update(batch.get("step", []))
+    simulation = read_simulation(tmp_path / "a.npz")
+    numbers = {round(state.time / 1e-3) for state in simulation.states}
+    assert drawn["/scene/bodies/0"] == numbers
+    assert drawn["/curves/iterations"] == set(range(simulation.n_steps + 1))
+    assert drawn["/curves/contacts/stick"] == numbers
+
+
+def test_the_step_that_led_to_a_state_has_its_contacts_and_impulses(pour: Callable[..., Any]) -> None:
+    plan = pour(160)
+    stepper = Moreau(plan.scene.system, create("SORprox"), Stop(1e-6, 5000), plan.step_size)
+    *_, last = stepper.steps(plan.scene.start, 160)
+    assert last.contacts is not None
+    again = step_to(plan.scene.system, last.state, plan.step_size)
+    assert again.contacts is not None
+    np.testing.assert_array_equal(again.contacts.keys, last.contacts.keys)
+    np.testing.assert_array_equal(again.impulses, last.impulses)
+    np.testing.assert_allclose(again.contacts.gap, last.contacts.gap, atol=1e-12)
+    forces = State(last.state.time, last.state.position, last.state.velocity, last.state.keys, last.state.impulses / 5)
+    np.testing.assert_allclose(step_to(plan.scene.system, forces, plan.step_size, 5.0).impulses, last.impulses)
+
+
+@pytest.mark.parametrize("line", ["report none.npz", "record none.npz"])
+def test_a_result_that_is_missing_is_named(
+    line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_command(line.split()) == 2
+    assert "there is no result file none.npz" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_keeps_no_states_and_an_odd_number_of_them_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run_command(f"simulate woodpecker --study --states 5 --output {tmp_path}".split()) == 2
+    assert "leave --states out" in capsys.readouterr().err
+    for scene in ("pile", "woodpecker"):
+        assert run_command(f"simulate {scene} --states 0 --output {tmp_path}".split()) == 2
+        assert "states must be at least 1, got 0" in capsys.readouterr().err

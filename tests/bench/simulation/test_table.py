@@ -1,0 +1,138 @@
+"""The table gathers steps by simulated time, and never hides a step that is not solved."""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from proxbench.bench.simulation.live import LiveSummary
+from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
+from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.table import document, print_simulation, summary, windows
+from proxbench.bench.simulation.trajectory import STEP, Simulation
+from rich.console import Console
+
+Pour = Callable[..., SimulationPlan]
+
+
+def printed(simulation: Simulation, width: int = 80) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    print_simulation(simulation, console)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert isinstance(text, str)
+    return text
+
+
+def made(times: np.ndarray, **columns: object) -> Simulation:
+    """A simulation of the funnel whose steps end at ``times``, with chosen columns."""
+    simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}, tolerance=1e-4))
+    steps = np.zeros(len(times), dtype=STEP)
+    steps["time"] = times
+    for name, values in columns.items():
+        steps[name] = values
+    simulation.restore(steps, replace(simulation.state, time=float(times[-1])))
+    return simulation
+
+
+def test_a_row_is_a_tenth_of_a_second_whatever_rounding_does_to_its_border() -> None:
+    times = np.cumsum(np.full(3000, 1e-4))  # the border 0.1 is met as 0.10000000000000184
+    rows = list(windows(made(times, contacts=np.arange(3000))))
+    assert [row.steps for row in rows] == [1000, 1000, 1000]
+    assert [row.contacts for row in rows] == [499.5, 1499.5, 2499.5]
+
+
+def test_steps_longer_than_a_row_get_a_row_each_and_no_empty_ones() -> None:
+    assert [row.time for row in windows(made(np.array([0.25, 0.5, 0.75])))] == [0.25, 0.5, 0.75]
+
+
+def test_a_row_shows_means_of_costs_and_the_worst_of_errors() -> None:
+    times = np.array([0.02, 0.04, 0.06])
+    simulation = made(
+        times,
+        iterations=[1, 2, 6],
+        seconds=[0.001, 0.002, 0.003],
+        residual=[1e-5, 3e-4, 1e-6],
+        penetration=[0.1, 0.3, 0.2],
+        kinetic_energy=[1.0, 2.0, 3.0],
+        potential_energy=[5.0, 5.0, 5.0],
+        balls_through=[0, 1, 4],
+    )
+    (row,) = windows(simulation)
+    assert (row.iterations, row.step_milliseconds) == (3.0, pytest.approx(2.0))
+    assert (row.residual, row.penetration, row.unsolved) == (3e-4, 0.3, 1)
+    assert (row.energy, row.balls_through) == (8.0, 4)
+
+
+def test_unsolved_steps_are_told_with_their_number_the_worst_one_and_what_the_solver_says(pour: Pour) -> None:
+    simulation = simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10))
+    text = printed(simulation)
+    count = int(simulation.unsolved.sum())
+    assert f"{count} of 200 steps are not solved to 1e-10" in text
+    assert f"the solver says: iteration limit, {count} times" in text
+    assert "every step is solved" not in text
+    assert "every step is solved to 1e-04, by the judge" in printed(simulate(pour()))
+
+
+def test_a_single_step_is_told_in_the_singular() -> None:
+    text = printed(made(np.array([0.1, 0.2]), residual=[1e-3, 0.0]))
+    assert "1 of 2 steps is not solved to 1e-04" in text
+    assert "no contact, 1 time\n" in text
+    assert "1 of 1 step is not solved" in printed(made(np.array([0.1]), residual=1e-3))
+
+
+def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
+    text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
+    assert "of another law: it solves the convex model, not Coulomb friction" in text
+    assert "another law" not in printed(simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10)))
+
+
+def test_a_residual_that_is_not_finite_counts_as_unsolved_and_stays_json() -> None:
+    simulation = made(np.array([0.1, 0.2]), residual=[np.inf, np.nan])
+    assert simulation.unsolved.tolist() == [True, True]
+    assert "2 of 2 steps are not solved" in printed(simulation)
+    json.dumps(document(simulation), allow_nan=False)
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_no_head_and_no_number_is_cut(width: int) -> None:
+    times = 0.1 * np.arange(1, 12)
+    big = made(
+        times,
+        contacts=12345,
+        iterations=2000,
+        seconds=123.4,
+        residual=3e-4,
+        penetration=0.1234,
+        kinetic_energy=-1.2345e-4,
+        balls_through=1000,
+    )
+    text = printed(big, width)
+    assert "…" not in text
+    assert "t [s]" in text
+    assert max(len(line) for line in text.splitlines()) <= width
+
+
+def test_the_summary_relates_wall_time_to_simulated_time() -> None:
+    simulation = made(np.array([1.0, 2.0]))
+    simulation.wall_seconds = 3.0
+    assert summary(simulation)["wall_per_simulated_second"] == pytest.approx(1.5)
+
+
+def test_the_live_summary_fits_and_says_how_far_it_is(pour: Pour) -> None:
+    console = Console(file=io.StringIO(), width=80, force_terminal=True)
+    with LiveSummary(console) as live:
+        live._interval = 0.0
+        simulate(pour(150, solver="SORprox", max_iterations=1, tolerance=1e-10), on_progress=live)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    for word in ("of 0.15 s", "steps/s", "contacts", "iterations", "residual", "energy", "unsolved"):
+        assert word in text
+    assert "…" not in text
+
+
+def test_a_hidden_live_summary_writes_nothing(pour: Pour) -> None:
+    console = Console(file=io.StringIO(), width=80, force_terminal=True)
+    with LiveSummary(console, hidden=True) as live:
+        simulate(pour(5), on_progress=live)
+    assert console.file.getvalue() == ""  # type: ignore[attr-defined]

@@ -1,0 +1,145 @@
+"""Results survive what happens to files, and damage is noticed."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from proxbench.bench.errors import BenchError
+from proxbench.bench.store.store import Store, plain_name
+
+CASE = {
+    "problem": "a/../b",
+    "digest": "0",
+    "solver": "S(x='y')",
+    "model": "Coulomb",
+    "has_iterates": True,
+    "n_rows": 3,
+    "n_contacts": 1,
+    "outcome": "crashed",
+    "reason": "",
+    "traceback": "",
+    "stderr": "",
+    "wall_seconds": 0.1,
+    "peak_memory_bytes": 1,
+    "curve": {"iteration": [], "residual": []},
+    "points": [],
+    "value": 1.5,
+    "infinite": float("inf"),
+}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store.create(tmp_path / "run")
+
+
+def only_case(store: Store) -> Path:
+    (file,) = (store.folder / "cases").iterdir()
+    return file
+
+
+def test_a_case_is_read_back_and_infinity_becomes_null(store: Store) -> None:
+    store.write_case(CASE)
+    cases, damaged = store.read_cases()
+    assert cases == [{**CASE, "infinite": None}]
+    assert damaged == []
+
+
+def test_names_cannot_leave_the_folder(store: Store) -> None:
+    store.write_case(CASE)
+    assert only_case(store).parent == store.folder / "cases"
+
+
+def test_names_that_look_alike_in_a_file_name_stay_apart(store: Store) -> None:
+    store.write_case({**CASE, "solver": "S(x=1)"})
+    store.write_case({**CASE, "solver": "S[x=1]"})
+    assert len(store.read_cases()[0]) == 2
+
+
+@pytest.mark.parametrize("position", [0.1, 0.5, 0.9])
+def test_truncation_and_every_flipped_bit_are_noticed(store: Store, position: float) -> None:
+    store.write_case(CASE)
+    file = only_case(store)
+    whole = file.read_bytes()
+    at = int(position * len(whole))
+    for damaged in (whole[:at], whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]):
+        file.write_bytes(damaged)
+        cases, sentences = store.read_cases()
+        assert cases == []
+        assert len(sentences) == 1
+        assert file.name in sentences[0]
+
+
+def test_another_format_is_noticed(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("proxbench.bench.store.store.FORMAT", 99)
+    store.write_case(CASE)
+    monkeypatch.undo()
+    assert "format" in store.read_cases()[1][0]
+
+
+def test_one_case_damaged_leaves_the_others(store: Store) -> None:
+    store.write_case(CASE)
+    only_case(store).write_text("{")
+    store.write_case({**CASE, "problem": "other"})
+    cases, damaged = store.read_cases()
+    assert [case["problem"] for case in cases] == ["other"]
+    assert len(damaged) == 1
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_no_stray_one(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.write_case(CASE)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(BenchError, match="No space left"):
+        store.write_case({**CASE, "value": 2.5})
+    assert store.read_cases()[0][0]["value"] == 1.5
+    assert len(list((store.folder / "cases").iterdir())) == 1
+
+
+def test_an_existing_run_is_not_overwritten(store: Store) -> None:
+    store.write_info({"run_id": "run"})
+    with pytest.raises(BenchError, match="exists already"):
+        Store.create(store.folder)
+
+
+def test_a_folder_in_which_a_run_was_killed_before_it_began_is_taken(store: Store) -> None:
+    (store.folder / ".run.json-x.part").write_text("{")
+    with Store.create(store.folder).alone():
+        assert [entry.name for entry in store.folder.iterdir()] == ["cases"]
+
+
+def test_two_writers_are_kept_apart(store: Store) -> None:
+    with store.alone(), pytest.raises(BenchError, match="another process is writing"), store.alone():
+        pass
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BenchError, match="cannot write"):
+        Store.create(tmp_path / "file" / "run")
+
+
+def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"no stored run"):
+        Store.open(tmp_path)
+
+
+def test_files_are_plain_json(store: Store) -> None:
+    store.write_case(CASE)
+    assert json.loads(only_case(store).read_text())["problem"] == "a/../b"
+
+
+@given(first=st.text(max_size=90), second=st.text(max_size=90))
+def test_plain_names_are_short_safe_and_different(first: str, second: str) -> None:
+    plain = plain_name(first)
+    assert re.fullmatch(r"[A-Za-z0-9._-]{0,60}", plain)
+    assert not plain.startswith(".")
+    assert (plain == plain_name(second)) == (first == second)

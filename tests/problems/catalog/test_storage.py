@@ -1,0 +1,79 @@
+"""Problem files: what is written is what is read, and damage is noticed."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, ProblemError, load
+from proxbench.problems.catalog.storage import problem_bytes, read_problem, save_problem
+from proxbench.problems.hard import HARD_CASES
+
+
+@pytest.mark.parametrize("name", [*HARD_CASES, "funnel-100", "woodpecker-beak-impact"])
+def test_every_number_survives_the_file(name: str, tmp_path: Path) -> None:
+    problem = load(name)
+    save_problem(problem, tmp_path / "p.npz")
+    read = read_problem(tmp_path / "p.npz")
+    assert read.digest == problem.digest
+    assert (read.name, dict(read.provenance)) == (problem.name, dict(problem.provenance))
+    assert (read.answer is None) == (problem.answer is None)
+    if problem.answer is not None and read.answer is not None:
+        for field in dataclasses.fields(problem.answer):
+            known, again = getattr(problem.answer, field.name), getattr(read.answer, field.name)
+            assert np.array_equal(known, again) if known is not None else again is None
+
+
+def test_the_free_motion_survives_the_file(tmp_path: Path) -> None:
+    problem = load("funnel-100")
+    save_problem(problem, tmp_path / "p.npz")
+    read = read_problem(tmp_path / "p.npz")
+    assert read.factors is not None
+    assert problem.factors is not None
+    assert np.array_equal(read.factors.free_motion, problem.factors.free_motion)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.98])
+def test_truncation_is_noticed_in_one_sentence(part: float, tmp_path: Path) -> None:
+    whole = problem_bytes(load("hard-groove"))
+    (tmp_path / "p.npz").write_bytes(whole[: int(part * len(whole))])
+    with pytest.raises(ProblemError, match=r"p.npz is damaged") as caught:
+        read_problem(tmp_path / "p.npz")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_with_other_numbers_than_its_digest_is_refused(tmp_path: Path) -> None:
+    save_problem(load("hard-groove"), tmp_path / "p.npz")
+    with np.load(tmp_path / "p.npz") as arrays:
+        content = dict(arrays)
+    np.savez(tmp_path / "p.npz", **{**content, "c": content["c"] * 2.0})
+    with pytest.raises(ProblemError, match="does not match its digest"):
+        read_problem(tmp_path / "p.npz")
+
+
+def test_pickled_objects_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", about=np.array([{"format": 1}], dtype=object))
+    with pytest.raises(ProblemError, match="damaged or no problem file"):
+        read_problem(tmp_path / "p.npz")
+
+
+def test_missing_files_and_unwritable_folders_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="no problem file"):
+        read_problem(tmp_path / "none.npz")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ProblemError, match="cannot write"):
+        save_problem(load("hard-groove"), tmp_path / "file" / "p.npz")
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_stray_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    save_problem(load("hard-groove"), tmp_path / "p.npz")
+    before = (tmp_path / "p.npz").read_bytes()
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", fail)
+    with pytest.raises(ProblemError, match="No space left"):
+        save_problem(ContactProblem.from_delassus(np.eye(1), (1.0,), dim=1), tmp_path / "p.npz")
+    assert (tmp_path / "p.npz").read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1

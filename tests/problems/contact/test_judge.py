@@ -1,0 +1,235 @@
+"""The judge: exact on cases by hand, zero at solutions, and the same in every description of the same contact."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
+from proxbench.problems.contact.judge import ModelResidual
+
+MIXED = Laws(
+    np.array([0, 0, 1, 0, 2, 1, 2]),
+    np.array([0, 1, 2, 3, 4, 6, 7]),
+    np.array([0, 0, 0.5, 0, 0.4, 0, 0]),
+    np.array([0, 0, 0.0, 0, 0.1, 0.3, 0.2]),
+    np.array([-1, -1, 1, -1, 3, -1, -1]),
+)
+
+
+def one_contact(c: tuple[float, float, float], alpha: float = 2.0) -> ContactProblem:
+    return ContactProblem.from_delassus(alpha * np.eye(3), c, 0.5)
+
+
+def complementary(seed: int) -> tuple[ContactProblem, np.ndarray]:
+    """Λ and ξ chosen complementary for every law of MIXED, then c = ξ − GΛ with a random singular G."""
+    rng = np.random.default_rng(seed)
+    impulses, velocity = np.zeros(9), np.zeros(9)
+    for law in range(MIXED.n_laws):
+        row, kind = MIXED.first_row[law], MIXED.kind[law]
+        if kind == 0:
+            (impulses if rng.random() < 0.6 else velocity)[row] = rng.uniform(0.1, 2.0)
+            continue
+        partner = MIXED.partner[law]
+        bound = MIXED.fixed_bound[law]
+        if partner >= 0:
+            bound += MIXED.friction_coefficient[law] * impulses[MIXED.first_row[partner]]
+        size = 2 if kind == 2 else 1
+        direction = rng.normal(size=size)
+        direction /= np.linalg.norm(direction)
+        if rng.random() < 0.5:
+            impulses[row : row + size] = bound * direction
+            velocity[row : row + size] = -rng.uniform(0.1, 2.0) * direction
+        else:
+            impulses[row : row + size] = rng.uniform(0.0, 0.95) * bound * direction
+    root = rng.normal(size=(6, 9))
+    delassus = root.T @ root
+    return ContactProblem.from_delassus(delassus, velocity - delassus @ impulses, laws=MIXED), impulses
+
+
+@pytest.mark.parametrize(
+    ("c", "impulses", "violation"),
+    [
+        ((-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0),  # approaching, nothing pushes: ξ_N = −1
+        ((-1.0, 0.0, 0.0), (0.5, 0.0, 0.0), 0.0),  # Λ_N = 1/α stops it
+        ((-1.0, 0.0, 0.0), (0.6, 0.0, 0.0), 0.2),  # pushed away at ξ_N = 0.2 < αΛ_N
+        ((1.0, 0.0, 0.0), (-0.1, 0.0, 0.0), 0.2),  # pulling: α|Λ_N|
+        ((-1.0, 2.0, 0.0), (0.5, -0.25, 0.0), 0.0),  # sliding against Λ_T = −μΛ_N
+        ((-1.0, 2.0, 0.0), (0.5, 0.25, 0.0), 1.0),  # friction drives: R = 2 · 0.25, times α
+        ((-1.0, 2.0, 0.0), (0.5, -0.35, 0.0), 0.2),  # outside the cone by 0.1, times α
+        ((-1.0, 0.4, 0.0), (0.5, -0.2, 0.0), 0.0),  # sticking inside the cone
+        ((-1.0, 0.4, 0.0), (0.5, -0.1, 0.0), 0.2),  # slides with ξ_T = 0.2 although the bound is not reached
+        ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.25), 0.0),  # the second tangent is as good as the first
+    ],
+)
+def test_one_contact_by_hand(c: tuple[float, float, float], impulses: tuple[float, ...], violation: float) -> None:
+    expected = violation / max(abs(x) for x in c)
+    assert judge(one_contact(c), impulses).residual == pytest.approx(expected, abs=1e-15)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31))
+def test_complementary_impulses_have_no_residual(seed: int) -> None:
+    problem, impulses = complementary(seed)
+    verdict = judge(problem, impulses)
+    assert verdict.residual <= 1e-12
+    assert verdict.natural_map_max <= 1e-12
+    assert verdict.cone_violation <= 1e-12
+    assert verdict.complementarity <= 1e-11
+    assert verdict.penetration_velocity <= 1e-11
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**31))
+def test_units_contacts_order_and_tangent_frame_do_not_matter(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = 5
+    directions, c, friction = rng.normal(size=(9, 3 * n)), rng.normal(size=3 * n), rng.uniform(0, 1, n)
+    impulses = rng.normal(size=3 * n)
+    plain = judge(ContactProblem.from_factors(directions, np.ones(9), c, friction), impulses).residual
+    mass, speed = 10.0 ** rng.uniform(-6, 6, 2)
+    units = ContactProblem.from_factors(directions, np.ones(9) / mass, speed * c, friction)
+    assert judge(units, mass * speed * impulses).residual == pytest.approx(plain, rel=1e-9)
+    order = rng.permutation(n)
+    rows = (3 * order[:, None] + np.arange(3)).ravel()
+    permuted = ContactProblem.from_factors(directions[:, rows], np.ones(9), c[rows], friction[order])
+    assert judge(permuted, impulses[rows]).residual == pytest.approx(plain, rel=1e-9)
+    twice = ContactProblem.from_factors(
+        np.kron(np.eye(2), directions), np.ones(18), np.tile(c, 2), np.tile(friction, 2)
+    )
+    assert judge(twice, np.tile(impulses, 2)).residual == pytest.approx(plain, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_turning_tangents_of_equal_stiffness_does_not_matter(seed: int) -> None:
+    """With G_TT = α I in each contact, α does not depend on the frame, and neither does the residual."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0, 2 * np.pi)
+    turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+    problem = ContactProblem.from_delassus(np.diag([2.0, 3.0, 3.0]), c := rng.normal(size=3), 0.6)
+    turned = ContactProblem.from_delassus(np.diag([2.0, 3.0, 3.0]), turn @ c, 0.6)
+    impulses = rng.normal(size=3)
+    assert judge(problem, impulses).residual == pytest.approx(judge(turned, turn @ impulses).residual, rel=1e-12)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_never_reads_as_success(bad: float) -> None:
+    verdict = judge(one_contact((-1.0, 0.0, 0.0)), (0.5, bad, 0.0))
+    assert verdict.residual == np.inf
+    assert verdict.natural_map_q == np.inf
+
+
+def test_no_free_velocity_and_no_impulse_is_exact_and_any_working_impulse_is_not() -> None:
+    assert judge(one_contact((0.0, 0.0, 0.0)), np.zeros(3)).residual == 0.0
+    assert judge(one_contact((0.0, 0.0, 0.0)), (1.0, 0.0, 0.0)).residual == np.inf
+
+
+def test_a_contact_that_nothing_moves_is_infeasible_only_when_it_approaches() -> None:
+    for c, infeasible in ((-1.0, True), (1.0, False), (0.0, False)):
+        verdict = judge(ContactProblem.from_delassus(np.diag([1.0, 0.0]), (1.0, c), dim=1), np.zeros(2))
+        assert verdict.infeasible is infeasible
+        assert (verdict.residual == np.inf) is infeasible
+
+
+def sweeps(problem: ContactProblem, count: int) -> np.ndarray:
+    """Plain projected Gauss–Seidel on a frictionless problem."""
+    delassus, impulses = problem.delassus().toarray(), np.zeros(problem.n_rows)
+    for _ in range(count):
+        for row in range(problem.n_rows):
+            velocity = delassus[row] @ impulses + problem.free_velocity[row]
+            impulses[row] = max(impulses[row] - velocity / delassus[row, row], 0.0)
+    return impulses
+
+
+@pytest.mark.parametrize(
+    ("masses", "count", "residual", "impulse_error", "relative"),
+    [([1.0, 1e6], 20_000, 0.98, 0.98, 4.9e-5), ([1.0] * 9 + [100.0], 1000, 3.9e-2, 0.33, 5.3e-4)],
+)
+def test_heavy_on_light_is_judged_by_velocity_where_impulses_deceive(
+    masses: list[float], count: int, residual: float, impulse_error: float, relative: float
+) -> None:
+    from proxbench.problems.hard.stacks import stack
+
+    problem = stack(np.array(masses))
+    assert problem.answer is not None
+    impulses = sweeps(problem, count)
+    known = problem.answer.impulses[0]
+    change = problem.relative_velocity(impulses) / problem.delassus_diagonal
+    deceptive = np.abs(impulses - np.maximum(impulses - change, 0.0)).max() / np.abs(impulses).max()
+    assert judge(problem, impulses).residual == pytest.approx(residual, rel=0.03)
+    assert np.abs(impulses - known).max() / known.max() == pytest.approx(impulse_error, rel=0.03)
+    assert deceptive == pytest.approx(relative, rel=0.05)
+
+
+def test_both_forms_give_the_same_verdict() -> None:
+    rng = np.random.default_rng(1)
+    directions, c, impulses = rng.normal(size=(7, 12)), rng.normal(size=12), rng.normal(size=12)
+    factors = ContactProblem.from_factors(directions, np.full(7, 2.0), c, 0.3)
+    matrix = ContactProblem.from_delassus(2.0 * directions.T @ directions, c, 0.3)
+    for field in ("residual", "energy_residual", "natural_map_q", "dissipated_energy", "penetration_velocity"):
+        assert getattr(judge(factors, impulses), field) == pytest.approx(
+            getattr(judge(matrix, impulses), field), rel=1e-12
+        )
+
+
+def test_the_natural_map_is_that_of_de_saxce() -> None:
+    """‖Λ − P_K(Λ − (ξ + μ‖ξ_T‖e_N))‖ over ‖c‖, with P_K written out for one contact outside cone and polar cone."""
+    problem, impulses, friction = one_contact((-1.0, 2.0, 1.0)), np.array([0.4, -0.3, 0.1]), 0.5
+    velocity = problem.relative_velocity(impulses)
+    velocity[0] += friction * np.hypot(velocity[1], velocity[2])
+    x = impulses - velocity
+    length = np.hypot(x[1], x[2])
+    assert length > friction * x[0]
+    assert x[0] > -friction * length
+    normal = (x[0] + friction * length) / (1 + friction**2)
+    projected = np.array([normal, *(friction * normal * x[1:] / length)])
+    error = np.linalg.norm(impulses - projected)
+    verdict = judge(problem, impulses)
+    assert verdict.natural_map_q == pytest.approx(error / np.sqrt(6.0), rel=1e-13)
+
+
+def test_dissipated_energy_is_the_kinetic_energy_that_a_plastic_impact_takes() -> None:
+    """A mass m = 1/α at speed 1 that stops loses m/2 = 0.25."""
+    assert judge(one_contact((-1.0, 0.0, 0.0)), (0.5, 0.0, 0.0)).dissipated_energy == pytest.approx(0.25)
+
+
+def test_each_model_has_its_own_solutions() -> None:
+    problem = one_contact((-1.0, 3.0, 0.0))
+    solutions = {
+        Model.COULOMB: (0.5, -0.25, 0.0),
+        Model.FRICTIONLESS: (0.5, 0.0, 0.0),
+        Model.CONVEX: tuple(np.array([1.0, -0.5, 0.0]) * (1 + 1.5) / 2 / 1.25),
+        Model.pyramid(4): (0.5, -0.25, 0.0),
+    }
+    for model, impulses in solutions.items():
+        assert judge(problem, impulses, model).residual <= 1e-15
+    assert judge(problem, solutions[Model.CONVEX]).residual > 0.1
+    assert judge(problem, solutions[Model.FRICTIONLESS]).residual > 0.1
+
+
+def test_a_pyramid_approaches_the_cone_with_the_square_of_its_sides() -> None:
+    """A slip direction in the middle of a side: the inscribed polygon gives up 1 − cos(π/k) of the bound."""
+    errors = []
+    for sides in (8, 16, 32):
+        angle = np.pi / sides
+        c = (-1.0, 3.0 * np.cos(angle), 3.0 * np.sin(angle))
+        apothem = 0.25 * np.cos(angle)
+        impulses = (0.5, -apothem * np.cos(angle), -apothem * np.sin(angle))
+        assert judge(one_contact(c), impulses, Model.pyramid(sides)).residual <= 1e-14
+        errors.append(judge(one_contact(c), impulses).residual)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.03)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.03)
+
+
+@pytest.mark.parametrize("impulses", [np.zeros(2), np.zeros((3, 1)), 0.0])
+def test_impulses_of_the_wrong_shape_are_named(impulses: object) -> None:
+    with pytest.raises(ProblemError, match="shape"):
+        judge(one_contact((-1.0, 0.0, 0.0)), impulses)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("model", [Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS, Model.pyramid(5)], ids=str)
+def test_the_residual_that_solvers_stop_on_is_the_one_of_the_verdict(model: Model) -> None:
+    rng = np.random.default_rng(11)
+    problem = ContactProblem.from_factors(rng.normal(size=(9, 12)), np.ones(9), rng.normal(size=12), 0.4)
+    impulses = rng.normal(size=12)
+    residual = ModelResidual(problem, model)(impulses, problem.relative_velocity(impulses))
+    assert residual == judge(problem, impulses, model).residual

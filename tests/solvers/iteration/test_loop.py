@@ -1,0 +1,107 @@
+"""A generator of impulses is a whole solver: limits, observers and verdicts are seen to."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, judge, load, project
+from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.laws import FloatArray
+from proxbench.problems.hard.stacks import stack
+from proxbench.solvers import Prepared, SolverError, Status, Stop, create, iterate
+from proxbench.solvers.iteration.loop import rounding
+
+
+def gradient(problem: ContactProblem, step: float) -> Prepared:
+    def sweeps(impulses: FloatArray) -> Iterator[FloatArray]:
+        while True:
+            impulses = project(problem.laws, impulses - step * problem.relative_velocity(impulses))
+            yield impulses
+
+    return iterate(problem, sweeps)
+
+
+def test_it_stops_at_the_judges_residual_and_starts_where_it_is_told() -> None:
+    problem = load("hard-mixed-laws")
+    prepared = gradient(problem, 0.5)
+    solution = prepared.solve(Stop(1e-9))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-9
+    assert prepared.solve(Stop(1e-9), start=solution.impulses).iterations == 0
+
+
+def test_too_long_a_step_is_told_for_what_it_is() -> None:
+    assert gradient(load("hard-stack-10"), 1.0).solve(Stop(1e-9, 50_000)).status in (
+        Status.OSCILLATING,
+        Status.DIVERGED,
+        Status.STALLED,
+    )
+
+
+@pytest.mark.parametrize("solver", ["SORprox(relaxation=1.5)", "SafeguardedSORprox", "SORprox(momentum=0.8)", "NSGS"])
+def test_a_plateau_is_crossed_at_once_and_from_the_impulses_that_a_limit_returned(solver: str) -> None:
+    """Two blocks, the upper 10⁴ times heavier: every sweep passes on 10⁻⁴ of the weight."""
+    problem = load("hard-stack-2-top-1e4")
+    assert problem.answer is not None
+    prepared = create(solver).prepare(problem)
+    short = prepared.solve(Stop(1e-8, 5000))
+    assert short.status is Status.ITERATION_LIMIT
+    for start in (None, short.impulses):
+        solution = prepared.solve(Stop(1e-8, 300_000), start=start)
+        assert solution.status is Status.SOLVED
+        assert np.abs(solution.impulses / problem.answer.impulses[0] - 1.0).max() <= 1e-6
+
+
+@pytest.mark.parametrize("masses", [[1.0, 1e8] * 5, list(np.logspace(0, 8, 10))], ids=["in turn", "growing"])
+@pytest.mark.parametrize("solver", ["SORprox", "SafeguardedSORprox", "NSGS", "PyramidPGS", "SemismoothNewton"])
+def test_a_residual_that_rounding_leaves_is_a_stall(solver: str, masses: list[float]) -> None:
+    """Ten blocks of mass ratio 10⁸, from the known impulses: sums of 10⁹ leave 10⁻¹¹ of c and more to rounding."""
+    problem = stack(np.array(masses))
+    assert problem.answer is not None
+    noise = 1e-12 * np.random.default_rng(1).uniform(-1.0, 1.0, problem.n_rows)
+    start = problem.answer.impulses[0] * (1.0 + noise)
+    solution = create(solver).prepare(problem).solve(Stop(1e-14, 10**7), start=start)
+    assert solution.status is Status.STALLED
+    left = judge(problem, solution.impulses).residual
+    assert 1e-14 < left <= rounding(problem, Residual(problem), solution.impulses)
+
+
+def test_impulses_that_repeat_for_a_while_and_move_again_are_no_stall() -> None:
+    """A generator may keep more than the impulses, and wait for it."""
+    problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1)
+
+    def sweeps(start: FloatArray) -> Iterator[FloatArray]:
+        for count in itertools.count():
+            yield np.array([0.0 if count < 150 else 1.0])
+
+    assert iterate(problem, sweeps).solve(Stop(1e-9)).status is Status.SOLVED
+
+
+def test_impulses_that_never_move_are_a_stall() -> None:
+    problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1)
+    solution = iterate(problem, itertools.repeat).solve(Stop(1e-9))
+    assert solution.status is Status.STALLED
+    assert solution.iterations < 1000
+
+
+def test_one_array_may_be_yielded_again_and_again() -> None:
+    problem = ContactProblem.from_delassus(np.eye(2), (-1.0, -2.0), dim=1)
+
+    def sweeps(start: FloatArray) -> Iterator[FloatArray]:
+        impulses = start.copy()
+        while True:
+            impulses += 0.5 * (np.array([1.0, 2.0]) - impulses)
+            yield impulses
+
+    seen: list[FloatArray] = []
+    solution = iterate(problem, sweeps).solve(Stop(1e-6), observe=lambda iteration, impulses: seen.append(impulses))
+    assert solution.status is Status.SOLVED
+    assert len(seen) == solution.iterations
+    assert np.array_equal(seen[0], [0.5, 1.0])
+
+
+@pytest.mark.parametrize(("yielded", "words"), [([], "ended"), ([np.zeros(2)], r"yielded an array of shape \(2,\)")])
+def test_a_generator_that_ends_or_yields_something_else_is_told(yielded: list[FloatArray], words: str) -> None:
+    with pytest.raises(SolverError, match=words):
+        iterate(load("hard-mixed-laws"), lambda start: iter(yielded)).solve(Stop(1e-6))
