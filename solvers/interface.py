@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from ..problems.contact.laws import FloatArray
+from ..problems.arrays import FloatArray
 from ..problems.contact.model import Model
 from ..problems.contact.problem import ContactProblem
 from ..problems.errors import ProxbenchError

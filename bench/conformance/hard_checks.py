@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.hard import CASE_GROUPS, hard_case
 from ...solvers.interface import Solver, Status, Stop, shows_iterates

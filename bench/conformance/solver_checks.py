@@ -17,7 +17,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
 from ...solvers.interface import Prepared, Solution, Solver, Status, Stop, shows_iterates

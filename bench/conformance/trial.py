@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual, judge
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError
 from ...solvers.interface import Solution, Solver, Status, Stop

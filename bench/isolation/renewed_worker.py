@@ -3,7 +3,7 @@
 from types import TracebackType
 from typing import Any, Self
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from .worker import Fault, Task, Worker
 
 

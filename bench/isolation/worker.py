@@ -23,8 +23,8 @@ from uuid import uuid4
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.catalog.plugins import registered
-from ...problems.contact.laws import FloatArray
 from ..errors import BenchError
 from ..store.outcome import FAULTS, Outcome
 from .child import Assignment

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual, judge
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Status, Stop, shows_iterates

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.catalog.storage import read_problem
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...solvers.contract import prepared_fault, reason_fault
 from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates

@@ -7,11 +7,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.mechanics.balls import BallSystem
+from ...problems.mechanics.state import State
 from ...problems.scenes.effects import Gravity
 from ...problems.scenes.funnel import Funnel
-from ...problems.stepping.moreau import State, Step
+from ...problems.stepping.moreau import Step
 from ..report.palette import PALETTE, rgb
 from .blueprints import Camera, plot, simulation_blueprint, space_view
 from .contact_states import States

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
-from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.pieces import Pieces, cut_into_pieces
 from ...problems.contact.problem import ContactProblem
 from ..errors import BenchError

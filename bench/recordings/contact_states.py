@@ -5,8 +5,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.laws import FloatArray
 
 OPEN_SHARE = 1e-6
 """A contact with less than this share of the largest normal impulse counts as open; interior points leave dust."""

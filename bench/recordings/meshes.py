@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.mechanics.surfaces import Plane, Segment, Surface
 
 LATITUDES, LONGITUDES = 6, 12

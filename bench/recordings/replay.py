@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
+from ...problems.mechanics.state import State
 from ...problems.mechanics.system import System
 from ...problems.scenes.registry import Scene
-from ...problems.stepping.moreau import State, Step, step_problem
+from ...problems.stepping.moreau import Step, step_problem
 from ..errors import BenchError
 from .scenes import scene_recorder
 from .simulation import SMALLEST

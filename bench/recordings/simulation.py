@@ -10,9 +10,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
-from ...problems.stepping.moreau import State, Step
+from ...problems.mechanics.state import State
+from ...problems.stepping.moreau import Step
 from ..errors import BenchError
 from ..report.palette import PALETTE, rgb
 from .annotations import write_state_colours

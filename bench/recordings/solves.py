@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 
 
 def in_space(vectors: FloatArray) -> FloatArray:

@@ -6,9 +6,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
+from ...problems.mechanics.state import State
 from ...problems.scenes import woodpecker as toy
-from ...problems.stepping.moreau import State, Step
+from ...problems.stepping.moreau import Step
 from ..report.palette import rgb
 from .blueprints import Camera, plot, simulation_blueprint, space_view
 from .contact_states import States

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ..errors import BenchError
 from ..measure.matrix import Cell
 from ..store.frames import RunFrames

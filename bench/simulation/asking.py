@@ -7,8 +7,8 @@ and one relaxation may circle about a solution that another finds. A step is tri
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, Stop
 from ..errors import BenchError

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.stepping.moreau import State
+from ...problems.mechanics.state import State
 from .thinning import Thinning
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from ...problems.contact.judge import Residual
 from ...problems.errors import said
-from ...problems.stepping.moreau import State, Step
+from ...problems.mechanics.state import State
+from ...problems.stepping.moreau import Step
 from ...solvers.interface import Solver
 from ..errors import BenchError, FailedSimulationError
 from ..report.output_file import output_file

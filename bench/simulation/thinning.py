@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress, pairwise
 
-from ...problems.stepping.moreau import State
+from ...problems.mechanics.state import State
 
 STATES = 500
 """N if nobody says otherwise."""

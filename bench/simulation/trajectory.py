@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.stepping.moreau import State
+from ...problems.mechanics.state import State
 from ...solvers.interface import Status
 from ..store.outcome import ROUNDING
 from .beside import Beside

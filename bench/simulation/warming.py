@@ -6,8 +6,9 @@ from time import perf_counter
 
 import numpy as np
 
+from ...problems.mechanics.state import State
 from ...problems.stepping.contact_states import LawStates
-from ...problems.stepping.moreau import Moreau, State, Step
+from ...problems.stepping.moreau import Moreau, Step
 from ...problems.stepping.variable_step import VariableStep
 
 MOST_STEPS = 200

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ..report.counting import counted
 from ..report.drawing import stacked, write_drawing
 from ..report.palette import PALETTE

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from ..report.counting import counted
 from .simulation import LAWS, STATES, VariableSimulation

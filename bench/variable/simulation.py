@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
+from ...problems.mechanics.state import State
 from ...problems.stepping.contact_states import LawStates
-from ...problems.stepping.moreau import State
 from ...problems.stepping.variable_step import SwitchingPoint, VariableStepTaken
 from ..simulation.beside import Beside
 from ..simulation.failure import Failure

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arrays import FloatArray
 from ..errors import ProblemError
-from .laws import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

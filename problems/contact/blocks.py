@@ -12,7 +12,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numba import njit
 
-from .laws import FloatArray, IntArray, Laws
+from ..arrays import FloatArray, IntArray
+from .laws import Laws
 
 
 @dataclass(frozen=True, eq=False)

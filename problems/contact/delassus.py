@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
 
+from ..arrays import FloatArray, IntArray
 from .blocks import BlockLayout
-from .laws import FloatArray, IntArray
 from .pieces import Pieces
 
 

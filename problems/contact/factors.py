@@ -9,9 +9,9 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
+from ..arrays import FloatArray, frozen
 from ..errors import ProblemError
 from .blocks import BlockLayout
-from .laws import FloatArray, frozen
 from .pieces import Pieces, cut_into_pieces
 
 

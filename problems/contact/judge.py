@@ -19,8 +19,9 @@ import numpy as np
 from numba import njit, uint64
 from numpy.typing import ArrayLike
 
+from ..arrays import FloatArray
 from ..errors import ProblemError
-from .laws import FloatArray, LawKind, Laws
+from .laws import LawKind, Laws
 from .model import Model
 from .projections import onto_friction_cone, onto_polygon
 

@@ -18,10 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import FloatArray, IntArray, frozen
 from ..errors import ProblemError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class LawKind(IntEnum):
@@ -34,13 +32,6 @@ class LawKind(IntEnum):
 
 ROWS_OF_KIND = np.array([1, 1, 2], dtype=np.int64)
 """Number of rows of each kind of law."""
-
-
-def frozen(values: ArrayLike, dtype: Any) -> NDArray[Any]:
-    """Return a contiguous read-only copy of ``values``."""
-    array = np.array(values, dtype=dtype, order="C", copy=True)
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit, uint64
 
+from ..arrays import FloatArray, IntArray
 from .blocks import BlockLayout
-from .laws import FloatArray, IntArray
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
 """Lengths to choose from: the degrees of freedom of discs and balls, without and with rotation."""

@@ -19,12 +19,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
+from ..arrays import FloatArray, frozen
 from ..errors import ProblemError
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
 from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
 from .factors import Factors, as_sparse_input
-from .laws import FloatArray, Laws, frozen
+from .laws import Laws
 from .pieces import Pieces
 
 SYMMETRY_TOLERANCE = 1e-12

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .laws import FloatArray, LawKind, Laws
+from ..arrays import FloatArray
+from .laws import LawKind, Laws
 
 
 def project(laws: Laws, impulses: FloatArray) -> FloatArray:

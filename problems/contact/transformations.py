@@ -11,9 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import Answer
-from .laws import ROWS_OF_KIND, FloatArray, IntArray, LawKind, Laws
+from .laws import ROWS_OF_KIND, LawKind, Laws
 from .problem import ContactProblem
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ..arrays import FloatArray
 from ..contact.answer import Answer
-from ..contact.laws import FloatArray
 from ..contact.problem import ContactProblem
 
 STATES = ("open", "stick", "slip", "graze", "edge")

@@ -9,8 +9,8 @@ from itertools import product
 import numpy as np
 import scipy.sparse as sp
 
+from ..arrays import FloatArray
 from ..contact.answer import Answer
-from ..contact.laws import FloatArray
 from ..contact.problem import ContactProblem
 from ..contact.transformations import united
 

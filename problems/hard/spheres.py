@@ -7,8 +7,8 @@ impulse comes first, Λ_N = m max(−c_N, 0), and bounds the tangential one, Λ_
 import numpy as np
 import scipy.sparse as sp
 
+from ..arrays import FloatArray
 from ..contact.answer import Answer
-from ..contact.laws import FloatArray
 from ..contact.problem import ContactProblem
 from .scale import GRAVITY, TIME_STEP
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ..arrays import FloatArray
 from ..contact.answer import Answer
-from ..contact.laws import FloatArray
 from ..contact.problem import ContactProblem
 from .scale import GRAVITY, TIME_STEP, WEIGHT
 

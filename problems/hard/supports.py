@@ -10,8 +10,8 @@ the weight m g Δt = 0.00981 N s: hence the sensitivities.
 
 import numpy as np
 
+from ..arrays import FloatArray
 from ..contact.answer import Answer
-from ..contact.laws import FloatArray
 from ..contact.problem import ContactProblem
 from .scale import GRAVITY, TIME_STEP
 

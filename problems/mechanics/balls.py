@@ -16,8 +16,9 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
+from ..arrays import FloatArray, IntArray
 from ..contact.factors import InverseMass
-from ..contact.laws import FloatArray, IntArray, Laws
+from ..contact.laws import Laws
 from ..contact.pieces import Pieces
 from ..errors import ProblemError
 from .broadphase import overlapping_pairs

@@ -7,7 +7,7 @@ axis have consecutive numbers, each ball asks for a few ranges of cells, whose b
 import numpy as np
 from numba import njit
 
-from ..contact.laws import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray
 
 USUAL_PAIRS = 8
 """Pairs per ball for which there is room at first; equal balls that do not interpenetrate have at most 6."""

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
-from ..contact.laws import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray
 
 Touching = tuple[IntArray, FloatArray, FloatArray]
 """Balls that touch, shape (m,), their gaps [m], shape (m,), and unit normals from surface to centre, shape (m, d)."""

@@ -11,8 +11,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import FloatArray, IntArray
 from ..contact.factors import InverseMass
-from ..contact.laws import FloatArray, IntArray, Laws
+from ..contact.laws import Laws
 from ..contact.pieces import Pieces
 from ..errors import ProblemError
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..mechanics.balls import BallSystem
+from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
 from ..mechanics.system import MechanicalSystem
-from ..stepping.moreau import State
 from .closed_form import check_positive
 from .effects import Gravity, Restitution, ball_system
 

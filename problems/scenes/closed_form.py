@@ -4,8 +4,8 @@ from math import inf
 from typing import Protocol
 
 from ..errors import ProblemError
+from ..mechanics.state import State
 from ..mechanics.system import System
-from ..stepping.moreau import State
 
 OVERLAP = 1e-9
 """Depth [m] at which bodies start that touch from the beginning, so that the first step finds their contact."""

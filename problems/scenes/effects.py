@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..errors import ProblemError
 from ..mechanics.balls import DISC_INERTIA, Acceleration, BallSystem
 from ..mechanics.surfaces import Surface

@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..errors import ProblemError
 from ..mechanics.balls import BallSystem
+from ..mechanics.state import State
 from ..mechanics.surfaces import Plane, Rim, Segment, Surface
-from ..stepping.moreau import State
 from .effects import Conservative, Effect, Friction, Gravity, Planar, Restitution, ball_system, conservative
 
 RADIUS = 0.01

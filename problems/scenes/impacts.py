@@ -6,8 +6,8 @@ import numpy as np
 
 from ..errors import ProblemError
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
-from ..stepping.moreau import State
 from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Restitution, ball_system
 

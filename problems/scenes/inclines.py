@@ -5,12 +5,12 @@ from math import cos, inf, sin, tan
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..errors import ProblemError
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
 from ..mechanics.system import MechanicalSystem
-from ..stepping.moreau import State
 from .closed_form import OVERLAP
 from .effects import Friction, Gravity, ball_system
 

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..errors import ProblemError, suggestion
+from ..mechanics.state import State
 from ..mechanics.system import System
-from ..stepping.moreau import State
 from .effects import Drag, Effect, Friction, Gravity, Planar, Restitution, Spring
 from .funnel import CONE_HEIGHT, RADIUS, TIME_STEP, Funnel
 from .options import Option, OptionValue, complete

@@ -6,11 +6,11 @@ from math import cos, sin, tan
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..errors import ProblemError
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
-from ..stepping.moreau import State
 from .closed_form import OVERLAP
 from .effects import Effect, Friction, Gravity, ball_system
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
-from ..stepping.moreau import State
 from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Gravity, ball_system
 

@@ -6,9 +6,9 @@ pole, 2 the lower edge of the sleeve, 3 its upper edge; all planar, with rows N 
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
+from ..mechanics.state import State
 from ..mechanics.system import MechanicalSystem
-from ..stepping.moreau import State
 
 SLEEVE_MASS, SLEEVE_INERTIA = 3e-4, 5e-9
 BIRD_MASS, BIRD_INERTIA = 4.5e-3, 7e-7

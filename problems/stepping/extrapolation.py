@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from ..contact.laws import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
+from ..mechanics.state import State
 from ..mechanics.system import Overlaps, StepAssembly, System
 from .contact_states import LawStates, law_states
-from .moreau import ContactSolver, Moreau, State, Step
+from .moreau import ContactSolver, Moreau, Step
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,16 +11,17 @@ What penetrates at q_E may be moved apart to an allowed depth (see ``projection`
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numba import njit
 
+from ..arrays import FloatArray
 from ..contact.factors import Factors
-from ..contact.laws import FloatArray, IntArray
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError, ProxbenchError, said
+from ..mechanics.state import State
 from ..mechanics.system import ActiveContacts, StepAssembly, System
 from .position_projection import projected
 
@@ -31,25 +32,6 @@ class ContactSolver(Protocol):
     def prepare(self, problem: ContactProblem) -> Any:
         """Return an object with ``solve(stop, start)``, whose result has impulses, status and iterations."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A system at one instant, with the impulses of the step that led there, to start the next solve from.
-
-    Attributes:
-        time: t [s].
-        position: q, shape (n_coordinates,).
-        velocity: u, shape (n_dofs,).
-        keys: contacts of the last step, ascending, shape (n_contacts,).
-        impulses: their Λ [N s], shape (n_contacts, rows per contact).
-    """
-
-    time: float
-    position: FloatArray
-    velocity: FloatArray
-    keys: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    impulses: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
 
 
 class StepError(ProxbenchError):

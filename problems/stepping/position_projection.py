@@ -15,7 +15,7 @@ nonsmooth mechanical systems*, CMAME 256, 2013). The depth d that stays keeps la
 import numpy as np
 from numba import njit
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..mechanics.system import Overlaps, System
 
 MOST_PASSES = 3

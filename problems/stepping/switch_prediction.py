@@ -16,10 +16,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
+from ..mechanics.state import State
 from ..mechanics.system import System
 from .contact_states import LawStates
-from .moreau import State, Step
+from .moreau import Step
 
 MEMORY = 5
 """Values of a margin that are kept, and one more than the degree of the polynomial through them."""

@@ -8,10 +8,11 @@ second alone; its error stalls, because a gap may have closed after the middle o
 
 from typing import Protocol
 
+from ..mechanics.state import State
 from ..mechanics.system import System
 from .contact_states import LawStates
 from .extrapolation import Attempt
-from .moreau import State, Step
+from .moreau import Step
 from .switch_prediction import Margins
 
 

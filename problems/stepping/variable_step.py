@@ -18,12 +18,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
 from ..errors import ProblemError, said
+from ..mechanics.state import State
 from ..mechanics.system import System
 from .contact_states import LawName, LawState, LawStates, law_states
 from .extrapolation import Acceptance, Attempt, Extrapolation, OneStep, UnsolvedStepError
-from .moreau import ContactSolver, State, Step, StepError, check_finite
+from .moreau import ContactSolver, Step, StepError, check_finite
 from .switching import Anticipating, Search
 
 SAFETY = 0.85

@@ -1,7 +1,7 @@
 """The error of the woodpecker after one period of its limit cycle, from the section back to it."""
 
+from ..mechanics.state import State
 from ..scenes.woodpecker import DESCENT, section_start
-from ..stepping.moreau import State
 
 RANGES = (0.01945, 0.47, 17.57)
 """What y [m], φ_S [rad] and its velocity [rad/s] range over in one period."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..contact.laws import FloatArray
+from ..arrays import FloatArray
+from ..mechanics.state import State
 from ..scenes.registry import Scene
-from ..stepping.moreau import State
 
 FLOW, HEIGHT, ENERGY = "flow rate", "mean height", "energy lost"
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import ModelResidual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, Status, Stop
 from .programs import ConicProgram, Ended

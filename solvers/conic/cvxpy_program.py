@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError
 from .programs import ConicResult, Ended, Scaling

@@ -27,8 +27,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from ..iteration.anderson import Anderson

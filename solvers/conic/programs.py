@@ -22,7 +22,7 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 
 Form = Literal["delassus", "factors"]

@@ -9,7 +9,7 @@ For a linear g and m as large as the dimension this is GMRES, and ends after tha
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 
 SMALLEST_SINGULAR_VALUE = 1e-10
 """Relative to the largest one; directions below it are left out of the least-squares problem."""

@@ -2,7 +2,7 @@
 
 import time
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ..interface import Observer
 
 

@@ -6,8 +6,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError
 from ..interface import Observer, Solution, SolverError, Status, Stop

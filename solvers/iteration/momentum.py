@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from .loop import Iterates
 
 LEAST_MOMENTUM = 0.3

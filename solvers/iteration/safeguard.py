@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 
 INTERVALS = (19, 37, 73)
 """Sweeps from one comparison to the next, the first ones after a cut: long enough for it to show its effect. Prime, so

@@ -13,7 +13,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ..interface import Solution, Status, Stop
 from .clock import Clock
 

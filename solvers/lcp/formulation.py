@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray, IntArray, LawKind
+from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError
 

@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.judge import ModelResidual, Residual
-from ...problems.contact.laws import FloatArray, IntArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, SolverError, Status, Stop, described

@@ -14,7 +14,7 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
-from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.arrays import FloatArray, IntArray
 
 SMALLEST_PIVOTS = (1e-8, 1e-11, 1e-14)
 """Entries of the entering column below this fraction of its largest count as zero.

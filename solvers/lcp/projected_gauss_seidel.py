@@ -14,10 +14,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numba import njit, uint64
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.delassus import DelassusBlocks
 from ...problems.contact.judge import ModelResidual, Residual
-from ...problems.contact.laws import FloatArray, LawKind
+from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described

@@ -1,7 +1,7 @@
 """Attempts at Newton's method within the limits of one solve, and what they cost."""
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Advance
 from .linear_solver import LinearSolver

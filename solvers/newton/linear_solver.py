@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ..iteration.clock import Clock
 from .linearised import Linearised
 from .work import Work

@@ -22,8 +22,9 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray, IntArray, LawKind
+from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 
 

@@ -10,8 +10,8 @@ as they were.
 
 from collections.abc import Callable
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.clock import Clock
 from .linear_solver import LinearSolver

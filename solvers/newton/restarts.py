@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from ..interface import Status
 from ..iteration.loop import Iterates
 from ..iteration.stopping import LONGEST_INTERVAL

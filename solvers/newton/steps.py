@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.contact.laws import FloatArray
+from ...problems.arrays import FloatArray
 from .linear_solver import LinearSolver
 from .linearised import Equations
 

@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numba import njit, uint64
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError, described

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ..interface import described

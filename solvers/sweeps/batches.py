@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.contact.laws import FloatArray, IntArray
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.pieces import Pieces
 
 LANES = 16

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numba import njit, uint64
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.delassus import DelassusBlocks
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import with_momentum

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numba import njit, uint64
 
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.laws import FloatArray, IntArray
 from ...problems.contact.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates

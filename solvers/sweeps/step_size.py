@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.delassus import DelassusBlocks
 from ...problems.contact.factors import Factors
-from ...problems.contact.laws import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError
 

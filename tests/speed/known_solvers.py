@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 from proxbench.problems import ContactProblem
-from proxbench.problems.contact.laws import FloatArray
+from proxbench.problems.arrays import FloatArray
 from proxbench.solvers import Model, Observer, Solution, Status, Stop
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from contestants import SIZES, TOLERANCE, funnel_step
 from proxbench.problems import ContactProblem, judge
+from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.judge import Residual
-from proxbench.problems.contact.laws import FloatArray
 from proxbench.solvers import Status, Stop, create
 
 

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contact.laws import FloatArray, IntArray, LawKind, Laws
+from ...arrays import FloatArray, IntArray
+from ...contact.laws import LawKind, Laws
 from ...contact.problem import ContactProblem
 from ...mechanics.system import MechanicalSystem
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...contact.laws import FloatArray
+from ...arrays import FloatArray
 from .acceleration import AccelerationLaws, Modes
 
 MARGIN = 1e-13

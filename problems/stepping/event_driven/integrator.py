@@ -34,12 +34,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from ...arrays import FloatArray
 from ...contact.judge import judge
-from ...contact.laws import FloatArray
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError, ProxbenchError, said
+from ...mechanics.state import State
 from ...mechanics.system import MechanicalSystem
-from ..moreau import ContactSolver, State
+from ..moreau import ContactSolver
 from .acceleration import SINGULAR, AccelerationLaws, DirectionRates, Modes
 from .events import Trigger, Watch
 from .motion import AccumulationError, ContactState, Event, LawName, Motion, MotionError, Phase

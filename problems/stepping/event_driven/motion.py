@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...contact.laws import FloatArray
+from ...arrays import FloatArray
 from ...errors import ProxbenchError
-from ..moreau import State
+from ...mechanics.state import State
 
 LawName = Literal["unilateral", "friction"]
 ContactState = Literal["open", "closed", "stick", "slip"]

@@ -10,10 +10,11 @@ import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.balls import BallRecorder, funnel_recorder
 from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.surfaces import Plane
 from proxbench.problems.scenes.effects import Friction, Gravity, Planar, ball_system
 from proxbench.problems.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
-from proxbench.problems.stepping.moreau import Moreau, State, Step
+from proxbench.problems.stepping.moreau import Moreau, Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 

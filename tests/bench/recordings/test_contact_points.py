@@ -5,7 +5,7 @@ import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.contact_points import Places, find_places, grid_places
 from proxbench.problems import ContactProblem, load
-from proxbench.problems.contact.laws import FloatArray
+from proxbench.problems.arrays import FloatArray
 from proxbench.problems.mechanics.balls import BallSystem
 from proxbench.problems.mechanics.surfaces import Plane
 from proxbench.problems.stepping.moreau import step_problem

@@ -11,7 +11,8 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings.replay import step_to
 from proxbench.bench.simulation.asking import Asked
 from proxbench.bench.simulation.file import read_simulation
-from proxbench.problems.stepping.moreau import Moreau, State
+from proxbench.problems.mechanics.state import State
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
 
 FIXED = "simulate pile --balls 20 --duration 0.16 --step-size 1e-3 --no-progress --states 20"

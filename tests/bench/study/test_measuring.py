@@ -8,8 +8,8 @@ from proxbench.bench.study import measuring
 from proxbench.bench.study.measuring import measure
 from proxbench.bench.study.plan import Case
 from proxbench.bench.study.points import trajectory_point
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.scenes.woodpecker import DESCENT, PERIOD, section_start
-from proxbench.problems.stepping.moreau import State
 from proxbench.problems.trajectories.limit_cycle import section_error
 
 from .conftest import fixed_case, toy_case, toy_plan

@@ -7,8 +7,8 @@ import pytest
 from proxbench.bench.variable.figure import motion_chart
 from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.simulation import STEP, SWITCH, VariableSimulation
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.stepping.contact_states import LawStates
-from proxbench.problems.stepping.moreau import State
 
 
 def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...] = ()) -> VariableSimulation:

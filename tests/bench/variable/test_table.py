@@ -7,9 +7,9 @@ import pytest
 from proxbench.bench.variable.plan import make_variable_plan
 from proxbench.bench.variable.simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
 from proxbench.bench.variable.table import print_variable
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from proxbench.problems.stepping.contact_states import LawStates
-from proxbench.problems.stepping.moreau import State
 from rich.console import Console
 
 

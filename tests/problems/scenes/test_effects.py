@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.mechanics.balls import SPHERE_INERTIA, BallSystem
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.surfaces import Plane
 from proxbench.problems.scenes.effects import Drag, Effect, Friction, Gravity, Planar, Restitution, Spring, ball_system
-from proxbench.problems.stepping.moreau import Moreau, State
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 N = 12

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from proxbench.problems.scenes.funnel import RADIUS, TIME_STEP, Funnel
-from proxbench.problems.stepping.moreau import Moreau, State
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 DISCS = (Gravity(), Friction(0.3), Restitution(0.3), Planar())

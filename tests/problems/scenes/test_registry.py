@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.scenes.registry import SCENES, make_scene
-from proxbench.problems.stepping.moreau import Moreau, State
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError, judge
 from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.surfaces import Plane
 from proxbench.problems.mechanics.system import MechanicalSystem
 from proxbench.problems.scenes.effects import Friction, Gravity, Restitution, ball_system
-from proxbench.problems.stepping.moreau import Moreau, State, StepError
+from proxbench.problems.stepping.moreau import Moreau, StepError
 from proxbench.solvers import Status, Stop, create
 
 GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))

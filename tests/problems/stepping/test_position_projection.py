@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError
 from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.surfaces import Plane, Rim, Segment
 from proxbench.problems.mechanics.system import MechanicalSystem
 from proxbench.problems.scenes.effects import Gravity, Restitution, ball_system
-from proxbench.problems.stepping.moreau import Moreau, State, StepError
+from proxbench.problems.stepping.moreau import Moreau, StepError
 from proxbench.problems.stepping.position_projection import ACCURACY, projected
 from proxbench.solvers import Stop, create
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.system import MechanicalSystem
 from proxbench.problems.scenes.bouncing import BouncingBall
 from proxbench.problems.scenes.closed_form import ClosedFormScene
@@ -17,7 +18,7 @@ from proxbench.problems.scenes.resting import Stack, VGroove
 from proxbench.problems.scenes.rolling import SlidingSphere
 from proxbench.problems.scenes.woodpecker import DESCENT, OVERLAP, PERIOD, section_start, woodpecker
 from proxbench.problems.stepping.extrapolation import Extrapolation, StepDoubling
-from proxbench.problems.stepping.moreau import Moreau, State, StepError
+from proxbench.problems.stepping.moreau import Moreau, StepError
 from proxbench.problems.stepping.switching import Anticipating, LastStepOnly, NestedIntervals, Search
 from proxbench.problems.stepping.variable_step import SwitchingPoint, VariableStep, VariableStepTaken
 from proxbench.solvers import Solution, Status, Stop, create

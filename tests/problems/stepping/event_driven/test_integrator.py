@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError
 from proxbench.problems.mechanics.balls import SPHERE_INERTIA
+from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.system import MechanicalSystem
 from proxbench.problems.scenes.bouncing import BouncingBall
 from proxbench.problems.scenes.inclines import BlockOnIncline
@@ -15,7 +16,7 @@ from proxbench.problems.scenes.rolling import SlidingSphere
 from proxbench.problems.scenes.woodpecker import DESCENT, PERIOD, published_start, section_start, woodpecker
 from proxbench.problems.stepping.event_driven.integrator import EventDriven
 from proxbench.problems.stepping.event_driven.motion import AccumulationError, Motion, MotionError
-from proxbench.problems.stepping.moreau import Moreau, State
+from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
 
 from ..published_cycle import INCIDENTS, TIMES

@@ -1,0 +1,26 @@
+"""The state of a system at one instant."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A system at one instant, with the impulses of the step that led there, to start the next solve from.
+
+    Attributes:
+        time: t [s].
+        position: q, shape (n_coordinates,).
+        velocity: u, shape (n_dofs,).
+        keys: contacts of the last step, ascending, shape (n_contacts,).
+        impulses: their Λ [N s], shape (n_contacts, rows per contact).
+    """
+
+    time: float
+    position: FloatArray
+    velocity: FloatArray
+    keys: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    impulses: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
