@@ -7,7 +7,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 from ..problems.arrays import FloatArray
 from ..problems.contact.model import Model
@@ -139,14 +139,3 @@ class Solver(Protocol):
 def shows_iterates(solver: Solver) -> bool:
     """Whether ``solver`` calls its observer once per iteration."""
     return bool(getattr(solver, "has_iterates", True))
-
-
-def described(solver: Any) -> str:
-    """Return the name of a dataclass solver: its class, and every option that differs from its default."""
-    options = []
-    for field in solver.__dataclass_fields__.values():
-        value = getattr(solver, field.name)
-        if value != field.default:
-            options.append(f"{field.name}={value!r}")
-    name = type(solver).__name__
-    return f"{name}({', '.join(options)})" if options else name

@@ -1,6 +1,5 @@
 """The list of solvers, those of plugins included, and how a name with options becomes one."""
 
-import ast
 import inspect
 from importlib import import_module
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 from ..problems.catalog.plugins import Offer, offers
 from ..problems.contact.problem import ContactProblem
 from ..problems.errors import suggestion
+from ..problems.names import Name, check_options, read_name
 from . import contract
 from .interface import Solution, Solver, SolverError, Status, Stop
 
@@ -47,14 +47,11 @@ def create(name: str, **options: Any) -> Solver:
         SolverError: for an unknown name or option (with the nearest known one), or an option out of range.
         PluginError: if a plugin offers the name but does not import, or its solver breaks the contract.
     """
-    plain, written = parse(name)
-    options = {**written, **options}
+    written = parse(name)
+    plain, options = written.plain, {**written.options, **options}
     offer = None if plain in _BUILT_IN else _offer(plain)
     make = _built_in(plain) if offer is None else _plugin_factory(offer)
-    known = list(inspect.signature(make).parameters)
-    for option in options:
-        if option not in known:
-            raise SolverError(f"{plain} has no option {option!r}{suggestion(option, known)}")
+    check_options(plain, options, inspect.signature(make).parameters, SolverError)
     solver: Solver = make(**options) if offer is None else contract.made(plain, offer.source, make, options)
     return solver
 
@@ -88,23 +85,13 @@ def _plugin_factory(offer: Offer) -> Any:
     return make
 
 
-def parse(text: str) -> tuple[str, dict[str, Any]]:
-    """Split ``"SORprox(relaxation=1.5)"`` into its name and its options; values are Python literals.
+def parse(text: str) -> Name:
+    """Return the name that ``"SORprox(relaxation=1.5)"`` writes; values are Python literals.
 
     Raises:
         SolverError: if the text is not a name, or a name with keyword options.
     """
-    try:
-        node = ast.parse(text.strip(), mode="eval").body
-        if isinstance(node, ast.Name):
-            return node.id, {}
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.args:
-            return node.func.id, {str(word.arg): ast.literal_eval(word.value) for word in node.keywords}
-    except (SyntaxError, ValueError):
-        pass
-    raise SolverError(
-        f"cannot read {text!r} as a solver; write a name, or a name with options: SORprox(relaxation=1.5)."
-    )
+    return read_name(text, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
 def solve(

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from ...problems.errors import ProblemError, suggestion
 from ...problems.mechanics.system import System
+from ...problems.names import check_options, described, read_name
 from ...problems.stepping.extrapolation import Extrapolation
 from ...problems.stepping.extrapolation import StepDoubling as DoublingScheme
 from ...problems.stepping.moreau import ContactSolver
 from ...problems.stepping.switching import Anticipating, LastStepOnly, NestedIntervals, Search
 from ...problems.stepping.variable_step import Scheme, VariableStep
-from ...solvers.interface import SolverError, Stop, described
-from ...solvers.registry import parse
+from ...solvers.interface import Stop
 from ..errors import BenchError
 from ..simulation.plan import FIXED
 
@@ -103,12 +103,8 @@ def make_stepper(text: str) -> Stepper:
     Raises:
         BenchError: for an unknown name or option, with the nearest one, a value of the wrong kind, or a fixed step.
     """
-    try:
-        name, options = parse(text)
-    except SolverError:
-        raise BenchError(
-            f"cannot read {text!r} as a stepper; write a name, or a name with options: Extrapolated(tolerance=1e-8)."
-        ) from None
+    written = read_name(text, "stepper", "Extrapolated(tolerance=1e-8)", BenchError)
+    name, options = written.plain, written.options
     if name == FIXED:
         raise BenchError(
             f"{text} is no variable stepper; ask for a fixed step by --stepper {FIXED} and its size by --step-size, or "
@@ -116,10 +112,8 @@ def make_stepper(text: str) -> Stepper:
         )
     if name not in STEPPERS:
         raise BenchError(f"there is no stepper {name!r}{suggestion(name, [FIXED, *STEPPERS])}")
-    known = list(inspect.signature(STEPPERS[name]).parameters)
+    check_options(name, options, inspect.signature(STEPPERS[name]).parameters, BenchError)
     for option, value in options.items():
-        if option not in known:
-            raise BenchError(f"{name} has no option {option!r}{suggestion(option, known)}")
         wanted = str if option == "search" else int if option == "levels" else float
         if not isinstance(value, (int, float) if wanted is float else wanted) or isinstance(value, bool):
             kind = {str: "a name", int: "a whole number", float: "a number"}[wanted]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import ProblemError, suggestion
+from ..names import check_options
 
 OptionValue = int | float | bool | str | None
 """What an option may hold; None switches an effect off."""
@@ -73,9 +74,7 @@ def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, obje
     Raises:
         ProblemError: for an unknown option, with the nearest one, or a value out of range.
     """
-    for name in given:
-        if name not in options:
-            raise ProblemError(f"the scene {scene!r} has no option {name!r}{suggestion(name, options)}")
+    check_options(f"the scene {scene!r}", given, options, ProblemError)
     return {
         name: option.checked(name, given[name]) if name in given else option.default for name, option in options.items()
     }

@@ -6,7 +6,8 @@ from typing import ClassVar
 from ...problems.contact.judge import Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError, described
+from ...problems.names import described
+from ..interface import SolverError
 from .clarabel_socp import check_form, obstacle
 from .fixed_point import PreparedFixedPoint, check_memory, check_refinement
 from .programs import Form, conic_program

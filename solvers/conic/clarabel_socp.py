@@ -11,7 +11,8 @@ from typing import ClassVar, get_args
 from ...problems.contact.judge import ModelResidual, convex_obstacle
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError, described
+from ...problems.names import described
+from ..interface import SolverError
 from .convex import PreparedConvex
 from .programs import Form, conic_program, factors_obstacle
 

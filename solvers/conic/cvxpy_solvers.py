@@ -11,7 +11,8 @@ from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError, described
+from ...problems.names import described
+from ..interface import SolverError
 from .clarabel_socp import obstacle
 from .convex import PreparedConvex
 from .cvxpy_program import CvxpyProgram, check_solver, takes_cones

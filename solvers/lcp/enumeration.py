@@ -17,7 +17,8 @@ from ...problems.contact.judge import Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import Observer, Solution, SolverError, Status, Stop, described
+from ...problems.names import described
+from ..interface import Observer, Solution, SolverError, Status, Stop
 from ..iteration.clock import Clock
 
 MOST_CONTACTS = 6

@@ -15,7 +15,8 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import Observer, Solution, SolverError, Status, Stop, described
+from ...problems.names import described
+from ..interface import Observer, Solution, SolverError, Status, Stop
 from ..iteration.clock import Clock
 from .formulation import Complementarity, check_sides, complementarity
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau

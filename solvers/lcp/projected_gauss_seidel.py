@@ -21,7 +21,8 @@ from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError, described
+from ...problems.names import described
+from ..interface import SolverError
 from ..iteration.loop import PreparedIteration
 from ..sweeps.delassus import DelassusSweep, block_product
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes

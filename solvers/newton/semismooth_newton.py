@@ -21,7 +21,8 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import Observer, Solution, Status, Stop, described
+from ...problems.names import described
+from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import Advance, confirmed, first_impulses, left_by_rounding, rounding
 from ..iteration.stopping import Monitor, sweeps_to_next_look
 from ..prox.safeguarded import SafeguardedIterates

@@ -16,7 +16,8 @@ from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.judge import Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError, described
+from ...problems.names import described
+from ..interface import SolverError
 from ..iteration.loop import PreparedIteration
 from ..iteration.safeguard import OscillationGuard
 from ..sweeps.delassus import block_product

@@ -14,7 +14,8 @@ from typing import ClassVar, Literal
 from ...problems.contact.judge import Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError, described
+from ...problems.names import described
+from ..interface import SolverError
 from ..iteration.loop import PreparedIteration
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.factors import FactorSweep

@@ -9,7 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..interface import described
+from ...problems.names import described
 from ..iteration.loop import PreparedIteration
 from ..iteration.safeguard import OscillationGuard
 from ..sweeps.delassus import DelassusSweep

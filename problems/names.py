@@ -1,0 +1,78 @@
+"""Names with options, ``SORprox(relaxation=1.5)``: read and written in one way for solvers, steppers and scenes.
+
+name     plain | plain(part, …, option=value, …)
+part     a name with options of its own: Fallback(SORprox, NSGS(tolerance=1e-3))
+value    a Python literal
+"""
+
+import ast
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .errors import ProxbenchError, suggestion
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name as it is written.
+
+    Attributes:
+        plain: the name of the class, function or scene.
+        options: values by option.
+        parts: what it is made of, in order; empty for most names.
+    """
+
+    plain: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    parts: tuple["Name", ...] = ()
+
+    def __str__(self) -> str:
+        words = [*map(str, self.parts), *(f"{option}={value!r}" for option, value in self.options.items())]
+        return f"{self.plain}({', '.join(words)})" if words else self.plain
+
+
+def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -> Name:
+    """Return the name that ``text`` writes.
+
+    Args:
+        text: the text.
+        kind: what it names, for the sentence of the error: "solver".
+        example: a name with options, for the same.
+        error: the class of the error.
+
+    Raises:
+        ProxbenchError: of class ``error``, if the text is no name.
+    """
+    try:
+        return _name(ast.parse(text.strip(), mode="eval").body)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise error(
+            f"cannot read {text!r:.200} as a {kind}; write a name, or a name with options: {example}."
+        ) from None
+
+
+def check_options(owner: str, given: Iterable[str], known: Iterable[str], error: type[ProxbenchError]) -> None:
+    """Raise ``error`` for the first option that ``owner`` does not have, with the nearest one that it has."""
+    names = list(known)
+    for option in given:
+        if option not in names:
+            raise error(f"{owner} has no option {option!r}{suggestion(option, names)}")
+
+
+def described(thing: Any) -> str:
+    """Return the name of a dataclass instance: its class, and every option that differs from its default."""
+    values = {field.name: getattr(thing, field.name) for field in thing.__dataclass_fields__.values()}
+    defaults = {field.name: field.default for field in thing.__dataclass_fields__.values()}
+    return str(Name(type(thing).__name__, {key: value for key, value in values.items() if value != defaults[key]}))
+
+
+def _name(node: ast.expr) -> Name:
+    if isinstance(node, ast.Name):
+        return Name(node.id)
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
+        raise ValueError("no name")
+    if any(word.arg is None for word in node.keywords):
+        raise ValueError("no option")
+    options = {str(word.arg): ast.literal_eval(word.value) for word in node.keywords}
+    return Name(node.func.id, options, tuple(map(_name, node.args)))
