@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..problems.catalog.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, load, plugin_problems, problem_names
+from ..problems.catalog.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, plugin_problems, problem_names
 from ..problems.catalog.storage import SUFFIX, save_problem
 from ..problems.contact.problem import ContactProblem
 from ..problems.errors import ProblemError, suggestion
@@ -21,11 +21,12 @@ from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
 from ..problems.stepping.moreau import Moreau, Step
 from ..solvers.interface import Stop
 from ..solvers.registry import create
+from .measure.describing import plugin_problem
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
 
-FLOW_STOP = Stop(tolerance=1e-12, max_iterations=3000)
+FLOW_STOP = Stop(tolerance=1e-12, max_iterations=2000)
 """Solver limits while balls flow. Impacts amplify errors by many orders, so each step is solved nearly to rounding."""
 
 PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
@@ -112,7 +113,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
         if name not in RECIPES and name not in of_plugins:
             raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names())}")
     target = folder if folder is not None else cache_folder()
-    made = (load(name) for name in names if name in of_plugins)
+    made = (plugin_problem(name) for name in names if name in of_plugins)
     for problem in chain(made, remade(name for name in names if name not in of_plugins)):
         save_problem(problem, target / f"{problem.name}{SUFFIX}")
     return [target / f"{name}{SUFFIX}" for name in names]

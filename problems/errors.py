@@ -36,3 +36,9 @@ def said(failure: BaseException) -> str:
     """Return what an error says in one line, without the full stop."""
     what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
     return " ".join(what.split()).rstrip(".")
+
+
+def first_line(failure: BaseException) -> str:
+    """Return the type of an error and the first line of its text, without the full stop."""
+    lines = str(failure).strip().splitlines()
+    return type(failure).__name__ + (f": {lines[0][:200].rstrip('.')}" if lines else "")

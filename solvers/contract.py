@@ -8,9 +8,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from ..problems.catalog.plugin_files import told
 from ..problems.contact.model import Model
-from ..problems.errors import PluginError, ProxbenchError
+from ..problems.errors import PluginError, ProxbenchError, first_line
 
 _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 
@@ -34,10 +33,10 @@ def made(name: str, source: str, factory: Any, options: dict[str, Any]) -> Any:
     check_factory(name, source, factory)
     try:
         solver = factory(**options)
-    except ProxbenchError:
+    except (ProxbenchError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{head} cannot be created: {told(error)}.") from None
+        raise PluginError(f"{head} cannot be created: {first_line(error)}.") from None
     fault = form_fault(solver) or _name_fault(solver, name, factory, options)
     if fault:
         raise PluginError(f"{head} breaks the contract: {fault}.")
@@ -65,7 +64,7 @@ def form_fault(solver: Any) -> str | None:
     try:
         name, model = getattr(solver, "name", None), getattr(solver, "model", None)
     except Exception as error:
-        return f"its name or model raised {told(error)}"
+        return f"its name or model raised {first_line(error)}"
     if not isinstance(name, str) or not name:
         return _missing("name", name, "the text that tables show", "'MySolver'")
     if not isinstance(model, Model):
@@ -94,12 +93,12 @@ def reason_fault(reason: Any) -> str | None:
 
 def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: dict[str, Any]) -> str | None:
     """Say how a solver's name fails to make it again, or None: stored results lead back to solvers by their names."""
-    plain, _, told_options = solver.name.partition("(")
+    plain, _, written_options = solver.name.partition("(")
     if plain != name:
         return f"it calls itself {solver.name!r}; its name must begin with {name!r}, under which it is offered"
     for option, parameter in inspect.signature(factory).parameters.items():
         differs = option in options and options[option] != parameter.default
-        if differs and f"{option}=" not in told_options:
+        if differs and f"{option}=" not in written_options:
             return (
                 f"with {option}={options[option]!r} it still calls itself {solver.name!r}; "
                 "tell options in the name, as name = property(described) does for a dataclass"

@@ -11,7 +11,7 @@ from ..problems.names import Name, check_options, read_name
 from . import contract
 from .interface import Solution, Solver, SolverError, Status, Stop
 
-_BUILT_IN = {
+BUILT_IN = {
     "Jprox": "prox.jacobi",
     "JORprox": "prox.jacobi",
     "SORprox": "prox.gauss_seidel",
@@ -32,12 +32,12 @@ _BUILT_IN = {
 
 def available() -> list[str]:
     """Return the names that ``create`` knows: built-in solvers, then those of plugins, which are not imported yet."""
-    return [*_BUILT_IN, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
+    return [*BUILT_IN, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
 
 
 def plugin_solvers() -> list[Offer]:
     """Return what plugins offer as solvers, the refused ones with their reason."""
-    return offers("solver", _BUILT_IN)
+    return offers("solver", BUILT_IN)
 
 
 def create(name: str, **options: Any) -> Solver:
@@ -47,9 +47,8 @@ def create(name: str, **options: Any) -> Solver:
         SolverError: for an unknown name or option (with the nearest known one), or an option out of range.
         PluginError: if a plugin offers the name but does not import, or its solver breaks the contract.
     """
-    written = parse(name)
+    written, offer = parse(name), find(name)
     plain, options = written.plain, {**written.options, **options}
-    offer = None if plain in _BUILT_IN else _offer(plain)
     make = _built_in(plain) if offer is None else _plugin_factory(offer)
     check_options(plain, options, inspect.signature(make).parameters, SolverError)
     solver: Solver = make(**options) if offer is None else contract.made(plain, offer.source, make, options)
@@ -63,11 +62,21 @@ def factory(name: str) -> Any:
         SolverError: for an unknown name, with the nearest one.
         PluginError: if a plugin offers the name but does not import.
     """
-    return _built_in(name) if name in _BUILT_IN else _plugin_factory(_offer(name))
+    return _built_in(name) if name in BUILT_IN else _plugin_factory(_offer(name))
+
+
+def find(name: str) -> Offer | None:
+    """Return what a plugin offers under ``name``, with or without options; None for a built-in solver.
+
+    Raises:
+        SolverError: for an unknown name, with the nearest one.
+    """
+    plain = parse(name).plain
+    return None if plain in BUILT_IN else _offer(plain)
 
 
 def _built_in(name: str) -> Any:
-    return getattr(import_module(f".{_BUILT_IN[name]}", __package__), name)
+    return getattr(import_module(f".{BUILT_IN[name]}", __package__), name)
 
 
 def _offer(name: str) -> Offer:
@@ -76,7 +85,7 @@ def _offer(name: str) -> Offer:
         if offer.name == name:
             return offer
     usable = [offer.name for offer in found if not offer.refusal]
-    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_BUILT_IN, *usable])}")
+    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*BUILT_IN, *usable])}")
 
 
 def _plugin_factory(offer: Offer) -> Any:

@@ -14,6 +14,7 @@ from ...problems.errors import PluginError, ProxbenchError, suggestion
 from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, create, factory, plugin_solvers
 from ..errors import BenchError
+from ..measure.describing import described_solver, plugin_problem
 from ..report.counting import counted
 
 KINDS = ("solvers", "suites", "problems", "scenes")
@@ -78,27 +79,26 @@ def _scene_text(row: dict[str, Any]) -> str:
 def _solvers() -> list[dict[str, Any]]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
-    rows = [_solver(name, "") for name in available() if name not in of_plugins]
-    return rows + [_offered(offer, _solver) for offer in offers]
+    rows = [_built_in(name) for name in available() if name not in of_plugins]
+    return rows + [_offered(offer, _described_solver) for offer in offers]
 
 
-def _solver(name: str, source: str) -> dict[str, Any]:
-    options = inspect.signature(factory(name)).parameters.values()
-    return {
-        "name": name,
-        "model": str(create(name).model),
-        "options": [f"{option.name}={option.default!r}" for option in options],
-        "source": source,
-        "error": "",
-    }
+def _built_in(name: str) -> dict[str, Any]:
+    options = [f"{option.name}={option.default!r}" for option in inspect.signature(factory(name)).parameters.values()]
+    return {"name": name, "model": str(create(name).model), "options": options, "source": "", "error": ""}
 
 
-def _offered(offer: Offer, described: Callable[[str, str], dict[str, Any]]) -> dict[str, Any]:
+def _described_solver(offer: Offer) -> dict[str, Any]:
+    solver = described_solver(offer.name)
+    return {key: solver[key] for key in ("name", "model", "options", "source")} | {"error": ""}
+
+
+def _offered(offer: Offer, described: Callable[[Offer], dict[str, Any]]) -> dict[str, Any]:
     """Return the row of what a plugin offers; one that cannot be used has its reason in it."""
     try:
         if offer.refusal:
             raise PluginError(offer.refusal)
-        return described(offer.name, offer.source)
+        return described(offer)
     except ProxbenchError as error:
         return {"name": offer.name, "source": offer.source, "error": str(error)}
 
@@ -121,7 +121,9 @@ def _problems() -> list[dict[str, Any]]:
     offers = plugin_problems()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     rows = [_standing(name) for name in problem_names() if name not in of_plugins]
-    return rows + [_offered(offer, lambda name, source: _described(load(name), source)) for offer in offers]
+    return rows + [
+        _offered(offer, lambda offer: _described(plugin_problem(offer.name), offer.source)) for offer in offers
+    ]
 
 
 def _standing(name: str) -> dict[str, Any]:

@@ -6,11 +6,15 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from ...problems.catalog.catalog import load, plugin_problems, problem_names
 from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import forget, register, registered
+from ...problems.catalog.plugins import forget, registered
+from ...problems.errors import suggestion
+from ...solvers.registry import available, plugin_solvers
 from ..errors import BenchError
-from ..isolation.renewed_worker import RenewedWorker
-from ..isolation.worker import Fault
+from ..isolation.worker import Fault, RenewedWorker
+from ..measure.describing import contestant
+from ..measure.plugins import use_plugin_files
 from ..store.outcome import Outcome
 from . import PROBLEM_CHECKS, SOLVER_CHECKS
 from .task import CheckingTask
@@ -46,12 +50,11 @@ def checked(
     if not seconds > 0:
         raise BenchError(f"the time limit of a check must be positive, got {seconds:g} s.")
     file = PluginFile.read(target) if _is_path(target) else None
-    known = registered()
-    if file is not None:
-        register(file)
+    known = [other for other, _ in registered()]
     try:
+        subjects = _named(target) if file is None else _offered(file, seconds)
         with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES) as worker:
-            return [_checked(worker, subject, on_check) for subject in _subjects(worker, target, file)]
+            return [_checked(worker, subject, on_check) for subject in subjects]
     finally:
         if file is not None and file not in known:
             forget(file)
@@ -83,16 +86,25 @@ def _is_path(target: str) -> bool:
     return target.endswith(".py") or "/" in target.partition("(")[0]
 
 
-def _subjects(worker: RenewedWorker, target: str, file: PluginFile | None) -> list[dict[str, str]]:
-    try:
-        answer, _ = worker.ask("subjects", file if file is not None else target)
-    except Fault as fault:
-        said = _sentence(fault, worker.seconds)
-        raise BenchError(f"nothing of {target} can be checked, for when it is imported, {said}") from None
-    if "refused" in answer:
-        raise BenchError(answer["refused"])
-    found: list[dict[str, str]] = answer["subjects"]
-    return found
+def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
+    """Return kind, name and source of all that a plugin file offers, and let children find it."""
+    use_plugin_files([file.path], seconds)
+    offers = [*plugin_solvers(), *plugin_problems()]
+    return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers if offer.file == file]
+
+
+def _named(target: str) -> list[dict[str, str]]:
+    """Return kind, name and source of the solver or problem called ``target``."""
+    if target.partition("(")[0].strip() in available():
+        solver = contestant(target)
+        return [{"kind": "solver", "name": solver.name, "source": solver.source}]
+    known = problem_names()
+    if target not in known:
+        raise BenchError(f"there is no solver or problem {target!r}{suggestion(target, [*available(), *known])}")
+    source = next((offer.source for offer in plugin_problems() if offer.name == target), "")
+    if not source:
+        load(target)  # which says how to make a problem that is not generated yet
+    return [{"kind": "problem", "name": target, "source": source}]
 
 
 def _checked(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:

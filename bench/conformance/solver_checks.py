@@ -25,8 +25,8 @@ from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
+from .process_checks import PROCESS_CHECKS
 from .samples import at_rest, empty, infeasible, random_contacts, samples
-from .surroundings_checks import SURROUNDINGS_CHECKS
 from .trial import expect_finite, expect_form, own_residual
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
@@ -287,7 +287,7 @@ def _check(name: str, test: object) -> Check[Solver]:
 SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     _check("interface", keeps_to_interface),
     _check("travels", travels),
-    *SURROUNDINGS_CHECKS,
+    *PROCESS_CHECKS,
     _check("supports", refuses_through_supports),
     _check("finite", returns_finite_impulses),
     _check("inputs untouched", leaves_inputs_untouched),

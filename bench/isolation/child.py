@@ -17,8 +17,7 @@ from typing import Any
 import psutil
 
 from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import register
-from ..measure.protocol import MisbehaviourError
+from ...problems.catalog.plugins import Names, register
 from ..store.outcome import Outcome
 from .linux import die_with
 from .pipe import read_message, write_message
@@ -30,20 +29,26 @@ LONGEST_TRACEBACK = 20_000
 """Characters of a traceback that are sent, its end."""
 
 
+class MisbehaviourError(Exception):
+    """A solver broke its contract; the text says how."""
+
+
 @dataclass
 class Assignment:
     """What a case's process needs.
 
     Attributes:
         task: the pickled task.
-        plugin_files: the plugin files that it may refer to.
+        module: where its class is defined.
+        plugin_files: the plugin files that it may refer to, with the names that they offer.
         memory_bytes: memory it may take beyond what the framework itself needs.
         folder: where its temporary files go; the keeper makes and removes it.
         setting: working folder, import path and, where the task needs it, main script, as multiprocessing tells them.
     """
 
     task: bytes
-    plugin_files: list[PluginFile]
+    module: str
+    plugin_files: list[tuple[PluginFile, Names | None]]
     memory_bytes: int
     folder: Path
     setting: dict[str, Any]
@@ -87,8 +92,8 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
         try:
             if task is None:
                 spawn.prepare(assignment.setting)
-                for file in assignment.plugin_files:
-                    register(file)
+                for file, names in assignment.plugin_files:
+                    register(file, names)
                 task = pickle.loads(assignment.task)
             answer, numbers = task.answer(request, arguments)
         except MisbehaviourError as error:

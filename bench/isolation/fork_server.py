@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from dataclasses import dataclass
+from importlib import import_module
 
 from .child import Assignment
 from .pipe import is_readable
@@ -21,6 +22,8 @@ from .process_tree import send
 from .supervisor import NUMBER, keep
 
 _HEADER = struct.Struct("!Q")
+
+_FRAMEWORK = f"{__name__.partition('.')[0]}."
 
 _N_DESCRIPTORS = 3
 """Open files that every request brings: the case's pipe, its keeper's orders, and the file for its output."""
@@ -160,7 +163,7 @@ def _end() -> None:
 
 def serve(descriptor: int) -> None:
     """Be the server. Never returns."""
-    from ..measure import preload  # noqa: F401
+    from . import preload  # noqa: F401
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # keepers tell their end themselves
     requests = socket.socket(fileno=descriptor)
@@ -169,11 +172,14 @@ def serve(descriptor: int) -> None:
         content = _received(requests, _HEADER.unpack(header)[0]) if len(header) == _HEADER.size else b""
         if not content:
             os._exit(0)
+        assignment: Assignment = pickle.loads(content)
+        if assignment.module.startswith(_FRAMEWORK):
+            import_module(assignment.module)  # once here, not in each case
         if os.fork() == 0:
             requests.close()
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             pipe, orders, output = descriptors
-            keep(pipe, orders, output, pickle.loads(content))
+            keep(pipe, orders, output, assignment)
         for received in descriptors:
             os.close(received)
 

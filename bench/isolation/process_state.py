@@ -38,7 +38,7 @@ Names = dict[str, object]
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class ProcessState:
     """What a process was like at one time.
 
     Attributes:
@@ -56,9 +56,9 @@ class Surroundings:
     processes: frozenset[int]
 
     @staticmethod
-    def now() -> "Surroundings":
+    def now() -> "ProcessState":
         """Look around."""
-        return Surroundings(
+        return ProcessState(
             frozenset(sys.modules),
             _names(),
             {what: _read(reading) for what, reading in _STATE.items()},

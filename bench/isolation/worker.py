@@ -18,7 +18,8 @@ import traceback
 from dataclasses import dataclass
 from multiprocessing import spawn
 from pathlib import Path
-from typing import Any, Protocol
+from types import TracebackType
+from typing import Any, Protocol, Self
 from uuid import uuid4
 
 import numpy as np
@@ -79,14 +80,13 @@ class Worker:
         BenchError: if there is no room for temporary files.
     """
 
-    def __init__(self, task: Task, case_seconds: float, memory_bytes: int, with_main: bool = False) -> None:
+    def __init__(self, task: Task, case_seconds: float, memory_bytes: int) -> None:
         """Start the process.
 
         Args:
             task: what it does.
             case_seconds: limit of the wall time of all requests together [s].
             memory_bytes: memory it may take beyond what the framework itself needs.
-            with_main: whether the task needs the caller's main script, which is then run again in the process.
         """
         try:
             pickled = pickle.dumps(task)
@@ -101,7 +101,7 @@ class Worker:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
             raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
-        assignment = Assignment(pickled, registered(), memory_bytes, self._folder, _setting(with_main))
+        assignment = Assignment(pickled, type(task).__module__, registered(), memory_bytes, self._folder, _setting())
         try:
             self._keeper = fork_keeper(assignment, self._output)
         except OSError as error:
@@ -218,12 +218,58 @@ def _output_file() -> int:
         return os.dup(file.fileno())
 
 
-def _setting(with_main: bool) -> dict[str, Any]:
-    """Return what of this process's setting a case needs.
+def _setting() -> dict[str, Any]:
+    """Return what of this process's setting a case needs; its main script is not run again there."""
+    known = spawn.get_preparation_data("case")
+    return {key: known[key] for key in ("sys_path", "dir") if key in known}
 
-    The main script is run again in the case only if the task needs it: a script that calls ``run`` without asking for
-    ``__name__ == "__main__"`` would measure again.
+
+class RenewedWorker:
+    """One process after the other for one task; the first starts with the first request.
+
+    Use it as a context manager, which ends the process.
+
+    Attributes:
+        seconds: wall time that each request may take [s].
     """
-    told = spawn.get_preparation_data("case")
-    keys = ["sys_path", "dir", *(("init_main_from_name", "init_main_from_path") if with_main else ())]
-    return {key: told[key] for key in keys if key in told}
+
+    def __init__(self, task: Task, seconds: float, memory_bytes: int) -> None:
+        """Note what to start.
+
+        Args:
+            task: what the process does.
+            seconds: wall time that each request may take [s].
+            memory_bytes: memory it may take beyond what the framework itself needs.
+        """
+        self.seconds = seconds
+        self._task, self._memory_bytes = task, memory_bytes
+        self._worker: Worker | None = None
+
+    def ask(self, request: str, *arguments: Any) -> tuple[dict[str, Any], FloatArray]:
+        """Return the answer to one request, which has the whole time limit to itself.
+
+        Raises:
+            Fault: as ``Worker.ask`` does; the next request starts a fresh process.
+        """
+        if self._worker is None:
+            self._worker = Worker(self._task, self.seconds, self._memory_bytes)
+        self._worker.busy_seconds = 0.0
+        try:
+            return self._worker.ask(request, *arguments)
+        except Fault:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process."""
+        if self._worker is not None:
+            self._worker.close()
+            self._worker = None

@@ -10,9 +10,10 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual, judge
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Solver, Status, Stop, shows_iterates
+from ...solvers.interface import Status, Stop
 from ..isolation.worker import LARGEST_NUMBERS, Fault, Worker
 from ..store.outcome import Outcome, point_outcome
+from .contestants import Contestant
 from .plan import Limits
 from .protocol import MeasuringTask, round_fault
 
@@ -33,7 +34,7 @@ class Case:
     """
 
     problem: ContactProblem
-    solver: Solver
+    solver: Contestant
     limits: Limits
     outcome: Outcome = Outcome.MEASURED
     points: list[dict[str, Any]] = field(default_factory=list)
@@ -48,10 +49,10 @@ class Case:
 
     def begin(self, problem_data: bytes, finest: float) -> None:
         """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
-        limits, from_main = self.limits, type(self.solver).__module__ == "__main__"
+        limits = self.limits
         try:
             task = MeasuringTask(problem_data, self.solver)
-            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, with_main=from_main)
+            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes)
         except Fault as unsent:
             self._fail(unsent)
             return
@@ -140,7 +141,7 @@ class Case:
             "digest": self.problem.digest,
             "solver": self.solver.name,
             "model": str(self.solver.model),
-            "has_iterates": shows_iterates(self.solver),
+            "has_iterates": self.solver.has_iterates,
             "n_rows": self.problem.n_rows,
             "n_contacts": self.problem.n_contacts,
             "outcome": self.outcome.value,

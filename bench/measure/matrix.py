@@ -6,23 +6,18 @@ crash or hang without harm. The judge sees every result.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 
-from ...problems.catalog.catalog import load
 from ...problems.contact.judge import Residual, judge
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import prepared_fault, reason_fault
 from ...solvers.interface import Solver, Status, Stop
-from ...solvers.registry import available, create
-from ..isolation.renewed_worker import RenewedWorker
-from ..isolation.worker import Fault
+from ...solvers.registry import available
 from ..store.outcome import FAULTS, Outcome, point_outcome
-from .plan import DEFAULT_SOLVERS
-from .protocol import MisbehaviourError, solution_fault
+from .describing import contestant
+from .plan import DEFAULT_SOLVERS, resolved
+from .remote_solver import FailedSolveError, RemoteSolver
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""
@@ -67,7 +62,7 @@ def default_solvers() -> list[str]:
 
 def measured_matrix(
     problems: Sequence[str],
-    solvers: Sequence[str],
+    solvers: Sequence[str | Solver],
     stop: Stop,
     memory_bytes: int = 2**31,
     on_cell: Callable[[Cell], object] = lambda cell: None,
@@ -76,7 +71,7 @@ def measured_matrix(
 
     Args:
         problems: names of problems.
-        solvers: names of solvers, with options.
+        solvers: solvers, or their names with options.
         stop: tolerance and limits of one solve.
         memory_bytes: memory that a solver may take.
         on_cell: called with each cell as it is done.
@@ -87,64 +82,25 @@ def measured_matrix(
     Raises:
         ProxbenchError: for an unknown problem or solver.
     """
-    taken, made = {name: load(name) for name in problems}, [create(name) for name in solvers]
+    taken, made = {name: resolved(name) for name in problems}, [contestant(solver) for solver in solvers]
     cells = []
     for solver in made:
-        with RenewedWorker(SolvingTask(solver), stop.max_seconds + PREPARING_SECONDS, memory_bytes) as worker:
+        with RemoteSolver(solver, PREPARING_SECONDS, memory_bytes) as remote:
             for name, problem in taken.items():
-                cells.append(_cell(worker, solver, name, problem, stop))
+                cells.append(_cell(remote, name, problem, stop))
                 on_cell(cells[-1])
     return cells
 
 
-@dataclass
-class SolvingTask:
-    """Solves one problem after the other in its process."""
-
-    solver: Solver
-
-    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer "solve" (name of the problem, Stop)."""
-        name, stop = arguments
-        problem = _loaded(name)
-        reason = self.solver.supports(problem)
-        fault = reason_fault(reason)
-        if fault:
-            raise MisbehaviourError(fault)
-        if reason:
-            return {"status": Status.UNSUPPORTED.value, "message": reason, "iterations": 0}, b""
-        digest = problem.digest
-        prepared = self.solver.prepare(problem)
-        fault = prepared_fault(prepared)
-        if fault:
-            raise MisbehaviourError(fault)
-        solution = prepared.solve(stop)
-        fault = solution_fault(problem, solution)
-        if fault:
-            raise MisbehaviourError(fault)
-        if problem.fresh().digest != digest:
-            raise MisbehaviourError("it changed the numbers of the problem")
-        numbers = np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
-        return {
-            "status": solution.status.value,
-            "message": str(solution.message),
-            "iterations": int(solution.iterations),
-        }, numbers
-
-
-@cache
-def _loaded(name: str) -> ContactProblem:
-    return load(name)
-
-
-def _cell(worker: RenewedWorker, solver: Solver, name: str, problem: ContactProblem, stop: Stop) -> Cell:
+def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) -> Cell:
     try:
-        answer, impulses = worker.ask("solve", name, stop)
-    except Fault as fault:
+        refusal = solver.supports(problem)
+        if refusal:
+            return Cell(name, solver.name, Outcome.UNSUPPORTED, reason=refusal)
+        solution = solver.prepare(problem).solve(stop)
+    except FailedSolveError as fault:
         return Cell(name, solver.name, fault.outcome, reason=fault.reason)
-    status = Status(answer["status"])
-    if status is Status.UNSUPPORTED:
-        return Cell(name, solver.name, Outcome.UNSUPPORTED, reason=answer["message"])
+    status, impulses = solution.status, solution.impulses
     coulomb = judge(problem, impulses)
     own = coulomb if solver.model == Model.COULOMB else judge(problem, impulses, solver.model)
     outcome = point_outcome(status, stop.tolerance, solver.model, own, coulomb)
@@ -158,16 +114,16 @@ def _cell(worker: RenewedWorker, solver: Solver, name: str, problem: ContactProb
         outcome,
         coulomb.residual,
         own.residual,
-        answer["iterations"],
-        "" if outcome is Outcome.SOLVED else _reason(outcome, status, answer["message"], solver, own.residual),
+        solution.iterations,
+        "" if outcome is Outcome.SOLVED else _reason(outcome, status, solution.message, solver.model, own.residual),
         bool(np.isfinite(impulses).all()),
         error,
     )
 
 
-def _reason(outcome: Outcome, status: Status, message: str, solver: Solver, own_residual: float) -> str:
+def _reason(outcome: Outcome, status: Status, message: str, model: Model, own_residual: float) -> str:
     if outcome is Outcome.RELAXED:
-        return f"solves the {solver.model} model, not Coulomb friction"
+        return f"solves the {model} model, not Coulomb friction"
     if outcome is Outcome.WRONG:
         return f"claims to have solved, the judge of its model reads {own_residual:.1e}"
     return message or status.sentence

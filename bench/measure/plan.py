@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from ...problems.catalog.catalog import is_available, load, plugin_problems, problem_names, suite_members
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, suggestion
-from ...solvers.contract import form_fault
 from ...solvers.interface import Solver
-from ...solvers.registry import create
 from ..errors import BenchError
+from .contestants import Contestant
+from .describing import contestant, plugin_problem
 
 LADDER = tuple(10.0**-k for k in range(1, 11))
 """Tolerances of the ladder, 1e-1 … 1e-10."""
@@ -70,7 +70,7 @@ class Plan:
     """
 
     problems: tuple[str | ContactProblem, ...]
-    solvers: tuple[Solver, ...]
+    solvers: tuple[Contestant, ...]
     tolerances: tuple[float, ...] = LADDER
     limits: Limits = Limits()
 
@@ -109,8 +109,8 @@ def make_plan(
         if isinstance(problem, str) and problem not in known:
             raise ProblemError(f"there is no problem {problem!r}{suggestion(problem, known)}")
     from_plugins = {offer.name for offer in plugin_problems()}
-    chosen = tuple(load(p) if isinstance(p, str) and p in from_plugins else p for p in chosen)
-    methods = tuple(create(s) if isinstance(s, str) else _well_formed(s) for s in (solvers or DEFAULT_SOLVERS))
+    chosen = tuple(resolved(p) if isinstance(p, str) and p in from_plugins else p for p in chosen)
+    methods = tuple(map(contestant, solvers or DEFAULT_SOLVERS))
     for kind, names in (("problem", [name_of(p) for p in chosen]), ("solver", [s.name for s in methods])):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -122,13 +122,6 @@ def make_plan(
     return Plan(chosen, methods, ladder, limits or Limits())
 
 
-def _well_formed(solver: Solver) -> Solver:
-    fault = form_fault(solver)
-    if fault:
-        raise BenchError(f"the solver {solver!r:.60} breaks the contract: {fault}.")
-    return solver
-
-
 def name_of(problem: str | ContactProblem) -> str:
     """Return the name of a problem."""
     return problem if isinstance(problem, str) else problem.name
@@ -136,4 +129,6 @@ def name_of(problem: str | ContactProblem) -> str:
 
 def resolved(problem: str | ContactProblem) -> ContactProblem:
     """Return the problem itself, loaded if it is given by name."""
-    return load(problem) if isinstance(problem, str) else problem
+    if not isinstance(problem, str):
+        return problem
+    return plugin_problem(problem) if problem in {offer.name for offer in plugin_problems()} else load(problem)

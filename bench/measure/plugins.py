@@ -6,44 +6,43 @@ from typing import Any
 
 from ...problems.catalog.catalog import plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import Offer, forget, register, registered
+from ...problems.catalog.plugins import forget, register, registered
 from ...problems.errors import PluginError
 from ...solvers import registry
 from ..errors import BenchError
-from ..isolation.plugin_trial import try_import
+from .describing import SECONDS, offered
 
 
-def use_plugin_files(paths: Sequence[Path | str]) -> None:
-    """Let names of solvers and problems lead into plugin files, in this process and in those of its cases.
+def use_plugin_files(paths: Sequence[Path | str], seconds: float = SECONDS) -> None:
+    """Let names of solvers and problems lead into plugin files, which run in processes of their own only.
+
+    Args:
+        paths: the files.
+        seconds: wall time that the import of each may take, with the making of its solvers [s].
 
     Raises:
         PluginError: if a file is missing, fails to import, offers nothing, a name that is not free, or a solver that
             breaks the contract; it is then not in use.
     """
     for path in paths:
-        file = PluginFile.read(path)
-        if file not in registered():
-            try_import(file)
-        use(file)
+        _use(PluginFile.read(path), seconds)
 
 
-def use(file: PluginFile) -> None:
-    """Take one plugin file into use; see ``use_plugin_files``."""
-    before = next((known for known in registered() if known.path == file.path), None)
-    register(file)
+def _use(file: PluginFile, seconds: float) -> None:
+    before = next(((known, names) for known, names in registered() if known.path == file.path), None)
+    if before is not None and before[0] == file and before[1] is not None:
+        return
+    register(file, {}, runs_here=False)
     try:
-        file.check_offers()
-        _check(file)
+        register(file, offered(file, seconds), runs_here=False)
+        for offer in (*registry.plugin_solvers(), *plugin_problems()):
+            if offer.file == file and offer.refusal:
+                raise PluginError(offer.refusal)
     except PluginError:
         forget(file)
         if before is not None:
-            register(before)
+            register(*before, runs_here=False)
         raise
-
-
-def offers_of(file: PluginFile) -> list[Offer]:
-    """Return what a registered plugin file offers, solvers first."""
-    return [offer for offer in (*registry.plugin_solvers(), *plugin_problems()) if offer.file == file]
 
 
 def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[dict[str, Any]]:
@@ -74,7 +73,7 @@ def check_again(recorded: Iterable[dict[str, Any]]) -> None:
         BenchError: if one is not in use, is gone, or has changed since: results of two versions would stand under one
             name.
     """
-    used = {str(file.path): file for file in registered()}
+    used = {str(file.path): file for file, _ in registered()}
     for path, sha256 in sorted({(entry["file"], entry.get("sha256")) for entry in recorded if "file" in entry}):
         if path not in used and not Path(path).is_file():
             raise BenchError(f"the run was measured with plugin file {path}, which is gone; put it back to resume.")
@@ -85,12 +84,3 @@ def check_again(recorded: Iterable[dict[str, Any]]) -> None:
                 f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
                 "new run."
             )
-
-
-def _check(file: PluginFile) -> None:
-    """Raise ``PluginError`` for the first thing wrong with what ``file`` offers."""
-    for offer in offers_of(file):
-        if offer.refusal:
-            raise PluginError(offer.refusal)
-        if offer.kind == "solver":
-            registry.create(offer.name)

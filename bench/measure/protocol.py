@@ -18,6 +18,8 @@ from ...problems.catalog.storage import read_problem
 from ...problems.contact.problem import ContactProblem
 from ...solvers.contract import prepared_fault, reason_fault
 from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates
+from ..isolation.child import MisbehaviourError
+from .contestants import Contestant
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -28,10 +30,6 @@ MARK_RATIO = 1.04
 
 MOST_ITERATIONS = 2**53
 """Largest number of iterations that is believed; it is a whole number also where tables hold it as a float."""
-
-
-class MisbehaviourError(Exception):
-    """A solver broke its contract; the text says how."""
 
 
 @dataclass
@@ -127,11 +125,11 @@ class MeasuringTask:
     """A case as it travels to its process, where it becomes a ``Measurement``."""
 
     problem_data: bytes
-    solver: Solver
+    contestant: Contestant
 
     @cached_property
     def _measurement(self) -> Measurement:
-        return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.solver)
+        return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.contestant.make())
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Do what is asked for: "supports", "warm_up", "observe" or "round"."""
@@ -153,12 +151,20 @@ class MeasuringTask:
         return answer, np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
 
 
-def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
-    """Say why the answer to "round", which took ``wall_seconds`` from outside, cannot be one, or None."""
+def answer_fault(answer: dict[str, Any]) -> str | None:
+    """Say why an answer cannot be that to a solve, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
     is_count = type(iterations) is int and 0 <= iterations <= MOST_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):
         return "its process sent something that is no answer"
+    return None
+
+
+def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
+    """Say why the answer to "round", which took ``wall_seconds`` from outside, cannot be one, or None."""
+    fault = answer_fault(answer)
+    if fault:
+        return fault
     try:
         times = np.array(answer["times"], dtype=np.float64)
     except (KeyError, TypeError, ValueError):

@@ -18,6 +18,7 @@ from ..generate import generate
 from ..store.outcome import FAULTS
 from ..store.store import Store, plain_name
 from .case import Case
+from .contestants import Contestant
 from .machine import calibration_seconds, describe_machine
 from .plan import Limits, Plan, make_plan, name_of, resolved
 from .plugins import check_again, sources, use_plugin_files
@@ -175,7 +176,7 @@ def _carry_out(
     return store.folder
 
 
-def _measured(problem: ContactProblem, solvers: Sequence[Solver], plan: Plan) -> list[dict[str, Any]]:
+def _measured(problem: ContactProblem, solvers: Sequence[Contestant], plan: Plan) -> list[dict[str, Any]]:
     """Return the documents of all cases of one problem, measured in interleaved rounds."""
     cases = [Case(problem, solver, plan.limits) for solver in solvers]
     try:

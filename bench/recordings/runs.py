@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from ...problems.catalog.catalog import load
 from ...solvers.interface import Stop
-from ...solvers.registry import create
+from ..measure.plan import resolved
 from ..store.outcome import Outcome
 from ..store.store import Store, plain_name
 from .file import SUFFIX
@@ -22,8 +21,8 @@ FOLDER = "recordings"
 def record_run(run_dir: Path) -> list[RecordedSolves]:
     """Solve the problems of a run once more, observed, and write what happens as recordings into its folder.
 
-    Cases that timed out, crashed or misbehaved when they were measured, each in a process of its own, are left out:
-    here they would take this process with them. Recordings of an earlier call are replaced.
+    Cases that timed out, crashed or misbehaved when they were measured are left out. Recordings of an earlier call are
+    replaced.
 
     Raises:
         BenchError: if the folder is no run, or cannot be written.
@@ -37,8 +36,8 @@ def record_run(run_dir: Path) -> list[RecordedSolves]:
     stop = Stop(TOLERANCE, MAX_ITERATIONS, planned["limits"]["solve_seconds"])
     made = []
     for name in planned["problems"]:
-        solvers = [create(solver) for solver in planned["solvers"] if (name, solver) in came_through]
-        if solvers and (problem := load(name)).n_contacts:
+        solvers = [solver for solver in planned["solvers"] if (name, solver) in came_through]
+        if solvers and (problem := resolved(name)).n_contacts:
             file = run_dir / FOLDER / f"{plain_name(name)}{SUFFIX}"
             made.append(record_solves(problem, solvers, stop, file, force=True))
     return made

@@ -13,6 +13,9 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
+from ..measure.contestants import Contestant
+from ..measure.describing import contestant
+from ..measure.remote_solver import working_solver
 from ..report.palette import look, on_dark, rgb
 from .annotations import write_state_colours
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
@@ -66,7 +69,7 @@ class RecordedSolves:
 
 def record_solves(
     problem: ContactProblem,
-    solvers: Sequence[Solver],
+    solvers: Sequence[str | Solver | Contestant],
     stop: Stop,
     file: Path,
     force: bool = False,
@@ -80,7 +83,7 @@ def record_solves(
 
     Args:
         problem: the contact problem.
-        solvers: at least one.
+        solvers: at least one, or their names.
         stop: when each ends; its seconds do not count the time that watching takes.
         file: the recording, ending in ``.rrd``.
         force: replace an existing file.
@@ -99,8 +102,9 @@ def record_solves(
         raise BenchError(
             f"places hold {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
         )
+    contestants = [contestant(solver) for solver in solvers]
     with RecordingFile(file, force) as recording:
-        traces = tuple(trace_solve(problem, solver, stop) for solver in solvers)
+        traces = tuple(_traced(problem, solver, stop) for solver in contestants)
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)
         names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
@@ -117,6 +121,11 @@ def record_solves(
             "about", rr.TextDocument(_about(problem, where, traces, reference), media_type="text/markdown"), static=True
         )
     return RecordedSolves(file, traces, where)
+
+
+def _traced(problem: ContactProblem, solver: Contestant, stop: Stop) -> Trace:
+    with working_solver(solver) as working:
+        return trace_solve(problem, working, stop)
 
 
 def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings: dict[str, float]) -> None:

@@ -9,6 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Status, Stop, shows_iterates
+from ..measure.remote_solver import FailedSolveError
 from .contact_states import contact_states, count_states
 
 
@@ -135,6 +136,8 @@ def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
         finally:
             watcher.finish()
         trace.ended = solution.status.sentence
-    except Exception as error:  # any error of a plugin is its own
+    except FailedSolveError as error:
+        trace.ended, trace.failed = f"{error.reason[:1].upper()}{error.reason[1:]}.", True
+    except Exception as error:
         trace.ended, trace.failed = f"It raised {type(error).__name__}: {error}", True
     return trace

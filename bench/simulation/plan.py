@@ -10,6 +10,7 @@ from ...problems.stepping.moreau import ContactSolver, Moreau
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import create
 from ..errors import BenchError
+from ..measure.remote_solver import local_or_remote
 from .thinning import STATES
 
 FIXED = "Moreau"
@@ -118,7 +119,7 @@ def make_simulation_plan(
         made,
         made.step_size if step_size is None else step_size,
         made.duration if duration is None else duration,
-        create(chosen) if isinstance(chosen, str) else chosen,
+        local_or_remote(chosen) if isinstance(chosen, str) else chosen,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
         STATES if states is None else states,
@@ -136,7 +137,7 @@ def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
     """
     solver = changes.get("solver")
     if isinstance(solver, str):
-        changes["solver"] = create(solver)
+        changes["solver"] = local_or_remote(solver)
     other = replace(plan, **changes)
     _check_numbers(other)
     return other

@@ -9,8 +9,8 @@ from ...problems.scenes.registry import Scene, make_scene
 from ...problems.stepping.moreau import ContactSolver
 from ...problems.stepping.variable_step import VariableStep
 from ...solvers.interface import Solver, Stop
-from ...solvers.registry import create
 from ..errors import BenchError
+from ..measure.remote_solver import local_or_remote
 from ..simulation.thinning import STATES
 from .steppers import Stepper, make_stepper
 
@@ -100,7 +100,7 @@ def make_variable_plan(
         made,
         make_stepper(named) if isinstance(named, str) else named,
         made.duration if duration is None else duration,
-        create(chosen) if isinstance(chosen, str) else chosen,
+        local_or_remote(chosen) if isinstance(chosen, str) else chosen,
         DEFAULT_TOLERANCE if tolerance is None else tolerance,
         DEFAULT_ITERATIONS if max_iterations is None else max_iterations,
         STATES if states is None else states,

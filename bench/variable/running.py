@@ -9,8 +9,8 @@ from ...problems.errors import said
 from ...problems.stepping.moreau import StepError
 from ...problems.stepping.variable_step import VariableStepTaken
 from ...solvers.interface import Solver
-from ...solvers.registry import create
 from ..errors import BenchError, FailedSimulationError
+from ..measure.remote_solver import local_or_remote
 from ..simulation.asking import Asked
 from ..simulation.failure import Failure
 from ..simulation.plan import FIXED, check_agreement
@@ -175,4 +175,4 @@ def _row(simulation: VariableSimulation, taken: VariableStepTaken, before: tuple
 
 
 def _solver(given: str | Solver) -> Solver:
-    return create(given) if isinstance(given, str) else given
+    return local_or_remote(given) if isinstance(given, str) else given

@@ -15,9 +15,8 @@ from pathlib import Path
 
 from .. import library
 from ..contact.problem import ContactProblem
-from ..errors import PluginError, ProblemError, suggestion
+from ..errors import PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
-from .plugin_files import told
 from .plugins import Offer, offers
 from .storage import SUFFIX, read_problem
 
@@ -153,7 +152,7 @@ def _built(offer: Offer) -> ContactProblem:
         with redirect_stdout(sys.stderr):
             problem = make()
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{head} cannot be built: {told(error)}.") from None
+        raise PluginError(f"{head} cannot be built: {first_line(error)}.") from None
     if not isinstance(problem, ContactProblem):
         raise PluginError(f"{head} makes a value of type {type(problem).__name__}; return a ContactProblem.")
     return problem.renamed(offer.name, plugin=offer.source)

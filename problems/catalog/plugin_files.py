@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..errors import PluginError
+from ..errors import PluginError, first_line
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,10 @@ class PluginFile:
         try:
             with redirect_stdout(sys.stderr):
                 return import_module(self.module_name)
+        except MemoryError:
+            raise
         except (Exception, SystemExit) as error:
-            raise PluginError(f"{self.source} fails to import{where(error, self.path)}: {told(error)}.") from None
+            raise PluginError(f"{self.source} fails to import{where(error, self.path)}: {first_line(error)}.") from None
 
     def solvers(self) -> dict[str, Callable[..., Any]]:
         """Return what it offers as solvers, by name.
@@ -145,12 +147,6 @@ def make_importable(file: PluginFile) -> None:
     _known[file.module_name] = file
     if _IMPORTER not in sys.meta_path:
         sys.meta_path.append(_IMPORTER)
-
-
-def told(error: BaseException) -> str:
-    """Return an exception as one line: its type, and the first line of what it says."""
-    said = str(error).strip().splitlines()
-    return type(error).__name__ + (f": {said[0][:200].rstrip('.')}" if said else "")
 
 
 def where(error: BaseException, path: Path) -> str:

@@ -8,14 +8,15 @@ which of them a table shows must not depend on the order of installation.
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from typing import Any, Literal
 
-from ..errors import PluginError
-from .plugin_files import PluginFile, make_importable, told
+from ..errors import PluginError, first_line
+from .plugin_files import PluginFile, make_importable
 
 Kind = Literal["solver", "problem"]
 
@@ -28,6 +29,15 @@ _NAMES: dict[Kind, tuple[str, str]] = {
 
 _files: dict[str, PluginFile] = {}
 """Registered plugin files by path, for this process."""
+
+Names = Mapping[Kind, Sequence[str]]
+"""What a plugin file offers, by kind."""
+
+_names: dict[str, Names] = {}
+"""What registered files offer, by path, where it is known without running them."""
+
+_elsewhere: set[str] = set()
+"""Paths of the files that this process never runs."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,7 @@ class Offer:
         except PluginError:
             raise
         except (Exception, SystemExit) as error:
-            said = f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {told(error)}"
+            said = f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {first_line(error)}"
             raise PluginError(f"{said}; mend the package or uninstall it.") from None
 
 
@@ -80,28 +90,52 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
     return [_judged(offer, taken, found) if _suspect(offer, taken, counts) else offer for offer in found]
 
 
-def register(file: PluginFile) -> None:
-    """Let this process find what a plugin file offers, without running it yet; one of the same path is replaced."""
-    if _files.get(str(file.path)) != file:
+def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
+    """Let this process find what a plugin file offers, without running it yet; one of the same path is replaced.
+
+    Args:
+        file: the file.
+        names: what it offers; found by running it, when it is first asked for, if None.
+        runs_here: whether this process may run it. If not, its names are known, and nothing can be made of them.
+    """
+    path = str(file.path)
+    if _files.get(path) != file:
         make_importable(file)
-        _files[str(file.path)] = file
+        _files[path] = file
+        _names.pop(path, None)
+    if names is not None:
+        _names[path] = names
+    (_elsewhere.discard if runs_here else _elsewhere.add)(path)
 
 
 def forget(file: PluginFile) -> None:
     """Take a plugin file back."""
-    _files.pop(str(file.path), None)
+    path = str(file.path)
+    _files.pop(path, None)
+    _names.pop(path, None)
+    _elsewhere.discard(path)
 
 
-def registered() -> list[PluginFile]:
-    """Return the plugin files that this process knows."""
-    return list(_files.values())
+def registered() -> list[tuple[PluginFile, Names | None]]:
+    """Return the plugin files that this process knows, each with what it offers, None where that is not known."""
+    return [(file, _names.get(path)) for path, file in _files.items()]
 
 
 def _from_files(kind: Kind) -> Iterator[Offer]:
-    for file in _files.values():
-        offered = file.solvers() if kind == "solver" else file.problems()
-        for name, value in offered.items():
-            yield Offer(kind, name, file.source, lambda value=value: value, file)  # type: ignore[misc]
+    for path, file in _files.items():
+        names = _names.get(path)
+        for name in _offered(file, kind) if names is None else names.get(kind, ()):
+            yield Offer(kind, name, file.source, partial(_get, file, kind, name), file)
+
+
+def _get(file: PluginFile, kind: Kind, name: str) -> Any:
+    if str(file.path) in _elsewhere:
+        raise PluginError(f"{name!r} of {file.source} is made in processes of its own, not in this one.")
+    return _offered(file, kind)[name]
+
+
+def _offered(file: PluginFile, kind: Kind) -> dict[str, Callable[..., Any]]:
+    return file.solvers() if kind == "solver" else file.problems()
 
 
 def _from_packages(kind: Kind) -> Iterator[Offer]:

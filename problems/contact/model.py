@@ -32,6 +32,21 @@ class Model:
             raise ProblemError(f"a friction pyramid needs at least 3 sides, got {sides}.")
         return Model("pyramid", sides)
 
+    @staticmethod
+    def from_text(text: str) -> "Model":
+        """Return the model that ``str`` writes as ``text``.
+
+        Raises:
+            ProblemError: if it is none.
+        """
+        kind, _, sides = text.removesuffix(")").partition("(")
+        if kind == "pyramid" and sides.isdecimal():
+            return Model.pyramid(int(sides))
+        for model in (Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS):
+            if text == str(model):
+                return model
+        raise ProblemError(f"there is no contact model {text!r:.60}.")
+
     def __str__(self) -> str:
         return f"{self.kind}({self.sides})" if self.kind == "pyramid" else self.kind
 

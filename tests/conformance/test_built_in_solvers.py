@@ -30,9 +30,9 @@ VARIANTS = [
 
 
 def test_the_variants_cover_every_built_in_solver() -> None:
-    from proxbench.solvers.registry import _BUILT_IN
+    from proxbench.solvers.registry import BUILT_IN
 
-    assert {name.split("(")[0] for name in VARIANTS} == set(_BUILT_IN)
+    assert {name.split("(")[0] for name in VARIANTS} == set(BUILT_IN)
 
 
 LONG = {check.name for check in (*HARD_CHECKS, *INVARIANCE_CHECKS)}

@@ -54,7 +54,7 @@ def _forgotten() -> Iterator[None]:
         ("knows metres only", "units", "but in micrometres and milligrams it ends as stalled"),
         ("infeasible in doubt", "hard stacks", "has a solution, and ends as infeasible"),
         ("absolute", "hard stacks", "claims to have solved hard-stack-"),
-        ("absolute", "hard degenerate", "hard-squeezed has no solution, and ends as solved"),
+        ("lies on hard-squeezed", "hard degenerate", "hard-squeezed has no solution, and ends as solved"),
         ("nan", "hard rods", "not finite, with status diverged"),
         ("writes problem", "hard spheres", "changed the numbers of hard-incline"),
         ("never oscillates", "cycles", "in a cycle of two, and it ends at the iteration limit"),

@@ -18,8 +18,8 @@ PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
 HEAD = """
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
-from proxbench.bench.plan import Limits
-from proxbench.bench.runner import resume
+from proxbench.bench.measure.plan import Limits
+from proxbench.bench.measure.runner import resume
 """
 
 

@@ -134,12 +134,16 @@ def test_a_file_that_is_none_or_absurd_is_left_out(copied: Path) -> None:
 
 def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
     """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
-    pickling = {"worker.py", "fork_server.py", "case_process.py", "solver_checks.py", "plugin_trial.py"}
+    pickling = {
+        "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
+        "cloudpickle": {"contestants.py", "describing.py"},
+    }
     for package in ("bench", "problems", "solvers"):
         for file in (PACKAGES / package).rglob("*.py"):
             for node in ast.walk(ast.parse(file.read_text())):
-                if isinstance(node, ast.Import) and any(name.name in ("pickle", "shelve") for name in node.names):
-                    assert file.name in pickling
+                if isinstance(node, ast.Import):
+                    for name in {name.name for name in node.names} & {*pickling, "shelve", "marshal"}:
+                        assert file.name in pickling[name]
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec"):
                     assert file.name == "plugin_files.py"
                 if isinstance(node, ast.keyword) and node.arg == "allow_pickle":

@@ -6,6 +6,7 @@ import psutil
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.measure.case import Case
+from proxbench.bench.measure.describing import contestant
 from proxbench.bench.measure.plan import Limits
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load
@@ -19,7 +20,7 @@ ENDLESS = {"sleep", "spin"}
 def carried_out(deed: str) -> Case:
     problem = load("hard-sticking-box")
     limits = replace(LIMITS, case_seconds=1.0) if deed in ENDLESS else LIMITS
-    case = Case(problem, Misbehaving(deed), limits)
+    case = Case(problem, contestant(Misbehaving(deed)), limits)
     try:
         case.begin(problem_bytes(problem), 1e-6)
         if case.is_open:

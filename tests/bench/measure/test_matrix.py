@@ -51,9 +51,8 @@ def test_the_page_has_every_problem_every_solver_and_every_reason(cells: list[Ce
     assert "it has spatial friction, whose directions of slip cannot be enumerated" in page
 
 
-def test_a_solver_that_crashes_costs_its_own_cell(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.matrix.create", lambda name: Misbehaving(name))
-    found = measured_matrix(["hard-groove", "hard-sticking-box"], ["segfault"], Stop(1e-6, 100, 1.0))
+def test_a_solver_that_crashes_costs_its_own_cell() -> None:
+    found = measured_matrix(["hard-groove", "hard-sticking-box"], [Misbehaving("segfault")], Stop(1e-6, 100, 1.0))
     assert [crashed.outcome for crashed in found] == [Outcome.CRASHED] * 2
     assert count_bad(found) == 2
     assert "crashed" in matrix_page(found, 1e-6, "")

@@ -18,8 +18,8 @@ from proxbench.solvers import Prepared, Solution, Status, Stop, create
 
 MISNAMED = {
     ("blind to infeasibility", Status.INFEASIBLE): Status.ITERATION_LIMIT,
-    ("infeasible in doubt", Status.STALLED): Status.INFEASIBLE,
-    ("absolute", Status.STALLED): Status.SOLVED,
+    ("infeasible in doubt", Status.ITERATION_LIMIT): Status.INFEASIBLE,
+    ("absolute", Status.ITERATION_LIMIT): Status.SOLVED,
     ("never oscillates", Status.OSCILLATING): Status.ITERATION_LIMIT,
 }
 """What a faulty solver says instead of what is true."""

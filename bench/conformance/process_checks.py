@@ -3,7 +3,7 @@
 import time
 
 from ...solvers.interface import Solver, Stop
-from ..isolation.process_state import Surroundings
+from ..isolation.process_state import ProcessState
 from .checks import Check, NotApplicable, Violation
 from .samples import samples
 
@@ -19,20 +19,20 @@ def leaves_process_alone(solver: Solver) -> None:
     supported = [problem for problem in samples() if solver.supports(problem) is None]
     if not supported:
         raise NotApplicable("it supports none of the small problems")
-    before = Surroundings.now()
+    before = ProcessState.now()
     for problem in supported:
         solver.prepare(problem).solve(STOP)
     _hold_to(before)
 
 
-def replaced_names(before: Surroundings) -> str:
+def replaced_names(before: ProcessState) -> str:
     """Say what has been replaced since, or nothing."""
     replaced = before.replaced()
     more = " and more" if replaced[1:] else ""
     return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
 
 
-def _hold_to(before: Surroundings) -> None:
+def _hold_to(before: ProcessState) -> None:
     fault = replaced_names(before)
     if fault:
         raise Violation(f"{fault}.")
@@ -51,7 +51,7 @@ def _listed(words: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
-SURROUNDINGS_CHECKS: tuple[Check[Solver], ...] = (
+PROCESS_CHECKS: tuple[Check[Solver], ...] = (
     Check("process", (leaves_process_alone.__doc__ or "").strip(), leaves_process_alone),
 )
 """The test of what a solver does to its process."""

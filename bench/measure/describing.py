@@ -1,0 +1,184 @@
+"""What plugins and solvers of the caller offer, as data: they are imported and made in a process that they may spoil.
+
+What comes back is JSON, and problems as the content of problem files.
+"""
+
+import inspect
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import cloudpickle
+import numpy as np
+
+from ...problems.catalog.catalog import load, plugin_problems
+from ...problems.catalog.plugin_files import PluginFile
+from ...problems.catalog.plugins import Kind, Names, Offer, forget, register
+from ...problems.catalog.storage import problem_bytes, read_problem
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
+from ...problems.errors import PluginError, ProxbenchError, first_line
+from ...solvers import registry
+from ...solvers.contract import form_fault
+from ...solvers.interface import Solver, shows_iterates
+from ..errors import BenchError
+from ..isolation.worker import Fault, Worker
+from ..store.outcome import Outcome
+from .contestants import Contestant, built_in, carried
+
+SECONDS = 60.0
+"""Wall time that a plugin may take for its import and for making a solver or problem [s]."""
+
+MEMORY_BYTES = 2**31
+"""Memory that it may take for that beyond what the framework itself needs."""
+
+
+def contestant(solver: str | Solver | Contestant) -> Contestant:
+    """Return a solver, given by its name or as an object, as data.
+
+    Raises:
+        SolverError: for an unknown solver or option, with the nearest name.
+        PluginError: if a plugin offers the name but its solver cannot be made, or breaks the contract.
+        BenchError: if an object breaks the contract, or cannot be sent to another process.
+    """
+    if isinstance(solver, str):
+        return built_in(solver) if registry.find(solver) is None else _described(solver, b"", PluginError)
+    if isinstance(solver, Contestant):
+        return solver
+    if type(solver).__module__.startswith(f"{registry.__package__}."):
+        return built_in(solver.name)
+    return _described("", carried(solver), BenchError)
+
+
+def offered(file: PluginFile, seconds: float = SECONDS) -> Names:
+    """Return what a plugin file offers, names by kind; each solver was made once, and keeps to the interface.
+
+    Args:
+        file: the file.
+        seconds: wall time that its import and the making of its solvers may take [s].
+
+    Raises:
+        PluginError: if the file fails to import, offers nothing, a name that is not free, or a solver that breaks the
+            contract.
+    """
+    answer, _ = _ask(f"{file.source} fails to import", PluginError, "offers", file, seconds=seconds)
+    kinds: tuple[Kind, ...] = ("solver", "problem")
+    return {kind: tuple(map(str, answer["offers"][kind])) for kind in kinds}
+
+
+def described_solver(name: str) -> dict[str, Any]:
+    """Return name, model, source and options of a solver of a plugin.
+
+    Raises:
+        PluginError: if it cannot be made, or breaks the contract.
+    """
+    return _ask(f"the solver {name!r} cannot be made", PluginError, "solver", name, b"")[0]
+
+
+def plugin_problem(name: str) -> ContactProblem:
+    """Return a problem that a plugin offers.
+
+    Raises:
+        PluginError: if the plugin does not make it.
+    """
+    answer, numbers = _ask(f"the problem {name!r} cannot be built", PluginError, "problem", name)
+    return read_problem(io.BytesIO(numbers.tobytes()[: answer["length"]]), f"problem {name!r}")
+
+
+def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Contestant:
+    what = f"the solver {name!r}" if name else "the solver object"
+    answer, _ = _ask(f"{what} cannot be made", error, "solver", name, pickled)
+    return Contestant(answer["name"], Model.from_text(answer["model"]), answer["shows"], answer["source"], pickled)
+
+
+def _ask(
+    failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = SECONDS
+) -> tuple[dict[str, Any], Any]:
+    """Return the answer of a fresh process.
+
+    Raises:
+        ProxbenchError: of class ``error``: ``failure`` with the reason, or what the plugin is refused for.
+    """
+    try:
+        worker = Worker(Describing(), seconds, MEMORY_BYTES)
+    except Fault as fault:
+        raise error(f"{failure}: {fault.reason}.") from None
+    try:
+        answer, numbers = worker.ask(request, *arguments)
+    except Fault as fault:
+        reason = f"it does not end within {seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
+        raise error(f"{failure}: {reason}.") from None
+    finally:
+        worker.close()
+    if "refused" in answer:
+        raise error(str(answer["refused"]))
+    return answer, numbers
+
+
+@dataclass
+class Describing:
+    """The child's half: answers "offers" (plugin file), "solver" (name, pickled object) and "problem" (name)."""
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        """Answer one request; a mistake in words is answered as {"refused": sentence}."""
+        try:
+            if request == "offers":
+                return {"offers": _offers(*arguments)}, b""
+            if request == "solver":
+                return _solver(*arguments), b""
+            content = problem_bytes(load(*arguments))
+            return {"length": len(content)}, content + bytes(-len(content) % np.dtype(float).itemsize)
+        except ProxbenchError as error:
+            return {"refused": str(error)}, b""
+
+
+def file_offers(file: PluginFile) -> list[Offer]:
+    """Return what a registered plugin file offers, solvers first; runs the file, so in a child only.
+
+    Raises:
+        PluginError: if it fails to import, offers nothing, a name that is not free, or a solver that breaks the
+            contract.
+    """
+    forget(file)  # what is known of its names came from a run of it, which this is
+    register(file)
+    file.check_offers()
+    found = [offer for offer in (*registry.plugin_solvers(), *plugin_problems()) if offer.file == file]
+    for offer in found:
+        if offer.refusal:
+            raise PluginError(offer.refusal)
+        if offer.kind == "solver":
+            registry.create(offer.name)
+    return found
+
+
+def _offers(file: PluginFile) -> dict[str, list[str]]:
+    found = file_offers(file)
+    return {kind: [offer.name for offer in found if offer.kind == kind] for kind in ("solver", "problem")}
+
+
+def _solver(name: str, pickled: bytes) -> dict[str, Any]:
+    if pickled:
+        return _form(_unpickled(pickled), "", [])
+    solver = registry.create(name)
+    plain = registry.parse(name).plain
+    source = next(offer.source for offer in registry.plugin_solvers() if offer.name == plain)
+    options = [f"{one.name}={one.default!r}" for one in inspect.signature(registry.factory(plain)).parameters.values()]
+    return _form(solver, source, options)
+
+
+def _form(solver: Solver, source: str, options: list[str]) -> dict[str, Any]:
+    fault = form_fault(solver)
+    if fault:
+        raise BenchError(f"the solver {type(solver).__name__} breaks the contract: {fault}.")
+    shows = shows_iterates(solver)
+    return {"name": solver.name, "model": str(solver.model), "shows": shows, "source": source, "options": options}
+
+
+def _unpickled(pickled: bytes) -> Any:
+    try:
+        return cloudpickle.loads(pickled)
+    except Exception as error:
+        raise BenchError(
+            f"the solver object cannot be made again in the process of its cases: {first_line(error)}; define its "
+            "class where that process can import it, or in the script itself."
+        ) from None

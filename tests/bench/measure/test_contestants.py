@@ -1,0 +1,96 @@
+"""Solver objects of a caller travel to their cases with their classes, wherever these are defined."""
+
+import subprocess
+import sys
+import threading
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from proxbench.bench import load, run
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.describing import contestant
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import Model
+from proxbench.solvers import create
+
+CLASS = """
+from proxbench.problems import Model
+from proxbench.solvers import create
+
+class Mine:
+    name, model = "Mine", Model.COULOMB
+    def supports(self, problem): return None
+    def prepare(self, problem): return create("SORprox").prepare(problem)
+"""
+
+SCRIPT = (
+    CLASS
+    + """
+print("begun")
+from proxbench.bench import load, run
+folder = run(["hard-groove"], [Mine()], results="results", tolerances=[1e-3])
+print(load(folder).cases["outcome"].tolist())
+"""
+)
+
+
+def module_from(text: str, name: str) -> ModuleType:
+    """A module that no other process can import."""
+    spec = spec_from_loader(name, loader=None)
+    assert spec is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    exec(text, module.__dict__)
+    return module
+
+
+@pytest.mark.parametrize("way", ["-", "script.py"])
+def test_a_class_of_a_script_or_of_standard_input_is_measured_and_the_script_not_run_again(
+    way: str, tmp_path: Path
+) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    text = SCRIPT if way == "-" else None
+    done = subprocess.run([sys.executable, way], input=text, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout.splitlines() == ["begun", "['measured']"], done.stderr
+
+
+def test_a_class_of_a_module_that_cases_cannot_import_is_measured(tmp_path: Path) -> None:
+    module: Any = module_from(CLASS, "made_in_memory")
+    folder = run(["hard-groove"], [module.Mine()], results=tmp_path, tolerances=[1e-3])
+    assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
+
+
+class Locked:
+    name, model = "Locked", Model.COULOMB
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+
+    def supports(self, problem: Any) -> None:
+        """Support everything."""
+
+    def prepare(self, problem: Any) -> Any:
+        return create("SORprox").prepare(problem)
+
+
+def test_an_object_that_cannot_travel_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"Locked cannot be sent to the process of its cases \(TypeError: .*lock"):
+        run(["hard-groove"], [Locked()], results=tmp_path / "results")
+    assert not (tmp_path / "results").exists()
+
+
+def test_an_object_that_is_no_solver_is_refused_in_a_sentence() -> None:
+    thing: Any = 3
+    with pytest.raises(BenchError, match="the solver int breaks the contract: it has no name"):
+        contestant(thing)
+
+
+def test_a_built_in_solver_is_known_by_its_name_however_it_is_given() -> None:
+    given = (create("SORprox", relaxation=1.5), "SORprox(relaxation = 1.5)")
+    first, second = map(contestant, given)
+    assert first == second == contestant(first)
+    assert first.is_built_in
+    assert first.make() == given[0]
