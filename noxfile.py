@@ -20,10 +20,20 @@ def _keep_compiled_kernels(session: nox.Session) -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the test suite against an installed package, a file of tests on each core."""
+    """Run the daily tests against an installed package, a file of tests on each core."""
+    _run_tests(session, "not slow")
+
+
+@nox.session
+def tests_full(session: nox.Session) -> None:
+    """Run the slow tests: faults, worked plugins, every solver on every case, examples of the docs, long motions."""
+    _run_tests(session, "slow")
+
+
+def _run_tests(session: nox.Session, marked: str) -> None:
     session.install(".[test]")
     _keep_compiled_kernels(session)
-    session.run("pytest", "-n", "auto", "--dist", "loadfile", *session.posargs)
+    session.run("pytest", "-n", "auto", "--dist", "loadfile", "-m", marked, *session.posargs)
 
 
 @nox.session

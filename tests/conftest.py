@@ -1,10 +1,24 @@
-"""How much property tests try: the same few examples every day, others with PROXBENCH_PROFILE=full or hunt."""
+"""How much is tested: property tests try the same few examples every day, and what takes long is marked as slow.
+
+PROXBENCH_PROFILE=full or hunt lets property tests try more.
+"""
 
 import os
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True)  # a failure comes back
 settings.register_profile("full", max_examples=500, deadline=None)
 settings.register_profile("hunt", max_examples=5000, deadline=None)
 settings.load_profile({"full": "full", "hunt": "hunt"}.get(os.environ.get("PROXBENCH_PROFILE", ""), "quick"))
+
+SLOW_FOLDERS = {"faults", "long"}
+"""Folders of tests that are all slow."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of slow folders."""
+    for item in items:
+        if SLOW_FOLDERS.intersection(item.path.parts):
+            item.add_marker("slow")
