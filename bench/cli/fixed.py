@@ -7,7 +7,8 @@ from pathlib import Path
 from rich.console import Console
 
 from ..errors import BenchError, FailedSimulationError, InterruptedSimulationError
-from ..report.pictures import drawn
+from ..report.output_file import drawn
+from ..report.presenting import present, simulation_files
 from ..simulation.beside import Beside, chosen_beside, recorded
 from ..simulation.file import write_simulation
 from ..simulation.live import LiveSummary
@@ -16,7 +17,6 @@ from ..simulation.run import advance, begun_simulation, new_simulation
 from ..simulation.table import document, print_simulation
 from ..simulation.trajectory import Simulation
 from .interrupts import deferred_interrupts
-from .presenting import present, simulation_files
 from .request import Request
 
 

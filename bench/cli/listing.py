@@ -15,7 +15,7 @@ from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, create, factory, plugin_solvers
 from ..errors import BenchError
 from ..measure.describing import described_solver, plugin_problem
-from ..report.counting import counted
+from ..report.text import counted
 
 KINDS = ("solvers", "suites", "problems", "scenes")
 

@@ -178,7 +178,7 @@ def run(
 
     from ..measure import runner
     from ..measure.plan import Limits
-    from .progress import RunProgress
+    from ..report.progress import RunProgress
 
     _refuse_contradictions(context)
     _refuse_two_prints(quiet, as_json)
@@ -189,7 +189,7 @@ def run(
             limits = Limits(solve_seconds, case_seconds, memory * 2**20)
             folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
     if record:
-        from ..recordings.runs import record_run
+        from ..recordings.solves import record_run
 
         record_run(folder)
     return _report(folder, charts, quiet, as_json)
@@ -299,7 +299,7 @@ def check(
     from rich.console import Console
 
     from ..conformance.run import checked, print_checks
-    from .progress_bar import ProgressBar
+    from ..report.progress import ProgressBar
 
     with ProgressBar(Console(stderr=True), hidden=as_json) as shown:
 
@@ -349,10 +349,10 @@ def _report(run_dir: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Write and print what a run has to show; return 1 if something measured failed."""
     from rich.console import Console
 
+    from ..report.presenting import FILE_WIDTH
     from ..report.tables import print_tables, results_table, summary_table, write_tables
     from ..store.frames import load
     from ..store.outcome import FAULTS, Outcome
-    from .presenting import FILE_WIDTH
 
     frames = load(run_dir)
     tables = write_tables(frames, run_dir / "tables")

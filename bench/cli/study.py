@@ -6,15 +6,14 @@ from pathlib import Path
 from rich.console import Console
 
 from ..errors import BenchError, InterruptedSimulationError
-from ..report.output_file import output_file, refuse_taken
-from ..report.pictures import drawn, refuse_pictures
+from ..report.output_file import drawn, output_file, refuse_pictures, refuse_taken
+from ..report.presenting import present
 from ..study.defaults import make_study_plan
 from ..study.live import StudyProgress
 from ..study.running import advance_study, points
 from ..study.study import SUFFIX, Study, read_study, write_points
 from ..study.table import print_study, study_document
 from .interrupts import deferred_interrupts
-from .presenting import present
 from .request import Request
 
 FILE_WIDTH = 140

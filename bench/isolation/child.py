@@ -19,8 +19,8 @@ import psutil
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugins import Names, register
 from ..store.outcome import Outcome
-from .linux import die_with
 from .pipe import read_message, write_message
+from .process_tree import die_with
 
 LARGEST_FILE = 2**24
 """Bytes that a case may write to any file, its captured output included."""

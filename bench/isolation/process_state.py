@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from ..report.counting import counted
 from .process_tree import descendants
 
 _FRAMEWORK = __name__.partition(".")[0]
@@ -82,7 +81,7 @@ class ProcessState:
         threads = sum(thread.ident not in self.threads for thread in threading.enumerate())
         processes = len(set(descendants(os.getpid())) - self.processes)
         counts = ((threads, "thread", "threads"), (processes, "process", "processes"))
-        return [counted(count, one, many) for count, one, many in counts if count]
+        return [f"{count} {one if count == 1 else many}" for count, one, many in counts if count]
 
     def _knew(self, name: str) -> bool:
         """Whether a name of the framework belongs to a module that was loaded then."""

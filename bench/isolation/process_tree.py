@@ -1,8 +1,10 @@
-"""All processes that come from one: finding, stopping and killing them."""
+"""All processes that come from one: tying them to it, finding, stopping and killing them."""
 
 import contextlib
+import ctypes
 import os
 import signal
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,6 +12,21 @@ import psutil
 
 _PASSES = 100
 """Attempts at stopping processes that go on starting others, before they are killed as they are."""
+
+_SET_DEATH_SIGNAL = 1
+_SET_CHILD_SUBREAPER = 36
+
+
+def adopt_orphans() -> None:
+    """Make this process the parent of all that its descendants leave behind, on Linux; elsewhere do nothing."""
+    _prctl(_SET_CHILD_SUBREAPER, 1)
+
+
+def die_with(parent: int) -> None:
+    """Let this process be killed when its parent goes, on Linux; elsewhere do nothing."""
+    _prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
 
 
 def descendants(ancestor: int) -> list[int]:
@@ -80,3 +97,8 @@ def _children(process: int) -> list[int]:
     with contextlib.suppress(psutil.Error):
         return [child.pid for child in psutil.Process(process).children()]
     return []
+
+
+def _prctl(option: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(option, value, 0, 0, 0)

@@ -18,8 +18,7 @@ from multiprocessing.connection import wait
 from types import FrameType
 
 from .child import Assignment, be_the_case
-from .linux import adopt_orphans
-from .process_tree import descendants, kill_all, send
+from .process_tree import adopt_orphans, descendants, kill_all, send
 
 STOP, GO_ON, END = b"S", b"G", b"E"
 """What a keeper is told: stop the case, let it go on, end it. It also ends the case when nobody can tell any more."""

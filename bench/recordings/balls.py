@@ -16,10 +16,8 @@ from ...problems.stepping.moreau import Step
 from ..report.palette import PALETTE, rgb
 from .blueprints import Camera, plot, simulation_blueprint, space_view
 from .contact_states import States
-from .meshes import ball_mesh, surface_meshes
-from .rotation import turned, upright
+from .meshes import ball_mesh, in_space, surface_meshes, turned, upright
 from .simulation import BODIES, IMPULSES, StepRecorder
-from .space import in_space
 
 LAYERS = 4
 """Groups of balls by their height at the start, a colour each, so that one sees them mix."""

@@ -23,8 +23,8 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.pieces import Pieces, cut_into_pieces
 from ...problems.contact.problem import ContactProblem
 from ..errors import BenchError
-from ..report.counting import counted
-from .space import in_space
+from ..report.text import counted
+from .meshes import in_space
 
 RIGID_TOLERANCE = 1e-9
 """How exactly axes must be orthonormal, and moments fit an arm, to count as those of a rigid body."""

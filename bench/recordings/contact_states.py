@@ -1,12 +1,14 @@
-"""What a contact does under given impulses: open, stick or slip."""
+"""What a contact does under given impulses, open, stick or slip, and the colours that show it."""
 
 from enum import IntEnum
 
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
+from ..report.palette import rgb
 
 OPEN_SHARE = 1e-6
 """A contact with less than this share of the largest normal impulse counts as open; interior points leave dust."""
@@ -50,3 +52,12 @@ def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
 def count_states(states: States) -> NDArray[np.int64]:
     """Return how many contacts are open, stick and slip, shape (3,)."""
     return np.bincount(states, minlength=len(ContactState))
+
+
+def write_state_colours(stream: rr.RecordingStream, root: str) -> None:
+    """Give contacts under the entity ``root`` the colours and names of their states."""
+    infos = [
+        rr.AnnotationInfo(id=int(state), label=state.name.lower(), color=rgb(colour))
+        for state, colour in STATE_COLOURS.items()
+    ]
+    stream.log(root, rr.AnnotationContext(infos), static=True)

@@ -1,4 +1,4 @@
-"""Triangle meshes of balls and of the surfaces that they touch."""
+"""Shapes in space: triangle meshes of balls and surfaces, orientations as quaternions (x, y, z, w), planar scenes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -103,3 +103,44 @@ def _plane_mesh(plane: Plane, width: float, dimension: int) -> Mesh:
     second = np.cross(normal, first)
     corners = [point + width * (a * first + b * second) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def upright(count: int) -> FloatArray:
+    """Return ``count`` unturned orientations, shape (count, 4)."""
+    return np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
+
+
+def turned(orientations: FloatArray, spins: FloatArray, seconds: float) -> FloatArray:
+    """Return orientations turned by constant angular velocities for some time, exactly.
+
+    q⁺ = exp(ω Δt / 2) q with ω in the axes of space.
+
+    Args:
+        orientations: unit quaternions (x, y, z, w), shape (n, 4).
+        spins: ω [rad/s], shape (n, 3).
+        seconds: Δt [s].
+    """
+    half = 0.5 * seconds * spins
+    angle = np.linalg.norm(half, axis=1)
+    axis = half * np.sinc(angle / np.pi)[:, None]
+    scalar = np.cos(angle)
+    x, w = orientations[:, :3], orientations[:, 3]
+    vector = scalar[:, None] * x + w[:, None] * axis + np.cross(axis, x)
+    product = np.column_stack([vector, scalar * w - (axis * x).sum(axis=1)])
+    unit: FloatArray = product / np.linalg.norm(product, axis=1)[:, None]
+    return unit
+
+
+def about_depth(angle: float) -> tuple[float, float, float, float]:
+    """Return the orientation of a body of the plane (x, z) that is turned by ``angle`` [rad] from x to z."""
+    return 0.0, -float(np.sin(angle / 2.0)), 0.0, float(np.cos(angle / 2.0))
+
+
+def in_space(vectors: FloatArray) -> FloatArray:
+    """Return vectors over (x, z), shape (…, 2), as vectors over (x, 0, z), shape (…, 3); spatial ones as they are.
+
+    Planar scenes stand in space on the plane y = 0.
+    """
+    if vectors.shape[-1] == 3:
+        return vectors
+    return np.stack([vectors[..., 0], np.zeros(vectors.shape[:-1]), vectors[..., 1]], axis=-1)

@@ -1,5 +1,6 @@
 """Recordings of simulations that are stored: bodies and impulses at the states that were kept, curves of all steps."""
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -7,13 +8,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
+from ...problems.mechanics.balls import BallSystem
 from ...problems.mechanics.state import State
 from ...problems.mechanics.system import System
 from ...problems.scenes.registry import Scene
 from ...problems.stepping.moreau import Step, step_problem
 from ..errors import BenchError
-from .scenes import scene_recorder
-from .simulation import SMALLEST
+from .balls import BallRecorder
+from .simulation import SMALLEST, StepRecorder
+from .woodpecker import WoodpeckerRecorder
+
+FRAMES = 1000
+"""Pictures of one recording: half a minute of film, and less than 100 MB with a thousand balls."""
+
+
+def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) -> StepRecorder:
+    """Return the recorder of a scene, which draws about ``FRAMES`` of ``n_steps`` steps; curves have all of them.
+
+    Raises:
+        BenchError: if the scene cannot be drawn, or the file cannot be written.
+    """
+    every = max(1, math.ceil(n_steps / FRAMES))
+    if scene.name == "woodpecker":
+        return WoodpeckerRecorder(file, force, every)
+    if isinstance(scene.system, BallSystem):
+        options = scene.options
+        title = f"{scene.name}, {options['balls']} {'discs' if options['planar'] else 'balls'}"
+        gravity = float(options["gravity"] or 0.0)
+        return BallRecorder(scene.system, file, title, gravity, force, every, scene.balls_through)
+    raise BenchError(f"there is no recorder for the scene {scene.name!r}; leave --record out.")
 
 
 def record_stored(

@@ -16,9 +16,8 @@ from ...problems.mechanics.state import State
 from ...problems.stepping.moreau import Step
 from ..errors import BenchError
 from ..report.palette import PALETTE, rgb
-from .annotations import write_state_colours
 from .blueprints import STEP, TIME, plot
-from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states
+from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
 from .file import RecordingFile
 
 SMALLEST = 1e-16

@@ -1,4 +1,4 @@
-"""Recordings of solves: several solvers side by side on one problem, over the timeline ``iteration``."""
+"""Recordings of solves: several solvers side by side on one problem, or on each problem of a stored run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,14 +15,15 @@ from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
 from ..measure.contestants import Contestant
 from ..measure.describing import contestant
+from ..measure.plan import resolved
 from ..measure.remote_solver import working_solver
 from ..report.palette import look, on_dark, rgb
-from .annotations import write_state_colours
+from ..store.outcome import Outcome
+from ..store.store import Store, plain_name
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
-from .bodies import write_bodies
-from .contact_points import Places, find_places
-from .contact_states import STATE_COLOURS, ContactState, contact_states
-from .file import RecordingFile
+from .contact_points import Bodies, Places, find_places
+from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
+from .file import SUFFIX, RecordingFile
 from .traces import Trace, trace_solve
 
 SMALLEST = 1e-16
@@ -38,6 +39,20 @@ ARROW_SIZES = 3.0
 
 LONGEST_ARROW = 3.0
 """Arrows are cut at this multiple of it, so that a solver that diverges does not hide the others."""
+
+GLASS = (150, 170, 200, 60)
+"""Colour of balls, transparent, so that the impulses between them are seen."""
+
+LINES = (150, 170, 200)
+"""Colour of other bodies."""
+
+TOLERANCE = 1e-8
+"""What recorded solvers are asked for; a run's own ladder ends where most only creep."""
+
+MAX_ITERATIONS = 1000
+
+FOLDER = "recordings"
+"""Where they are, in the folder of the run."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +127,7 @@ def record_solves(
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
         if where.bodies is not None:
-            write_bodies(stream, BODIES, where.bodies, where.size)
+            _write_bodies(stream, BODIES, where.bodies, where.size)
         scale = ARROW_SIZES * where.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
@@ -121,6 +136,31 @@ def record_solves(
             "about", rr.TextDocument(_about(problem, where, traces, reference), media_type="text/markdown"), static=True
         )
     return RecordedSolves(file, traces, where)
+
+
+def record_run(run_dir: Path) -> list[RecordedSolves]:
+    """Solve the problems of a run once more, observed, and write what happens as recordings into its folder.
+
+    Cases that timed out, crashed or misbehaved when they were measured are left out. Recordings of an earlier call are
+    replaced.
+
+    Raises:
+        BenchError: if the folder is no run, or cannot be written.
+        SolverError: for a solver object that no name makes again.
+        ProblemError: for a problem object that no name loads again.
+    """
+    store = Store.open(run_dir)
+    planned = store.read_info()["plan"]
+    cases, _ = store.read_cases()
+    came_through = {(case["problem"], case["solver"]) for case in cases if case["outcome"] == Outcome.MEASURED}
+    stop = Stop(TOLERANCE, MAX_ITERATIONS, planned["limits"]["solve_seconds"])
+    made = []
+    for name in planned["problems"]:
+        solvers = [solver for solver in planned["solvers"] if (name, solver) in came_through]
+        if solvers and (problem := resolved(name)).n_contacts:
+            file = run_dir / FOLDER / f"{plain_name(name)}{SUFFIX}"
+            made.append(record_solves(problem, solvers, stop, file, force=True))
+    return made
 
 
 def _traced(problem: ContactProblem, solver: Contestant, stop: Stop) -> Trace:
@@ -201,6 +241,26 @@ def _write_contacts(
         at,
         rr.Arrows3D.columns(vectors=arrows.reshape(-1, 3), class_ids=states.ravel()).partition(lengths),
     )
+
+
+def _write_bodies(stream: rr.RecordingStream, root: str, bodies: Bodies, size: float) -> None:
+    """Write balls as translucent spheres, other bodies as dots joined to their contacts; ``size`` is a body's [m]."""
+    balls = bodies.is_ball
+    if balls.any():
+        radii = bodies.radii[balls].astype(np.float32)
+        shape = rr.Ellipsoids3D(
+            centers=bodies.centres[balls].astype(np.float32),
+            half_sizes=np.repeat(radii, 3).reshape(-1, 3),
+            colors=[GLASS],
+            fill_mode=rr.components.FillMode.Solid,
+            show_labels=False,
+        )
+        stream.log(f"{root}/balls", shape, static=True)
+    if not balls.all():
+        centres = bodies.centres[~balls].astype(np.float32)
+        stream.log(f"{root}/centres", rr.Points3D(centres, radii=[0.2 * size], colors=[LINES]), static=True)
+        arms = bodies.arms.astype(np.float32)
+        stream.log(f"{root}/arms", rr.LineStrips3D(arms, radii=[0.03 * size], colors=[LINES]), static=True)
 
 
 def _arrows(places: Places, lanes: FloatArray, scale: float) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from ...problems.stepping.moreau import Step
 from ..report.palette import rgb
 from .blueprints import Camera, plot, simulation_blueprint, space_view
 from .contact_states import States
-from .rotation import about_depth
+from .meshes import about_depth
 from .simulation import BODIES, IMPULSES, StepRecorder
 
 WOOD, BRASS, FEATHERS, CREST, BEAK, BELLY = (

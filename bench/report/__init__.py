@@ -1,1 +1,1 @@
-"""What results look like: tables, charts, pages."""
+"""How results are shown: tables, charts, progress, and the files that they are written to."""

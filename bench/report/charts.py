@@ -11,12 +11,12 @@ from ..errors import BenchError
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
 from ..store.store import plain_name
-from .counting import counted
 from .drawing import by_name, heading, key, round_values, stacked, write_drawing
 from .labels import FONT_SIZE, Label, Points, placed_labels
 from .palette import Look, looks
 from .summary_charts import summary_charts
 from .tables import ending
+from .text import counted
 
 SMALLEST_RESIDUAL = 1e-16
 """Residuals of zero are drawn here: a logarithmic axis has no place for them."""

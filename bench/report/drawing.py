@@ -12,8 +12,8 @@ import vl_convert
 
 from ..errors import BenchError
 from .labels import CHARACTER_WIDTH, FONT_SIZE
+from .output_file import picture_files
 from .palette import Look
-from .pictures import picture_files
 
 PNG_SCALE = 2.0
 

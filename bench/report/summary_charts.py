@@ -8,11 +8,11 @@ import pandas as pd
 
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
-from .counting import counted
 from .drawing import by_name, heading, round_values, stacked
 from .labels import FONT_SIZE
 from .palette import PALETTE, looks
 from .tables import claims, duration, mean_time, summary_accuracies, time_to_accuracy
+from .text import counted
 
 WIDTH = 300
 """Of each of two panels side by side [pixels]."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..report.output_file import refuse_taken
-from ..report.pictures import drawn, picture_files, refuse_pictures
+from ..report.output_file import drawn, picture_files, refuse_pictures, refuse_taken
 
 
 @dataclass(frozen=True)

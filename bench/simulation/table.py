@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...problems.contact.model import Model
-from ..report.counting import counted, unsolved_words
+from ..report.text import counted, unsolved_words
 from .trajectory import Ending, Simulation
 
 WINDOW_SECONDS = 0.1

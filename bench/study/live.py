@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from ..cli.progress_bar import ProgressBar
+from ..report.progress import ProgressBar
 from .plan import Case
 from .study import Study
 

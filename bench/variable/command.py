@@ -10,11 +10,10 @@ from rich.console import Console
 
 from ...problems.scenes.registry import SCENES
 from ..cli.interrupts import deferred_interrupts
-from ..cli.presenting import present, simulation_files
 from ..cli.request import Request
 from ..errors import BenchError, FailedSimulationError, InterruptedSimulationError
-from ..report.output_file import output_file
-from ..report.pictures import drawn
+from ..report.output_file import drawn, output_file
+from ..report.presenting import present, simulation_files
 from ..simulation.beside import Beside, chosen_beside, recorded
 from ..simulation.plan import FIXED
 from ..simulation.result_file import SUFFIX

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from ...problems.arrays import FloatArray
-from ..report.counting import counted
 from ..report.drawing import stacked, write_drawing
 from ..report.palette import PALETTE
+from ..report.text import counted
 from .incidents import Incident, incidents, switching_words
 from .simulation import VariableSimulation
 

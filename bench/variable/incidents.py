@@ -8,7 +8,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ..report.counting import counted
+from ..report.text import counted
 from .simulation import LAWS, STATES, VariableSimulation
 
 SECTION = ("friction", 1, "stick", "slip")

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ..report.counting import counted, unsolved_words
+from ..report.text import counted, unsolved_words
 from ..simulation.trajectory import SLACK
 from .incidents import Cycle, Cycles, Incident, cycles, incidents, relative_deviations, switching_words
 from .simulation import VariableSimulation

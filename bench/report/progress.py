@@ -6,6 +6,8 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from ..measure.runner import CaseFinished, Event, ProblemStarted, RunStarted
+
 
 class ProgressBar:
     """Shows what is measured, and how much of it is done; use it as a context manager."""
@@ -33,7 +35,7 @@ class ProgressBar:
         self._bar.stop()
 
     def count(self, done: int, total: int | None = None) -> None:
-        """Show how many are done, of how many if that is told anew."""
+        """Show how many are done, of how many if that is new."""
         self._bar.update(self._task, completed=done, total=total)
 
     def name(self, text: str, again: bool = False) -> None:
@@ -41,3 +43,16 @@ class ProgressBar:
         self._bar.update(self._task, description=text)
         if not (again or self._hidden or self._console.is_terminal):
             self._console.print(f"measuring {text}", soft_wrap=True, highlight=False, markup=False)
+
+
+class RunProgress(ProgressBar):
+    """Shows the events of a run; hand it to ``run`` as ``on_event``, see ``ProgressBar``."""
+
+    def __call__(self, event: Event) -> None:
+        """Show one event."""
+        if isinstance(event, RunStarted):
+            self.count(event.done, event.total)
+        elif isinstance(event, ProblemStarted):
+            self.name(event.problem)
+        elif isinstance(event, CaseFinished):
+            self.count(event.done)

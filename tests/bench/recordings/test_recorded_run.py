@@ -8,7 +8,7 @@ import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.recordings.runs import record_run
+from proxbench.bench.recordings.solves import record_run
 from proxbench.solvers import create
 
 
