@@ -14,7 +14,7 @@ FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((RO
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
 RECORDED_WITH_RERUN = ("balls", "blueprints", "contact_states", "file", "simulation", "solves", "still", "woodpecker")
 MOST_ROOMS = 12
-MORE_ROOMS = {"bench/simulation": 14}
+MORE_ROOMS = {"bench/cli": 13, "bench/simulation": 14}
 """Folders that have more than that, and how many."""
 
 MOST_ARROWS = 40
@@ -48,7 +48,7 @@ AT_HOME = {
         "bench/study/chart.py",
         "bench/variable/figure.py",
     },
-    "typer": {"bench/cli/main.py", "bench/cli/options.py", "bench/cli/matrix.py", "bench/cli/simulate.py"},
+    "typer": {f"bench/cli/{name}.py" for name in ("help", "main", "matrix", "options", "record", "run", "simulate")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
 }

@@ -3,7 +3,7 @@
 import inspect
 import shutil
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...problems.catalog.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
@@ -11,43 +11,98 @@ from ...problems.catalog.plugins import Offer
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
+from ...problems.hard import CASE_GROUPS
 from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, create, factory, plugin_solvers
 from ..errors import BenchError
 from ..measure.describing import described_solver, plugin_problem
 from ..report.text import counted
 
-KINDS = ("solvers", "suites", "problems", "scenes")
+KINDS = ("solvers", "suites", "scenes", "problems")
+
+SHOWN_MEMBERS = 4
+"""Members of a suite that stand for all of them."""
+
+WIDEST_PROBLEM = 34
+"""Characters of the column of names in a table of problems; longer names move their row."""
 
 
-def listed(what: str = "") -> dict[str, list[dict[str, Any]]]:
-    """Return solvers, suites, problems and scenes, or the one kind asked for; a plugin's fault is its "error".
+def listed(what: str = "", suite: str = "") -> dict[str, list[dict[str, Any]]]:
+    """Return solvers, suites, problems and scenes, or one of these kinds; a plugin's fault is its "error".
+
+    Args:
+        what: one kind, all if empty.
+        suite: whose problems are listed, all problems if empty.
 
     Raises:
-        BenchError: for another kind, with the nearest one.
+        BenchError: for another kind, with the nearest one, or a suite of anything but problems.
+        ProblemError: for an unknown suite.
     """
     if what and what not in KINDS:
         raise BenchError(f"there is nothing called {what!r} to list{suggestion(what, KINDS)}")
+    if suite:
+        if what != "problems":
+            raise BenchError(f"a suite has problems only; write: proxbench list problems --suite {suite}")
+        return {"problems": _problems(suite_members(suite))}
     makers = {"solvers": _solvers, "suites": _suites, "problems": _problems, "scenes": _scenes}
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
 def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
-    """Print the listing in aligned columns, wrapped to the width of the terminal."""
-    texts = {"solvers": _solver_text, "suites": _suite_text, "problems": _problem_text, "scenes": _scene_text}
-    columns = shutil.get_terminal_size((100, 24)).columns
+    """Print the listing wrapped to the width of the terminal; problems one by one only where nothing else is listed."""
     for kind, rows in names.items():
         print(kind)
-        width = max((len(row["name"]) for row in rows), default=0)
-        for row in rows:
-            start = f"  {row['name']:<{width}}  "
-            indent = " " * len(start)
-            print(
-                textwrap.fill(
-                    texts[kind](row), columns, initial_indent=start, subsequent_indent=indent, break_on_hyphens=False
-                )
-            )
+        if kind == "problems" and len(names) == 1:
+            _print_problems(rows)
+        elif kind == "problems":
+            families = _families(rows)
+            _print_rows([(family, counted(len(members), "problem")) for family, members in families.items()])
+        else:
+            texts = {"solvers": _solver_text, "suites": _suite_text, "scenes": _scene_text}
+            _print_rows([(row["name"], texts[kind](row)) for row in rows])
         print()
+    if "suites" in names or len(names) > 1:
+        print("members of a suite: proxbench list problems --suite NAME")
+
+
+def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
+    """Print names and a text to each, in aligned columns."""
+    columns = shutil.get_terminal_size((80, 24)).columns
+    width = max((len(name) for name, _ in rows), default=0)
+    for name, text in rows:
+        start = f"  {name:<{width}}  "
+        indent = " " * len(start)
+        print(
+            textwrap.fill(
+                text,
+                columns,
+                initial_indent=start,
+                subsequent_indent=indent,
+                break_on_hyphens=False,
+                break_long_words=False,
+            )
+        )
+
+
+def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
+    """Print a table of problems under the names of their families."""
+    heads = {"contacts": 8, "rows": 5, "friction": 15}
+    width = min(max((len(row["name"]) for row in rows), default=0), WIDEST_PROBLEM)
+    print(f"  {'':<{width}}  " + "  ".join(f"{head:>{size}}" for head, size in heads.items()) + "  form")
+    for family, members in _families(rows).items():
+        print(f"\n{family} ({len(members)})")
+        for row in members:
+            print(f"  {row['name']:<{width}}  {_problem_text(row, list(heads.values()))}".rstrip())
+
+
+def _families(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return problems by family: the plugin, the group of hard cases, or the scene that they come from."""
+    group_of = {name: f"hard: {group}" for group, members in CASE_GROUPS.items() for name in members}
+    families: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        family = row["source"] or group_of.get(row["name"]) or row["name"].partition("-")[0]
+        families.setdefault(family, []).append(row)
+    return families
 
 
 def _solver_text(row: dict[str, Any]) -> str:
@@ -59,17 +114,20 @@ def _origin(row: dict[str, Any]) -> list[str]:
 
 
 def _suite_text(row: dict[str, Any]) -> str:
-    return ", ".join(row["members"])
+    """Return how many members a suite has, and a few of them from its beginning to its end."""
+    members = row["members"]
+    shown = members[:: -(-len(members) // SHOWN_MEMBERS)]
+    return f"{counted(len(members), 'problem')}: {', '.join(shown)}{', …' if len(shown) < len(members) else ''}"
 
 
-def _problem_text(row: dict[str, Any]) -> str:
+def _problem_text(row: dict[str, Any], widths: Sequence[int]) -> str:
     if row["error"]:
         return str(row["error"])
     if not row["available"]:
-        return "not generated yet"
-    sizes = counted(row["contacts"], "contact"), counted(row["rows"], "row")
-    laws = " and ".join(row["laws"]) or "no law"
-    return ", ".join((*sizes, laws, row["form"], *_origin(row)))
+        return f"not generated yet; run: proxbench generate {row['name']}"
+    kinds = [law.removesuffix(" friction") for law in row["laws"] if law != "unilateral"]
+    cells = row["contacts"], row["rows"], ", ".join(kinds) or "none"
+    return "  ".join([*(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)), row["form"]])
 
 
 def _scene_text(row: dict[str, Any]) -> str:
@@ -117,7 +175,10 @@ def _scenes() -> list[dict[str, Any]]:
     return rows
 
 
-def _problems() -> list[dict[str, Any]]:
+def _problems(members: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    """Return the rows of standard problems, or of all that there are."""
+    if members is not None:
+        return [_standing(name) for name in members]
     offers = plugin_problems()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     rows = [_standing(name) for name in problem_names() if name not in of_plugins]

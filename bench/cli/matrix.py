@@ -1,52 +1,56 @@
 """``proxbench matrix``, the command."""
 
 import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .options import PluginFiles
+from .options import LIMITS, OUTPUT, SELECTION, Json, PluginFiles, Problems, Progress, Quiet, Solvers, refuse_two_prints
 
 
 def matrix(
-    suite: Annotated[str, typer.Option(help="Suite of problems.")] = "hard",
-    problem: Annotated[list[str] | None, typer.Option(help="Problem instead of a suite; may be repeated.")] = None,
-    solver: Annotated[
-        list[str] | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5); all if left out.")
+    suite: Annotated[str, typer.Option(metavar="SUITE", help="Suite of problems.", rich_help_panel=SELECTION)] = "hard",
+    problem: Problems = None,
+    solver: Solvers = None,
+    tolerance: Annotated[float, typer.Option(help="Residual to reach.", rich_help_panel=LIMITS)] = 1e-8,
+    solve_seconds: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Time of one solve.", rich_help_panel=LIMITS)
+    ] = 5.0,
+    max_iterations: Annotated[int, typer.Option(help="Iterations of one solve.", rich_help_panel=LIMITS)] = 200_000,
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Markdown page; printed if left out.", rich_help_panel=OUTPUT)
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Judged residual to reach.")] = 1e-8,
-    solve_seconds: Annotated[float, typer.Option(help="Time limit of one solve [s].")] = 5.0,
-    max_iterations: Annotated[int, typer.Option(help="Largest number of iterations of one solve.")] = 200_000,
-    output: Annotated[Path | None, typer.Option(help="Markdown page to write; printed if left out.")] = None,
     plugin: PluginFiles = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON document on standard output, nothing else.")
-    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    progress: Progress = True,
 ) -> int:
-    """Solve every problem once with every solver, and say why wherever one does not solve; nothing is timed."""
+    """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
+    from rich.console import Console
+
     from ...problems.catalog.catalog import suite_members
     from ...solvers.interface import Stop
     from ..errors import BenchError
     from ..measure.matrix import Cell, default_solvers, measured_matrix
     from ..report.matrix import count_bad, matrix_page
+    from ..report.progress import ProgressBar
 
+    refuse_two_prints(quiet, as_json)
+    if quiet and output is None:
+        raise BenchError("--quiet prints no page; name a file for it: --output FILE.")
     if output is not None and not output.parent.is_dir():
         raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
     names, methods = list(problem or suite_members(suite)), list(solver or default_solvers())
-    done = 0
+    with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+        shown.count(0, len(names) * len(methods))
 
-    def show(cell: Cell) -> None:
-        nonlocal done
-        done += 1
-        if sys.stderr.isatty():
-            print(f"\r\x1b[K{done}/{len(names) * len(methods)} {cell.solver} {cell.problem}", end="", file=sys.stderr)
+        def show(cell: Cell) -> None:
+            shown.name(f"{cell.solver} on {cell.problem}", again=True)
+            shown.advance()
 
-    cells = measured_matrix(names, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
-    if sys.stderr.isatty():
-        print("\r\x1b[K", end="", file=sys.stderr)
+        cells = measured_matrix(names, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     if as_json:
         print(json.dumps([asdict(cell) for cell in cells], indent=1, ensure_ascii=False))
         return int(count_bad(cells) > 0)
@@ -58,7 +62,9 @@ def matrix(
             output.write_text(page, encoding="utf-8")
         except OSError as error:
             raise BenchError(f"cannot write {output}: {error.strerror}; choose another file.") from None
-        print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault: {output}")
+        if not quiet:
+            print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault")
+        print(f"matrix   {output}")
     return int(count_bad(cells) > 0)
 
 

@@ -1,4 +1,4 @@
-"""Conformance: what every solver owes its users whatever its method, and every problem, as tests that anybody can run.
+"""Conformance: what every solver, whatever its method, and every problem must do, as tests that everyone can run.
 
 ``proxbench check`` runs them on any plugin, each in a process that may crash or hang; a test suite runs them directly::
 

@@ -1,7 +1,7 @@
 """The promises of a solver on the hard cases, one test for each kind of case, and those that only hard cases try.
 
-No method solves every case, and none must; what every solver owes is a finite result, a status that is true, inputs
-left alone, and the known answer where it says that it has solved.
+No method solves every case, and none must; what every solver must give is a finite result, a status that is true,
+inputs left alone, and the known answer where it says that it has solved.
 """
 
 from functools import partial

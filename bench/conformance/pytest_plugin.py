@@ -25,7 +25,7 @@ FIXTURE = "proxbench_check"
 
 def pytest_configure(config: pytest.Config) -> None:
     """Make the mark known."""
-    config.addinivalue_line("markers", "proxbench(*solvers): hold solvers, or names of solvers, to what they owe.")
+    config.addinivalue_line("markers", "proxbench(*solvers): test solvers, or names of solvers, for conformance.")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

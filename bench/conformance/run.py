@@ -60,14 +60,20 @@ def checked(
             forget(file)
 
 
-def print_checks(subjects: list[dict[str, Any]]) -> None:
-    """Print a table of the checks of each subject, with a sentence to each failure, and a line that sums up."""
-    columns = shutil.get_terminal_size((100, 24)).columns
+def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> None:
+    """Print a table of the checks of each subject, with a sentence to each failure, and a line that sums up.
+
+    ``failed_only`` leaves out subjects and checks that did not fail.
+    """
+    columns = shutil.get_terminal_size((80, 24)).columns
     for subject in subjects:
+        rows = [row for row in subject["checks"] if not failed_only or row["result"] == "failed"]
+        if not rows:
+            continue
         origin = f" from {subject['source']}" if subject["source"] else ""
         print(f"{subject['kind']} {subject['name']}{origin}")
-        width = max(len(row["check"]) for row in subject["checks"])
-        for row in subject["checks"]:
+        width = max(len(row["check"]) for row in rows)
+        for row in rows:
             start = f"  {row['check']:<{width}}  {row['result']:<14}  "
             text = textwrap.fill(
                 row["sentence"] or "-",

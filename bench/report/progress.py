@@ -38,6 +38,10 @@ class ProgressBar:
         """Show how many are done, of how many if that is new."""
         self._bar.update(self._task, completed=done, total=total)
 
+    def advance(self) -> None:
+        """Show that one more is done."""
+        self._bar.advance(self._task)
+
     def name(self, text: str, again: bool = False) -> None:
         """Show what comes next; ``again`` if it was named before and needs no line of its own."""
         self._bar.update(self._task, description=text)

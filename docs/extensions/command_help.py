@@ -9,7 +9,7 @@ from docutils.parsers.rst import Directive
 from proxbench.bench.cli.main import app as command_line
 from sphinx.application import Sphinx
 
-WIDTH = 96
+WIDTH = 80
 
 
 def _help(*command: str) -> str:
@@ -25,11 +25,11 @@ def _help(*command: str) -> str:
 
 
 class CommandHelp(Directive):
-    """One section a command, in the order of ``proxbench --help``."""
+    """The page of the program, and one section a command in its order."""
 
     def run(self) -> list[nodes.Node]:
-        """Return the sections."""
-        sections: list[nodes.Node] = []
+        """Return the page and the sections."""
+        sections: list[nodes.Node] = [nodes.literal_block(text=_help(), language="none")]
         for command in command_line.registered_commands:
             assert command.callback is not None
             name = command.name or command.callback.__name__

@@ -1,21 +1,61 @@
-"""The listing reads well whatever the number of contacts, rows and laws."""
+"""The listing reads well whatever the number of contacts, rows and laws, and fits a narrow terminal."""
+
+import re
 
 import pytest
 from proxbench.bench.cli.listing import listed, print_listing
+from proxbench.problems.catalog.catalog import SUITES, suite_members
+
+
+@pytest.fixture(autouse=True)
+def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("hard-empty", "0 contacts, 0 rows, no law, factors"),
-        ("hard-one-row-closed", "1 contact, 1 row, unilateral, Delassus"),
-        ("hard-counterexample", "1 contact, 2 rows, unilateral and planar friction, Delassus"),
+        ("hard-empty", "0 0 none factors"),
+        ("hard-one-row-closed", "1 1 none Delassus"),
+        ("hard-counterexample", "1 2 planar Delassus"),
+        ("hard-mixed-laws-84", "84 156 planar, spatial Delassus"),
     ],
 )
-def test_a_problem_is_described_by_its_sizes_laws_and_form(
-    name: str, words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_a_problem_is_described_by_its_sizes_friction_and_form(
+    name: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "100")
-    rows = [row for row in listed("problems")["problems"] if row["name"] == name]
+    rows = [row for row in listed("problems", "hard")["problems"] if row["name"] == name]
     print_listing({"problems": rows})
-    assert capsys.readouterr().out == f"problems\n  {name}  {words}\n\n"
+    head, line = (line for line in capsys.readouterr().out.splitlines() if line.startswith("  "))
+    assert head.split() == ["contacts", "rows", "friction", "form"]
+    assert line.split() == [name, *words.split()]
+    assert line.index(words.split()[-1]) == head.index("form")  # in the column that the head names
+
+
+@pytest.mark.parametrize("what", ["solvers", "suites", "problems", "scenes", ""])
+def test_every_listing_fits_eighty_columns(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+    print_listing(listed(what))
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFixture[str]) -> None:
+    print_listing(listed("suites"))
+    text = capsys.readouterr().out
+    assert len(text.splitlines()) <= 25
+    for name, members in SUITES.items():
+        entry = re.search(rf"^  {name} +(.*\n(?:   +.*\n)*)", text, re.MULTILINE)
+        assert entry is not None
+        count, _, shown = " ".join(entry[1].split()).partition(" problems: ")
+        assert int(count) == len(members)
+        assert {name.strip() for name in shown.split(",")} - {"…"} <= set(members)
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_families(
+    suite: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_listing(listed("problems", suite))
+    lines = capsys.readouterr().out.splitlines()
+    assert sorted(line.split()[0] for line in lines if line.startswith("  "))[1:] == sorted(suite_members(suite))
+    sizes = [int(line.partition("(")[2].rstrip(")")) for line in lines if re.fullmatch(r"\S.* \(\d+\)", line)]
+    assert sum(sizes) == len(suite_members(suite))

@@ -1,0 +1,159 @@
+"""``proxbench run``, and what a run has to show when it is finished or reported again."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .options import (
+    LIMITS,
+    OUTPUT,
+    SELECTION,
+    Charts,
+    Json,
+    PluginFiles,
+    Problems,
+    Progress,
+    Quiet,
+    Solvers,
+    refuse_two_prints,
+)
+
+_CONTINUED = "Continue an interrupted run"
+
+_STORED_WITH_THE_RUN = (
+    "suite",
+    "problem",
+    "solver",
+    "tolerance",
+    "results",
+    "run_id",
+    "solve_seconds",
+    "case_seconds",
+    "memory",
+)
+"""Options that --resume takes from the stored run."""
+
+
+def run(
+    context: typer.Context,
+    suite: Annotated[
+        str, typer.Option(metavar="SUITE", help="Suite of problems.", rich_help_panel=SELECTION)
+    ] = "quick",
+    problem: Problems = None,
+    solver: Solvers = None,
+    tolerance: Annotated[
+        list[float] | None,
+        typer.Option(metavar="NUMBER", help="Accuracy to measure the time to; repeatable.", rich_help_panel=SELECTION),
+    ] = None,
+    results: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Where the run gets its folder.", rich_help_panel=OUTPUT)
+    ] = Path("results"),
+    run_id: Annotated[
+        str, typer.Option(metavar="NAME", help="Name of its folder; the time if left out.", rich_help_panel=OUTPUT)
+    ] = "",
+    resume: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="Finish the run in this folder.", rich_help_panel=_CONTINUED)
+    ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Measure its failed cases again.", rich_help_panel=_CONTINUED)
+    ] = False,
+    solve_seconds: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Time of one solve.", rich_help_panel=LIMITS)
+    ] = 0.5,
+    case_seconds: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Time of one case.", rich_help_panel=LIMITS)
+    ] = 60.0,
+    memory: Annotated[int, typer.Option(metavar="MB", help="Memory of one case.", rich_help_panel=LIMITS)] = 2048,
+    record: Annotated[
+        bool, typer.Option("--record", help="Record the iterations, one file a problem.", rich_help_panel=OUTPUT)
+    ] = False,
+    plugin: PluginFiles = None,
+    charts: Charts = True,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    progress: Progress = True,
+) -> int:
+    """Measure how long solvers take to reach an accuracy; print tables and store all results."""
+    from rich.console import Console
+
+    from ..measure import runner
+    from ..measure.plan import Limits
+    from ..report.progress import RunProgress
+
+    _refuse_contradictions(context)
+    refuse_two_prints(quiet, as_json)
+    with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+        if resume is not None:
+            folder = runner.resume(resume, retry_failed, on_event=shown)
+        else:
+            limits = Limits(solve_seconds, case_seconds, memory * 2**20)
+            folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
+    if record:
+        from ..recordings.solves import record_run
+
+        record_run(folder)
+    return report_run(folder, charts, quiet, as_json)
+
+
+def report_run(run_dir: Path, charts: bool, quiet: bool, as_json: bool) -> int:
+    """Write and print what a run has to show; return 1 if something measured failed."""
+    from rich.console import Console
+
+    from ..report.presenting import FILE_WIDTH
+    from ..report.tables import print_tables, results_table, summary_table, write_tables
+    from ..store.frames import load
+    from ..store.outcome import FAULTS, Outcome
+
+    frames = load(run_dir)
+    tables = write_tables(frames, run_dir / "tables")
+    drawn: list[Path] = []
+    if charts:
+        from ..report.charts import write_charts  # altair takes a second to import
+
+        drawn = write_charts(frames, run_dir / "charts")
+    for sentence in frames.damaged:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+    if as_json:
+        document: dict[str, Any] = {
+            "run": str(run_dir),
+            "info": frames.info,
+            "results": json.loads(results_table(frames).to_json(orient="records")),
+            "summary": json.loads(summary_table(frames).to_json(orient="records")),
+            "files": [str(file) for file in (*tables, *drawn)],
+            "damaged": frames.damaged,
+        }
+        print(json.dumps(document, indent=1, ensure_ascii=False))
+    else:
+        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        if not quiet:
+            print_tables(frames, console)
+            console.print()
+        places = [f"results  {run_dir}", f"tables   {run_dir / 'tables'}"]
+        if charts:
+            places.append(f"charts   {run_dir / 'charts'}")
+        if (run_dir / "recordings").is_dir():
+            places.append(f"watch    rerun {run_dir / 'recordings'}/NAME.rrd")
+        console.print("\n".join(places), soft_wrap=True)
+    failed = frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any()
+    return int(failed)
+
+
+def _refuse_contradictions(context: typer.Context) -> None:
+    """Raise a BenchError if one option of ``run`` would make it ignore another."""
+    from ..errors import BenchError
+
+    given = {
+        name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
+    if "resume" in given:
+        for name in _STORED_WITH_THE_RUN:
+            if name in given:
+                option = name.replace("_", "-")
+                raise BenchError(f"--{option} is stored with the run and cannot be changed by --resume; leave it out.")
+    elif "retry_failed" in given:
+        raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
+    if {"suite", "problem"} <= given:
+        raise BenchError("--suite and --problem exclude each other; give one of them.")
