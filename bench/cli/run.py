@@ -102,7 +102,6 @@ def report_run(run_dir: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Write and print what a run has to show; return 1 if something measured failed."""
     from rich.console import Console
 
-    from ..report.presenting import FILE_WIDTH
     from ..report.tables import print_tables, results_table, summary_table, write_tables
     from ..store.frames import load
     from ..store.outcome import FAULTS, Outcome
@@ -127,7 +126,7 @@ def report_run(run_dir: Path, charts: bool, quiet: bool, as_json: bool) -> int:
         }
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
-        console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+        console = Console()
         if not quiet:
             print_tables(frames, console)
             console.print()

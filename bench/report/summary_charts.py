@@ -7,11 +7,10 @@ import numpy as np
 import pandas as pd
 
 from ..store.frames import RunFrames
-from ..store.outcome import Outcome
 from .drawing import by_name, heading, round_values, stacked
 from .labels import FONT_SIZE
 from .palette import PALETTE, looks
-from .tables import claims, duration, mean_time, summary_accuracies, time_to_accuracy
+from .tables import claims, common_problems, duration, mean_time, summary_accuracies, supported, time_to_accuracy
 from .text import counted
 
 WIDTH = 300
@@ -29,7 +28,7 @@ PALE, TEXT_TURNS = "#eef3f7", 0.55
 
 def summary_charts(frames: RunFrames) -> dict[str, alt.VConcatChart]:
     """Return the charts of a whole run by the names of their files; none if no solver supports anything."""
-    cases = _supported(frames)
+    cases = supported(frames)
     if cases.empty:
         return {}
     return {"summary-time": time_chart(frames), "summary-success": success_chart(frames)}
@@ -38,20 +37,23 @@ def summary_charts(frames: RunFrames) -> dict[str, alt.VConcatChart]:
 def time_chart(frames: RunFrames) -> alt.VConcatChart:
     """Return the time to the accuracies of the summary, one row a solver: each problem, and their mean.
 
-    The mean is the shifted geometric one over the problems that the solver supports, failures at the time limit.
+    The mean is the shifted geometric one over the problems that all solvers support, failures at the time limit.
     """
-    cases = _supported(frames)
+    cases = supported(frames)
     problems, means = _times(frames, cases)
-    both = np.append(problems["milliseconds"].dropna(), means["milliseconds"])
+    limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    both = pd.concat([problems["milliseconds"], means["milliseconds"]]).dropna().to_numpy()
+    if not len(both):
+        both = np.array([1e3 * limit])
     domain = [float(0.7 * both.min()), float(1.4 * both.max())]
     accuracies = list(means["accuracy"].unique())
     panels = [
         _time_panel(frames, problems, means, accuracy, domain, first=k == 0) for k, accuracy in enumerate(accuracies)
     ]
-    limit = duration(float(frames.info["plan"]["limits"]["solve_seconds"]))
+    common = counted(len(common_problems(frames)), "problem")
     notes = [
-        f"{counted(cases['problem'].nunique(), 'problem')}; large marks: shifted geometric mean over the problems that "
-        f"the solver supports, failures at {limit}; right: how many of them it solves",
+        f"{counted(cases['problem'].nunique(), 'problem')}; large marks: shifted geometric mean over the {common} that "
+        f"all these solvers support, failures at {duration(limit)}; right: how many of its own each solves",
         _unsupported(frames, cases),
     ]
     title = heading("Time to accuracy", notes, len(panels) * WIDTH + 150)
@@ -60,7 +62,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
 
 def success_chart(frames: RunFrames) -> alt.VConcatChart:
     """Return how many problems each solver solves to each tolerance of the run: as the judge says, as itself says."""
-    cases = _supported(frames)
+    cases = supported(frames)
     counts = _counts(frames, cases)
     panels = [
         _count_panel(counts, "confirmed", "confirmed by the judge", "judged residual"),
@@ -72,11 +74,6 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
     ]
     title = heading("Success", notes, 2 * WIDTH + 150)
     return stacked([alt.hconcat(*panels, spacing=40)], title, {"color": "shared"}, label=0)
-
-
-def _supported(frames: RunFrames) -> pd.DataFrame:
-    cases: pd.DataFrame = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
-    return cases
 
 
 def _unsupported(frames: RunFrames, cases: pd.DataFrame) -> str:
@@ -99,6 +96,7 @@ def _of_cases(frames: RunFrames, cases: pd.DataFrame, solver: str) -> dict[str, 
 def _times(frames: RunFrames, cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return times to accuracy, one row a problem and solver, NaN if it is not reached; and their means."""
     limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    common = set(common_problems(frames))
     problems: list[dict[str, Any]] = []
     means: list[dict[str, Any]] = []
     for solver in _solvers(frames, cases):
@@ -111,7 +109,8 @@ def _times(frames: RunFrames, cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.Dat
                 for problem, time in zip(of_cases, times, strict=True)
             ]
             reached = f"{np.isfinite(times).sum()} of {len(times)}"
-            means.append({**row, "milliseconds": 1e3 * mean_time(times, limit), "reached": reached})
+            shared = np.array([time for problem, time in zip(of_cases, times, strict=True) if problem in common])
+            means.append({**row, "milliseconds": 1e3 * mean_time(shared, limit), "reached": reached})
     return pd.DataFrame(problems), pd.DataFrame(means)
 
 
@@ -128,7 +127,7 @@ def _time_panel(
         .axis(format="~g", values=round_values(domain))
     )
     tick = alt.Chart(dots[dots["milliseconds"].notna()]).mark_tick(thickness=1.5, height=10, opacity=0.75)
-    mark = alt.Chart(mean).mark_point(filled=True, size=95, opacity=1)
+    mark = alt.Chart(mean[mean["milliseconds"].notna()]).mark_point(filled=True, size=95, opacity=1)
     text = alt.Chart(mean).mark_text(align="left", fontSize=FONT_SIZE, color="#444444", x=WIDTH + 5)
     layers = [
         tick.encode(x=across, y=rows, color=colour, tooltip=["solver", "problem", "milliseconds"]),

@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from ...problems.arrays import FloatArray
@@ -15,8 +13,9 @@ from ..errors import BenchError
 from ..measure.matrix import Cell
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
+from .fitting import hanging, print_table
 from .matrix import matrix_page
-from .text import inline
+from .text import counted, inline
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals that tables give the time to, if more tolerances than these were asked for."""
@@ -80,7 +79,12 @@ def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
 
 
 def mean_time(times: FloatArray, limit: float) -> float:
-    """Return the shifted geometric mean of times [s], those that are missing (NaN) or longer at ``limit`` [s]."""
+    """Return the shifted geometric mean of times [s], those that are missing (NaN) or longer at ``limit`` [s].
+
+    NaN without any time.
+    """
+    if not len(times):
+        return float("nan")
     filled = np.where(np.isnan(times), limit, np.minimum(times, limit))
     return float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
 
@@ -105,32 +109,49 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *keys, "residual", "iterations", "outcome", "reason"])
 
 
+def common_problems(frames: RunFrames) -> list[str]:
+    """Return the problems of a run that all its solvers support, those left out that support none at all."""
+    cases = supported(frames)
+    number = cases["solver"].nunique()
+    return [str(problem) for problem, own in cases.groupby("problem", sort=False) if own["solver"].nunique() == number]
+
+
+def supported(frames: RunFrames) -> pd.DataFrame:
+    """Return the cases of a run whose solver supports the problem."""
+    cases: pd.DataFrame = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
+    return cases
+
+
 def summary_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a solver over all problems of the run.
 
-    Columns: solver, model, problems (that it supports), and for each of ``summary_accuracies`` the share that the
-    solver says it solved (success), the share that the judge confirms (correct), and the shifted geometric mean of the
-    time [s] with failures at the time limit of a solve; then the number of wrong claims.
+    Columns: solver, model, problems (that it supports), common (those that all solvers of the table support), and for
+    each of ``summary_accuracies`` the share of its problems that the solver says it solved (success), the share that
+    the judge confirms (correct), and the shifted geometric mean of the time over the common problems [s], with failures
+    at the time limit of a solve, NaN without a common problem; then the number of wrong claims.
     """
     shown = summary_accuracies(frames)
     limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    all_cases, common = supported(frames), common_problems(frames)
     rows = []
     for solver in frames.info["plan"]["solvers"]:
-        cases = frames.cases[(frames.cases["solver"] == solver) & (frames.cases["outcome"] != Outcome.UNSUPPORTED)]
+        cases = all_cases[all_cases["solver"] == solver]
         if cases.empty:
             continue
         row: dict[str, Any] = {"solver": solver, "model": cases["model"].iloc[0], "problems": len(cases)}
-        of_cases = [_points_of(frames, case) for case in cases.to_dict("records")]
+        row["common"] = len(common)
+        of_cases = {case["problem"]: _points_of(frames, case) for case in cases.to_dict("records")}
         for accuracy in shown:
-            claimed = [claims(points, accuracy) for points in of_cases]
-            times = np.array([time_to_accuracy(points, accuracy) for points in of_cases])
+            claimed = [claims(points, accuracy) for points in of_cases.values()]
+            times = {problem: time_to_accuracy(points, accuracy) for problem, points in of_cases.items()}
             row[f"success_{_tag(accuracy)}"] = float(np.mean(claimed))
-            row[f"correct_{_tag(accuracy)}"] = float(np.mean(~np.isnan(times)))
-            row[f"mean_time_{_tag(accuracy)}"] = mean_time(times, limit)
-        row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in of_cases if len(points)))
+            row[f"correct_{_tag(accuracy)}"] = float(np.mean(~np.isnan(list(times.values()))))
+            row[f"mean_time_{_tag(accuracy)}"] = mean_time(np.array([times[problem] for problem in common]), limit)
+        measured = [points for points in of_cases.values() if len(points)]
+        row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in measured))
         rows.append(row)
     of_accuracies = [f"{kind}_{_tag(accuracy)}" for accuracy in shown for kind in ("success", "correct", "mean_time")]
-    return pd.DataFrame(rows, columns=["solver", "model", "problems", *of_accuracies, "wrong"])
+    return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *of_accuracies, "wrong"])
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
@@ -142,13 +163,14 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     files = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, frame, shown in (
-            ("results", results_table(frames), _shown_results),
-            ("summary", summary_table(frames), _shown_summary),
+        summary = summary_table(frames)
+        for name, frame, shown, note in (
+            ("results", results_table(frames), _shown_results, ""),
+            ("summary", summary, _shown_summary, f"\n{_summary_legend(summary)}\n" if len(summary) else ""),
         ):
             frame.to_csv(folder / f"{name}.csv", index=False)
             frame.to_parquet(folder / f"{name}.parquet", index=False)
-            (folder / f"{name}.md").write_text(_markdown(shown(frame)), encoding="utf-8")
+            (folder / f"{name}.md").write_text(_markdown(shown(frame)) + note, encoding="utf-8")
             files += [folder / f"{name}.{kind}" for kind in ("csv", "parquet", "md")]
         (folder / "matrix.md").write_text(matrix_of_run(frames), encoding="utf-8")
         files.append(folder / "matrix.md")
@@ -183,16 +205,19 @@ def print_tables(frames: RunFrames, console: Console) -> None:
         contacts = int(rows["n_contacts"].iloc[0])
         shown = _shown_results(rows).drop(columns=["problem", "contacts", "why"])
         best = {head: rows[key].idxmin() for head, key in _times(rows).items() if rows[key].notna().any()}
-        _print(console, f"{problem} · {contacts} contact{'s' if contacts != 1 else ''}", shown, best)
+        console.print(Text(f"{problem} · {counted(contacts, 'contact')}", style="bold"))
+        print_table(console, shown, words=("model", "ended"), optional=("iter.", "residual", "ended"), best=best)
         for row in rows.to_dict("records"):
             if row["outcome"] != Outcome.SOLVED:
-                console.print(Text(f"  {row['solver']}: {row['outcome']}, {row['reason']}", style="dim"))
+                note = f"{row['solver']}: {row['outcome']}, {row['reason']}"
+                console.print(Text(hanging(note, console.width), style="dim"))
         console.print()
     summary = summary_table(frames)
     if len(summary):
         count = results["problem"].nunique()
-        _print(console, f"all {count} problems" if count > 1 else "summary", _shown_summary(summary), {})
-    console.print(Text(_legend(list(_times(results))), style="dim"))
+        console.print(Text(f"all {count} problems" if count > 1 else "summary", style="bold"))
+        print_table(console, _shown_summary(summary), words=("model",), optional=("wrong",))
+    console.print(Text(_legend(list(_times(results)), summary), style="dim"))
 
 
 def _points_of(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
@@ -240,20 +265,22 @@ def _times(results: pd.DataFrame) -> dict[str, str]:
     return {key.removeprefix(_TIME): key for key in results.columns if key.startswith(_TIME)}
 
 
-def _legend(heads: list[str]) -> str:
+def _legend(heads: list[str], summary: pd.DataFrame) -> str:
     columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
+    times = f"{columns} the least median time, preparing included, to that judged residual; – means never reached."
+    return times if summary.empty else f"{times}\n{_summary_legend(summary)}"
+
+
+def _summary_legend(summary: pd.DataFrame) -> str:
+    common = int(summary["common"].iloc[0])
+    compared = "the problem" if common == 1 else f"the {common} problems"
+    means = f"mean: shifted geometric mean time over {compared} that all these solvers support."
+    if not common:
+        means = "no mean is given, as no problem is supported by all these solvers."
     return (
-        f"{columns} the least median time, preparing included, to that judged residual; – means never reached.\n"
-        "cases: problems that the solver supports, which its rates and its mean are over; says: share that the solver "
-        "claims; true: share that the judge confirms; mean: shifted geometric mean time."
+        "says: how many of the problems that the solver supports it claims to solve; true: how many the judge "
+        f"confirms; {means}"
     )
-
-
-NARROW = 100
-"""Terminals with fewer columns get tables without the model and the iterations; the files have everything."""
-
-_SOLVER_WIDTH = {False: 28, True: 18}
-"""Columns that a solver's name gets at least, in wide and narrow terminals; longer ones are wrapped."""
 
 
 def duration(seconds: float) -> str:
@@ -281,33 +308,13 @@ def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
 
 def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
     shown = pd.DataFrame({key: summary[key] for key in ("solver", "model")})
-    shown["cases"] = summary["problems"]
     for tag in (key.removeprefix("success_") for key in summary.columns if key.startswith("success_")):
-        shown[f"says\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"success_{tag}"]]
-        shown[f"true\n{tag}"] = [f"{100 * value:.0f} %" for value in summary[f"correct_{tag}"]]
+        for head, share in (("says", f"success_{tag}"), ("true", f"correct_{tag}")):
+            pairs = zip(summary[share], summary["problems"], strict=True)
+            shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
         shown[f"mean\n{tag}"] = summary[f"mean_time_{tag}"].map(duration)
     shown["wrong"] = summary["wrong"]
     return shown
-
-
-def _print(console: Console, title: str, shown: pd.DataFrame, best: dict[str, Any]) -> None:
-    console.print(Text(title, style="bold"))
-    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
-    is_narrow = console.width < NARROW
-    if is_narrow:
-        shown = shown.drop(columns=["model", "iter."], errors="ignore")
-    for column in shown.columns:
-        is_text = column in ("solver", "model", "ended")
-        width = _SOLVER_WIDTH[is_narrow] if column == "solver" else None
-        table.add_column(
-            column, justify="left" if is_text else "right", no_wrap=column != "solver", min_width=width, overflow="fold"
-        )
-    for index, row in zip(shown.index, shown.itertuples(index=False), strict=True):
-        cells = zip(shown.columns, row, strict=True)
-        table.add_row(
-            *(Text(str(value), style="bold green" if best.get(column) == index else "") for column, value in cells)
-        )
-    console.print(table)
 
 
 def _markdown(shown: pd.DataFrame) -> str:

@@ -46,6 +46,16 @@ def test_who_supports_nothing_is_named(finished_run: Path) -> None:
         assert "not shown: SORprox (no supported problem)" in " ".join(chart.to_dict()["title"]["subtitle"])
 
 
+def test_a_run_without_a_common_problem_has_times_and_no_means(finished_run: Path) -> None:
+    frames = load(finished_run)
+    kept = frames.cases["solver"].map({"SORprox": "funnel-30", "ClarabelSOCP": "hard-immovable"})
+    apart = replace(frames, cases=frames.cases[frames.cases["problem"] == kept])
+    chart = time_chart(apart)
+    assert rows(chart, "problem")
+    assert all(row["milliseconds"] is None for row in rows(chart, "reached"))
+    assert "the 0 problems that all" in " ".join(chart.to_dict()["title"]["subtitle"])
+
+
 def test_nothing_is_drawn_where_nothing_is_supported(finished_run: Path) -> None:
     frames = load(finished_run)
     assert summary_charts(replace(frames, cases=frames.cases.assign(outcome=Outcome.UNSUPPORTED))) == {}

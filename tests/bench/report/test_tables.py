@@ -83,6 +83,35 @@ def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
     assert summary.loc["SORprox(relaxation=0.5)", "correct_1e-06"] == pytest.approx(2 / 3)
 
 
+def test_means_compare_only_what_all_solvers_support(finished_run: Path) -> None:
+    frames = load(finished_run)
+    means = [f"mean_time_{accuracy}" for accuracy in ("1e-04", "1e-06")]
+    whole = summary_table(frames).set_index("solver")
+    assert (whole["common"] == frames.cases["problem"].nunique()).all()
+    lacking = frames.cases.copy()
+    lacking.loc[(lacking["problem"] == "funnel-30") & (lacking["solver"] == "SORprox"), "outcome"] = "unsupported"
+    fewer = summary_table(replace(frames, cases=lacking)).set_index("solver")
+    without = frames.cases[frames.cases["problem"] != "funnel-30"]
+    none = summary_table(replace(frames, cases=without)).set_index("solver")
+    assert (fewer["common"] == 2).all()
+    pd.testing.assert_frame_equal(fewer[means], none[means])  # one's gap leaves the problem out for all
+    own = whole.index != "SORprox"
+    assert fewer[own]["correct_1e-04"].equals(whole[own]["correct_1e-04"])  # and takes no success from the others
+    assert (fewer[own]["problems"] == 3).all()
+
+
+def test_without_a_common_problem_there_is_no_mean(finished_run: Path) -> None:
+    frames = load(finished_run)
+    kept = frames.cases["solver"].map({"SORprox": "funnel-30", "ClarabelSOCP": "hard-immovable"})
+    apart = replace(frames, cases=frames.cases[frames.cases["problem"] == kept])
+    summary = summary_table(apart)
+    assert (summary["common"] == 0).all()
+    assert summary["mean_time_1e-04"].isna().all()
+    text = StringIO()
+    print_tables(apart, Console(file=text, width=100))
+    assert "no mean" in text.getvalue()
+
+
 def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:
     files = write_tables(load(finished_run), tmp_path)
     assert {file.suffix for file in files} == {".csv", ".parquet", ".md"}
@@ -113,6 +142,11 @@ def test_the_printed_table_fits_its_width_and_spells_failures_out(finished_run: 
     for words in ("oscillating", "relaxed", "RuntimeError: the plugin gave up", "infeasible", "residual", " wrong"):
         assert words in printed
     assert "…" not in printed
+    heads = [line.split() for line in printed.splitlines() if line.startswith("solver ")]
+    assert len(heads) == 4  # three problems and the summary
+    assert all(head[:2] == ["solver", "model"] for head in heads)
+    for piece in ("SORprox(", "relaxation=0.5)", "ClarabelSOCP", "Misbehaving("):
+        assert piece in printed
 
 
 @pytest.mark.parametrize(
