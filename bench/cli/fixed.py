@@ -39,7 +39,7 @@ def run_fixed(request: Request, as_json: bool, progress: bool) -> int:
     return code
 
 
-def show_fixed(simulation: Simulation, as_json: bool) -> int:
+def show_fixed(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
     """Print what a stored simulation came to, and draw and record it; return 1 if the judge found a step unsolved.
 
     Raises:
@@ -48,7 +48,9 @@ def show_fixed(simulation: Simulation, as_json: bool) -> int:
     file = simulation.file
     assert file is not None
     files = simulation_files(file, lambda: _drawn(simulation, file), lambda: _recorded(simulation, file))
-    present(lambda: document(simulation), lambda console: print_simulation(simulation, console), files, as_json)
+    present(
+        lambda: document(simulation), lambda console: print_simulation(simulation, console), files, as_json, quiet=quiet
+    )
     if simulation.failure is not None:
         raise simulation.failure.error(file)
     return int(simulation.unsolved.any())

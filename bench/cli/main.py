@@ -224,7 +224,7 @@ def report(
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
         from .stored_simulations import report_simulation
 
-        return report_simulation(run_dir, as_json)
+        return report_simulation(run_dir, charts, quiet, as_json)
     return report_run(run_dir, charts, quiet, as_json)
 
 

@@ -65,7 +65,7 @@ def run_variable(request: Request, as_json: bool, progress: bool) -> int:
     return code
 
 
-def show_variable(simulation: VariableSimulation, as_json: bool) -> int:
+def show_variable(simulation: VariableSimulation, as_json: bool, quiet: bool = False) -> int:
     """Print what a stored simulation came to, and draw and record it; return 1 if an inclusion was not solved.
 
     Raises:
@@ -75,7 +75,7 @@ def show_variable(simulation: VariableSimulation, as_json: bool) -> int:
     assert file is not None
     document = variable_document(simulation)
     files = simulation_files(file, lambda: _drawn(simulation, file), lambda: _recorded(simulation, file))
-    present(lambda: document, lambda console: print_variable(simulation, console), files, as_json)
+    present(lambda: document, lambda console: print_variable(simulation, console), files, as_json, quiet=quiet)
     if simulation.failure is not None:
         raise simulation.failure.error(file)
     return int(document["summary"]["unsolved_steps"] > 0)

@@ -90,6 +90,37 @@ def test_a_quiet_run_without_charts_prints_where_its_files_are_and_draws_none(
     assert any((run / "charts").iterdir())
 
 
+def test_a_quiet_check_prints_what_failed_and_nothing_of_what_passed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["check", "Lemke", "--quiet"]) == 0
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("", "")
+
+
+def test_a_quiet_matrix_prints_where_its_page_is(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    page = tmp_path / "matrix.md"
+    line = f"matrix --problem hard-groove --problem hard-empty --solver SORprox --quiet --output {page}"
+    assert run_command(line.split()) == 0
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == (f"matrix   {page}\n", "")
+    assert "hard-groove" in page.read_text()
+
+
+def test_a_quiet_recording_prints_how_it_is_watched(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "a.rrd"
+    assert run_command(f"record hard-groove --solver SORprox --quiet --output {file}".split()) == 0
+    assert capsys.readouterr().out == f"watch it with: rerun {file}\n"
+
+
+def test_a_run_ends_with_one_short_line_for_each_folder(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["report", str(finished_run), "--quiet"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [
+        f"results  {finished_run}",
+        f"tables   {finished_run}/tables",
+        f"charts   {finished_run}/charts",
+    ]
+
+
 def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["report", str(finished_run), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)

@@ -84,6 +84,22 @@ def test_a_report_prints_what_the_simulation_printed(
     assert capsys.readouterr().out == printed
 
 
+@both
+def test_a_quiet_report_without_charts_prints_the_place_of_the_result_and_draws_nothing(
+    line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file, chart = tmp_path / "a.npz", tmp_path / "a.svg"
+    assert run_command([*line.split(), "--output", f"{file}", "--chart", f"{chart}"]) in (0, 1)
+    chart.unlink()
+    capsys.readouterr()
+    run_command(["report", f"{file}", "--quiet", "--no-charts"])
+    assert capsys.readouterr().out == f"result  {file}\n"
+    assert not chart.exists()
+    run_command(["report", f"{file}", "--quiet"])
+    assert f"chart   {chart}\n" in capsys.readouterr().out
+    assert chart.exists()
+
+
 def test_a_report_of_steps_that_are_not_solved_is_a_failure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     line = [*FIXED.split(), "--max-iterations", "1", "--tolerance", "1e-10", "--output", f"{tmp_path}/a.npz"]
     assert run_command(line) == 1
