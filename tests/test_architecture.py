@@ -42,6 +42,7 @@ AT_HOME = {
         "bench/report/drawing.py",
         "bench/store/frames.py",
         "bench/report/tables.py",
+        "bench/report/fitting.py",
         "bench/report/charts.py",
         "bench/report/summary_charts.py",
         "bench/simulation/chart.py",

@@ -14,9 +14,9 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.exceptions import TyperException
 
-from .help import HelpCommand, HelpGroup
+from .help import OUTPUT, HelpCommand, HelpGroup
 from .matrix import matrix
-from .options import LIMITS, OUTPUT, SELECTION, Charts, Json, PluginFiles, Quiet, refuse_two_prints
+from .options import LIMITS, SELECTION, Charts, Json, PluginFiles, Quiet, refuse_two_prints
 from .record import record
 from .run import report_run, run
 from .simulate import simulate

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .options import LIMITS, OUTPUT, SELECTION, Json, PluginFiles, Problems, Progress, Quiet, Solvers, refuse_two_prints
+from .help import OUTPUT
+from .options import LIMITS, SELECTION, Json, PluginFiles, Problems, Progress, Quiet, Solvers, refuse_two_prints
 
 
 def matrix(

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from .options import LIMITS, OUTPUT, Json, PluginFiles, Quiet, Solvers, refuse_two_prints
+from .help import OUTPUT
+from .options import LIMITS, Json, PluginFiles, Quiet, Solvers, refuse_two_prints
 
 
 def record(

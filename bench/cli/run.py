@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from .help import OUTPUT
 from .options import (
     LIMITS,
-    OUTPUT,
     SELECTION,
     Charts,
     Json,

@@ -94,7 +94,7 @@ def record_solves(
 
     Curves hold all iterations up to the thousandth and a geometric sequence after it, arrows all up to the twentieth
     and a geometric sequence after it; the last iterate is always there. A solver that raises, or that does not support
-    the problem, is told in the recording and in its trace; the others are recorded all the same.
+    the problem, is named in the recording and in its trace; the others are recorded all the same.
 
     Args:
         problem: the contact problem.

@@ -27,7 +27,7 @@ class Thinning:
     _next: float = 0.0
 
     def takes(self, iteration: int) -> bool:
-        """Whether to keep this iteration; to be asked in ascending order."""
+        """Whether to keep this iteration; call it in ascending order."""
         if iteration < self._next:
             return False
         self._next = iteration + 1.0 if iteration < self.first else iteration * self.ratio

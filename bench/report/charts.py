@@ -110,7 +110,7 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     spread = base.mark_rule(strokeWidth=1).encode(y=alt.Y("low:Q", title=_TIME_TITLE), y2="high:Q")
     dash = by_name(alt.StrokeDash, "solver", _looks(frames), "dash")
     line = base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q")
-    legend = "upright lines: quartiles; hollow: ended short of the tolerance asked for; ×: wrong claim"
+    legend = "upright lines: quartiles; hollow: ended short of its tolerance; ×: wrong claim"
     notes = [legend, _absent(frames, problem)]
     layers = [spread, line, *_marks(base, frames), *_label_layer(_work_labels(points), frames)]
     return _panel(layers, "What accuracy costs", notes)

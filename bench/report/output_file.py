@@ -9,7 +9,7 @@ from ...problems.errors import said
 from ..errors import BenchError
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
-"""Endings of pictures and pages that nobody means as part of a name."""
+"""Endings of pictures and pages that are never part of a name."""
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:

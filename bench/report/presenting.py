@@ -1,4 +1,4 @@
-"""How a command presents what it has come to: JSON, or tables and the files that were written."""
+"""How a command prints its result: JSON, or tables and the files that were written."""
 
 import json
 import sys

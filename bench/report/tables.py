@@ -18,7 +18,7 @@ from .matrix import matrix_page
 from .text import counted, inline
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Judged residuals that tables give the time to, if more tolerances than these were asked for."""
+"""Judged residuals that tables give the time to, if the run has more tolerances than these."""
 
 SUMMARY_ACCURACIES = (1e-4, 1e-6)
 """Those of them that the summary is about."""
@@ -36,8 +36,8 @@ _TIME = "time_to_"
 def accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals that the tables of a run give the time to, from coarse to fine.
 
-    They are the tolerances of the run where these are as few as ``ACCURACIES``, else those of ``ACCURACIES`` that were
-    asked for: what nobody asked for would be counted as a failure.
+    They are the tolerances of the run where these are as few as ``ACCURACIES``, else those of ``ACCURACIES`` that its
+    tolerances reach: finer ones would be counted as failures.
     """
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
@@ -256,8 +256,8 @@ def claims(points: pd.DataFrame, accuracy: float) -> bool:
     """Whether the solver says that it solved to ``accuracy``."""
     if points.empty:
         return False
-    asked = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
-    return bool((asked["status"] == Outcome.SOLVED).any())
+    finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
+    return bool((finer["status"] == Outcome.SOLVED).any())
 
 
 def _times(results: pd.DataFrame) -> dict[str, str]:
