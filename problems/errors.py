@@ -5,7 +5,7 @@ from difflib import get_close_matches
 
 
 class ProxbenchError(Exception):
-    """A mistake in what was asked for; its text says what is wrong, where, and what to do."""
+    """A mistake of the user's; its text says what is wrong, where, and what to do."""
 
 
 class ProblemError(ProxbenchError, ValueError):

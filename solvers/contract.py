@@ -1,4 +1,4 @@
-"""Whether a solver from outside keeps to the interface, told to its author in one sentence.
+"""Whether a solver from outside keeps to the interface, in one sentence for its author.
 
 Only the form is looked at here: members, signatures, names. What a solver does is the business of the conformance
 checks.
@@ -51,10 +51,10 @@ def check_factory(name: str, source: str, factory: Any) -> None:
     try:
         parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
-        raise PluginError(f"{head} does not tell its options; offer a class or a function.") from None
+        raise PluginError(f"{head} has options that cannot be read; offer a class or a function.") from None
     for option in parameters:
         if option.kind not in (option.POSITIONAL_OR_KEYWORD, option.KEYWORD_ONLY):
-            raise PluginError(f"{head} takes {option}; name every option, so that results can tell them.")
+            raise PluginError(f"{head} takes {option}; name every option, so that results can name them.")
         if option.default is option.empty:
             raise PluginError(f"{head} cannot be created without {option.name!r}; give every option a default value.")
 
@@ -101,7 +101,7 @@ def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: di
         if differs and f"{option}=" not in written_options:
             return (
                 f"with {option}={options[option]!r} it still calls itself {solver.name!r}; "
-                "tell options in the name, as name = property(described) does for a dataclass"
+                "write options into the name, as name = property(described) does for a dataclass"
             )
     return None
 
@@ -119,7 +119,7 @@ def _method_fault(thing: Any, name: str, wanted: str, bind: Callable[[inspect.Si
     try:
         signature = inspect.signature(method)
     except (TypeError, ValueError):
-        return None  # compiled code need not tell its signature
+        return None  # compiled code need not have a signature
     try:
         bind(signature)
     except TypeError:

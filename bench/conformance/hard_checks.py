@@ -17,7 +17,7 @@ from .samples import samples
 from .trial import meet_answer, tried
 
 HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
-"""What is asked on each hard case."""
+"""Limits of the solve of each hard case."""
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances that follow each other."""

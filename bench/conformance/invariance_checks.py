@@ -14,7 +14,7 @@ from .samples import samples
 from .trial import Trial, own_residual, tried
 
 STOP = Stop(1e-6, max_iterations=5000, max_seconds=1.0)
-"""What is asked of a problem and of the same put otherwise."""
+"""Limits of the solves of a problem and of the same problem transformed."""
 
 UNITS = {
     "micrometres and milligrams": {"mass": 1e-6, "length": 1e-6},
@@ -82,7 +82,7 @@ def _solved(solver: Solver) -> Iterator[Trial]:
 
 
 def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
-    """Solve the same problem put otherwise; None if the solver does not support it, or its time is up.
+    """Solve the transformed problem; None if the solver does not support it, or its time is up.
 
     Raises:
         Violation: if what it calls a solution is none of the problem as it was.

@@ -8,10 +8,10 @@ from .checks import Check, NotApplicable, Violation
 from .samples import samples
 
 STOP = Stop(1e-4, max_iterations=200, max_seconds=0.5)
-"""What is asked of each problem."""
+"""Limits of the solve of each problem."""
 
 PATIENCE_SECONDS = 1.0
-"""What a thread or a process may take to end after it was told to [s]."""
+"""What a thread or a process may take to end [s]."""
 
 
 def leaves_process_alone(solver: Solver) -> None:

@@ -7,7 +7,7 @@ their names; it is run once for each of them and each promise::
     def test_it_keeps_its_promises(proxbench_check):
         proxbench_check()
 
-A promise that does not concern a solver is skipped with the reason, a broken one is told in a sentence.
+A promise that does not concern a solver is skipped with the reason, a broken one fails with a sentence.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 """The promises of a solver, each as a test on small problems.
 
 A test looks at the problems that the solver says it ``supports``; one that supports none of them has nothing to show.
-The tests on hard cases and on problems put otherwise have files of their own and join the list at the end of this one.
+The tests on hard cases and on transformed problems have files of their own and join the list at the end of this one.
 """
 
 import ctypes
@@ -72,7 +72,7 @@ def refuses_through_supports(solver: Solver) -> None:
         answers = {solver.supports(problem.fresh()) is None for _ in range(3)}
         if len(answers) > 1:
             raise Violation(
-                f"asked again whether it supports {problem.name} it says otherwise; let nothing but the problem decide."
+                f"its supports answers otherwise the second time on {problem.name}; let nothing but the problem decide."
             )
     for problem in _supported(solver):
         status = _solve(solver, problem, MODEST).status

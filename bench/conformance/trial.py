@@ -1,4 +1,4 @@
-"""One solve for a conformance check, with what every check asks of it, and the words for what it finds."""
+"""One solve for a conformance check, with what every check requires of it."""
 
 from dataclasses import dataclass
 

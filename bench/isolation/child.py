@@ -42,8 +42,8 @@ class Assignment:
         module: where its class is defined.
         plugin_files: the plugin files that it may refer to, with the names that they offer.
         memory_bytes: memory it may take beyond what the framework itself needs.
-        folder: where its temporary files go; the keeper makes and removes it.
-        setting: working folder, import path and, where the task needs it, main script, as multiprocessing tells them.
+        folder: where its temporary files go; the supervisor makes and removes it.
+        setting: working folder and import path, as multiprocessing describes them.
     """
 
     task: bytes
@@ -54,22 +54,22 @@ class Assignment:
     setting: dict[str, Any]
 
 
-def be_the_case(pipe: int, output: int, assignment: Assignment, keeper: int) -> None:
-    """Lead a session of its own and answer requests until nobody asks. Never returns.
+def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) -> None:
+    """Lead a session of its own and answer requests until none can come. Never returns.
 
     Args:
         pipe: where requests come from and answers go.
         output: where it prints.
         assignment: what to do.
-        keeper: process id of its parent.
+        supervisor: process id of its parent.
     """
     code = 1
     try:
         os.setsid()
-        die_with(keeper)
+        die_with(supervisor)
         for stream in (1, 2):
             os.dup2(output, stream)
-        faulthandler.enable(2)  # where it was when a signal killed it is told with what it printed
+        faulthandler.enable(2)  # the stack of a process killed by a signal is kept with its output
         os.environ["TMPDIR"] = tempfile.tempdir = str(assignment.folder)
         _limit(assignment.memory_bytes)
         _answer_requests(pipe, assignment)
@@ -102,17 +102,17 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             limit = assignment.memory_bytes / 2**20
             answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {limit:.0f} MB of memory")
         except BaseException as error:
-            answer = _fault(Outcome.CRASHED, f"it raised {_told(error)}")
+            answer = _fault(Outcome.CRASHED, f"it raised {_in_one_line(error)}")
         if os.getpid() != own:
-            return  # a process that the solver forked and forgot: the answer is its parent's
+            return  # a process that the solver forked and left: the answer is its parent's
         _flush()
         usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
         write_message(pipe, json.dumps({**answer, "peak_memory_bytes": usage}).encode())
         write_message(pipe, numbers)
 
 
-def _told(error: BaseException) -> str:
-    """Return an exception in one line, whatever it does when it is asked what it says."""
+def _in_one_line(error: BaseException) -> str:
+    """Return an exception in one line, whatever its __str__ does."""
     try:
         said = str(error).strip().splitlines()
     except BaseException:

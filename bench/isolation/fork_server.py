@@ -1,4 +1,4 @@
-"""The server that keepers and their cases are forked from: everything is loaded once, a case takes milliseconds.
+"""The server that supervisors and their cases are forked from: everything is loaded once, a case takes milliseconds.
 
 It has no file, no address and no other client than the process that started it, and ends with it.
 """
@@ -26,7 +26,7 @@ _HEADER = struct.Struct("!Q")
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
 _N_DESCRIPTORS = 3
-"""Open files that every request brings: the case's pipe, its keeper's orders, and the file for its output."""
+"""Open files that every request brings: the case's pipe, its supervisor's orders, and the file for its output."""
 
 _END_SECONDS = 5.0
 
@@ -41,12 +41,12 @@ _ATTEMPTS = 3
 
 
 @dataclass
-class KeeperLink:
-    """A keeper as the run sees it.
+class SupervisorLink:
+    """A supervisor as the run sees it.
 
     Attributes:
         pipe: where requests to its case go and answers come from.
-        orders: where it is told what to do, and tells how the case ended.
+        orders: for orders to it, and for its report of how the case ended.
         process: its process id.
         is_gone: whether it is known to have ended.
     """
@@ -55,22 +55,22 @@ class KeeperLink:
     orders: socket.socket
     process: int
     is_gone: bool = False
-    _told: bytes = b""
+    _report: bytes = b""
 
-    def tell(self, order: bytes) -> None:
+    def send(self, order: bytes) -> None:
         """Give it an order, if it still lives."""
         with contextlib.suppress(OSError):
             self.orders.send(order)
 
     def status(self, seconds: float) -> int | None:
-        """Wait up to ``seconds`` until it has ended; return the wait status of its case, None if it told none."""
+        """Wait up to ``seconds`` until it has ended; return the wait status of its case, None if it reported none."""
         while not self.is_gone and is_readable(self.orders.fileno(), seconds):
-            told = b""
+            report = b""
             with contextlib.suppress(OSError):
-                told = self.orders.recv(NUMBER.size)
-            self._told += told
-            self.is_gone = not told
-        return NUMBER.unpack(self._told)[0] if len(self._told) == NUMBER.size else None
+                report = self.orders.recv(NUMBER.size)
+            self._report += report
+            self.is_gone = not report
+        return NUMBER.unpack(self._report)[0] if len(self._report) == NUMBER.size else None
 
     def kill(self) -> None:
         """Kill it, if it has not gone by itself."""
@@ -99,19 +99,19 @@ class _Server:
                 start_new_session=True,
             )
 
-    def fork(self, content: bytes, output: int) -> KeeperLink | None:
-        """Let it fork a keeper; return None if it does not, because it is gone or stuck."""
+    def fork(self, content: bytes, output: int) -> SupervisorLink | None:
+        """Let it fork a supervisor; return None if it does not, because it is gone or stuck."""
         pipe, case_pipe = socket.socketpair()
-        orders, keeper_orders = socket.socketpair()
-        told = b""
-        with case_pipe, keeper_orders, contextlib.suppress(OSError):
-            descriptors = [case_pipe.fileno(), keeper_orders.fileno(), output]
+        orders, supervisor_orders = socket.socketpair()
+        report = b""
+        with case_pipe, supervisor_orders, contextlib.suppress(OSError):
+            descriptors = [case_pipe.fileno(), supervisor_orders.fileno(), output]
             socket.send_fds(self._socket, [_HEADER.pack(len(content))], descriptors)
             self._socket.sendall(content)
         if is_readable(orders.fileno(), START_SECONDS):
-            told = orders.recv(NUMBER.size)
-        if len(told) == NUMBER.size:
-            return KeeperLink(pipe, orders, NUMBER.unpack(told)[0])
+            report = orders.recv(NUMBER.size)
+        if len(report) == NUMBER.size:
+            return SupervisorLink(pipe, orders, NUMBER.unpack(report)[0])
         pipe.close()
         orders.close()
         return None
@@ -131,8 +131,8 @@ _server: _Server | None = None
 _lock = threading.Lock()
 
 
-def fork_keeper(assignment: Assignment, output: int) -> KeeperLink:
-    """Start a keeper with its case; the server is started, or started again, where there is none.
+def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
+    """Start a supervisor with its case; the server is started, or started again, where there is none.
 
     Args:
         assignment: the case's.
@@ -165,7 +165,7 @@ def serve(descriptor: int) -> None:
     """Be the server. Never returns."""
     from . import preload  # noqa: F401
 
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # keepers tell their end themselves
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
     while True:
         header, descriptors, _, _ = socket.recv_fds(requests, _HEADER.size, _N_DESCRIPTORS)

@@ -1,4 +1,4 @@
-"""Messages to and from a case's process; what comes from it is read within a time and a size, whoever wrote it.
+"""Messages to and from a case's process; what comes from it is read within a time and a size, whatever wrote it.
 
 What such a process writes may be anything, and may stop in the middle: reading never waits past its deadline, takes
 no more memory than has arrived, and never makes objects that could run code.
@@ -25,7 +25,7 @@ def write_message(descriptor: int, content: bytes) -> None:
     """Write one message, as a whole.
 
     Raises:
-        OSError: if nobody reads any more.
+        OSError: if there is no reader any more.
     """
     waiting = memoryview(_HEADER.pack(len(content)) + content)
     while waiting:

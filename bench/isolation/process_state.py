@@ -1,4 +1,4 @@
-"""What all code of a process has in common, and what of it somebody has changed.
+"""What all code of a process has in common, and what of it has been changed.
 
 A plugin shares its process with the framework. What it replaces of that, of the clock or of numpy, and what it leaves
 behind in the process, would otherwise show nowhere but in wrong numbers.
@@ -136,7 +136,7 @@ def _mode_mask() -> int:
 
 
 def _numpy_random() -> tuple[Any, ...]:
-    kind, key, *rest = np.random.get_state()  # noqa: NPY002 - whether anybody has touched it is the question
+    kind, key, *rest = np.random.get_state()  # noqa: NPY002 - whether it was touched is the question
     return kind, np.asarray(key).tobytes(), *rest
 
 

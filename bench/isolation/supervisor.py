@@ -1,10 +1,10 @@
 """The process that watches over a case, and ends whatever the case has started.
 
-    run ── fork server ── keeper ── case ── (what the plugin starts)
+    run ── fork server ── supervisor ── case ── (what the plugin starts)
 
-The keeper never runs a line of a plugin. It adopts what its descendants leave behind, in whatever session they hide,
-and when the case ends, when the run says so or when the run itself is gone, it kills them all, removes the folder of
-their temporary files, and ends as the case did. It also stops the case while others are measured, so that threads
+The supervisor never runs a line of a plugin. It adopts what its descendants leave behind, in whatever session they
+hide, and when the case ends, when the run says so or when the run itself is gone, it kills them all, removes the folder
+of their temporary files, and ends as the case did. It also stops the case while others are measured, so that threads
 and processes left running do not take the processor from them.
 """
 
@@ -17,81 +17,81 @@ import struct
 from multiprocessing.connection import wait
 from types import FrameType
 
-from .child import Assignment, be_the_case
+from .child import Assignment, run_case
 from .process_tree import adopt_orphans, descendants, kill_all, send
 
 STOP, GO_ON, END = b"S", b"G", b"E"
-"""What a keeper is told: stop the case, let it go on, end it. It also ends the case when nobody can tell any more."""
+"""Orders: stop the case, let it go on, end it. The case is also ended when no order can come any more."""
 
 NUMBER = struct.Struct("!i")
-"""What a keeper tells."""
+"""A report."""
 
-_HEARD = (signal.SIGTERM, signal.SIGCHLD)
-"""Signals that wake a keeper: the first ends its case, the second says that a child may have ended."""
+_SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
+"""Signals that wake a supervisor: the first ends its case, the second says that a child may have ended."""
 
 
 def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
-    """Fork the case's process, watch over it, and tell its end. Never returns.
+    """Fork the case's process, watch over it, and report its end. Never returns.
 
     Args:
         pipe: the case's, for requests and answers.
-        orders: where the keeper is told what to do, and tells first its process id, last the wait status of the case.
+        orders: for orders; the first report is the process id of the supervisor, the last the wait status of the case.
         output: where the case prints.
         assignment: the case's.
     """
-    keeper = os.getpid()
+    supervisor = os.getpid()
     os.setsid()
-    os.write(orders, NUMBER.pack(keeper))
+    os.write(orders, NUMBER.pack(supervisor))
     adopt_orphans()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with contextlib.suppress(OSError):  # a case without temporary files may do
         assignment.folder.mkdir(0o700)
-    woken = _listening()
+    wakeup = _signal_pipe()
     case = os.fork()
     if case == 0:
-        _deafened(woken)
+        _restore_signals(wakeup)
         os.close(orders)
-        be_the_case(pipe, output, assignment, keeper)
+        run_case(pipe, output, assignment, supervisor)
     os.close(pipe)
-    status = _watched(case, orders, woken[0])
+    status = _watched(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
         os.write(orders, NUMBER.pack(status))
     os._exit(0)
 
 
-def _listening() -> tuple[int, int]:
-    """Return a pipe, (out, in), into which the system writes the number of every signal in ``_HEARD``."""
-    woken = os.pipe()
-    for end in woken:
+def _signal_pipe() -> tuple[int, int]:
+    """Return a pipe, (out, in), into which the system writes the number of every signal in ``_SIGNALS``."""
+    wakeup = os.pipe()
+    for end in wakeup:
         os.set_blocking(end, False)
-    signal.set_wakeup_fd(woken[1], warn_on_full_buffer=False)
-    for number in _HEARD:
-        signal.signal(number, _heard)
-    return woken
+    signal.set_wakeup_fd(wakeup[1], warn_on_full_buffer=False)
+    for number in _SIGNALS:
+        signal.signal(number, _on_signal)
+    return wakeup
 
 
-def _deafened(woken: tuple[int, int]) -> None:
-    """Take back what ``_listening`` did."""
+def _restore_signals(wakeup: tuple[int, int]) -> None:
+    """Undo ``_signal_pipe``."""
     signal.set_wakeup_fd(-1)
-    for number in _HEARD:
+    for number in _SIGNALS:
         signal.signal(number, signal.SIG_DFL)
-    for end in woken:
+    for end in wakeup:
         os.close(end)
 
 
-def _heard(number: int, frame: FrameType | None) -> None:
-    """Do nothing: the number is in the pipe that wakes the keeper."""
+def _on_signal(number: int, frame: FrameType | None) -> None:
+    """Do nothing: the number is in the pipe that wakes the supervisor."""
 
 
-def _watched(case: int, orders: int, woken: int) -> int:
+def _watched(case: int, orders: int, wakeup: int) -> int:
     """Wait until the case has ended or shall end; end all that is left of it; return its wait status."""
     stopped: list[int] = []
     while True:
-        ready = wait([orders, woken])
-        if woken in ready and signal.SIGTERM in os.read(woken, 4096):
+        ready = wait([orders, wakeup])
+        if wakeup in ready and signal.SIGTERM in os.read(wakeup, 4096):
             return kill_all(case, signal.SIGKILL)
-        if woken in ready and (status := _ended(case)) is not None:
+        if wakeup in ready and (status := _ended(case)) is not None:
             return kill_all(case, status)
         if orders not in ready:
             continue
@@ -113,7 +113,7 @@ def _received(orders: int) -> bytes:
 
 
 def _ended(case: int) -> int | None:
-    """Take leave of all children that have ended; return the wait status of the case if it is among them."""
+    """Reap all children that have ended; return the wait status of the case if it is among them."""
     status = None
     with contextlib.suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:

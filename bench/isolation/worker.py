@@ -1,8 +1,8 @@
 """Child processes that cases run in, and the conversation with them.
 
-Cases are forked from a server that has everything loaded (``preload``), each under a keeper that ends all it has
-started, also when this process is gone (``keeper``). What a case sends back is JSON and raw numbers, never objects
-that could run code here, and is waited for no longer than the case's time (``messages``).
+Cases are forked from a server that has everything loaded (``preload``), each under a supervisor that ends all it has
+started, also when this process is gone (``supervisor``). What a case sends back is JSON and raw numbers, never
+objects that could run code here, and is waited for no longer than the case's time (``pipe``).
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from ...problems.catalog.plugins import registered
 from ..errors import BenchError
 from ..store.outcome import FAULTS, Outcome
 from .child import Assignment
-from .fork_server import fork_keeper
+from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
 from .process_tree import send, writers
 from .supervisor import END, GO_ON, STOP
@@ -49,11 +49,11 @@ LONGEST_LIST = 16_000
 _MODULES = re.compile(r"\n*Extension modules: [^\n]*")
 
 END_SECONDS = 3.0
-"""Wall time that a keeper has to end its case."""
+"""Wall time that a supervisor has to end its case."""
 
 
 @dataclass
-class Fault(Exception):  # noqa: N818 - the case is at fault, this is how that is told
+class Fault(Exception):  # noqa: N818 - the case is at fault, not the program
     """A case that ended otherwise than by an answer."""
 
     outcome: Outcome
@@ -103,7 +103,7 @@ class Worker:
             raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
         assignment = Assignment(pickled, type(task).__module__, registered(), memory_bytes, self._folder, _setting())
         try:
-            self._keeper = fork_keeper(assignment, self._output)
+            self._supervisor = fork_supervisor(assignment, self._output)
         except OSError as error:
             self._let_go()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
@@ -112,26 +112,26 @@ class Worker:
         """Send one request and wait for its answer: a JSON object and an array, which may be empty.
 
         Args:
-            request: what is asked for.
+            request: its name.
             arguments: to it.
             largest: number of bytes that the array may have.
 
         Raises:
             Fault: if the case raises, misbehaves, dies, or its time is up.
         """
-        began, pipe = time.monotonic(), self._keeper.pipe.fileno()
+        began, pipe = time.monotonic(), self._supervisor.pipe.fileno()
         deadline = began + max(self._case_seconds - self.busy_seconds, 0.0)
         try:
             if self._is_stopped:
-                self._keeper.tell(GO_ON)
-            if _unasked(self._keeper.pipe):
-                raise NoMessageError("something that nobody asked for")
+                self._supervisor.send(GO_ON)
+            if _has_input(self._supervisor.pipe):
+                raise NoMessageError("an answer without a request")
             write_message(pipe, pickle.dumps((request, arguments)))
-            lifeline = self._keeper.orders.fileno()
+            lifeline = self._supervisor.orders.fileno()
             answer = read_object(pipe, LARGEST_ANSWER, deadline, lifeline)
             numbers = np.frombuffer(read_message(pipe, largest, deadline, lifeline), dtype=np.float64)
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
-            fault = _told_fault(answer)
+            fault = _reported_fault(answer)
         except TimeoutError:
             raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s") from None
         except (EOFError, OSError):
@@ -139,7 +139,7 @@ class Worker:
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
             raise Fault(Outcome.MISBEHAVED, "its process sent something that is no answer") from None
         finally:
-            self._keeper.tell(STOP)
+            self._supervisor.send(STOP)
             self._is_stopped = True
             self.busy_seconds += time.monotonic() - began
         if fault is not None:
@@ -154,15 +154,15 @@ class Worker:
 
     def close(self) -> None:
         """End the process and all that it started."""
-        self._keeper.tell(END)
-        if self._keeper.status(END_SECONDS) is None:
-            self._keeper.kill()
+        self._supervisor.send(END)
+        if self._supervisor.status(END_SECONDS) is None:
+            self._supervisor.kill()
             self._end_what_it_left()
-        self._keeper.close()
+        self._supervisor.close()
         self._let_go()
 
     def _end_what_it_left(self) -> None:
-        """Kill what a keeper has left that was itself killed or stopped: it is known by where it prints."""
+        """Kill what a supervisor has left that was itself killed or stopped: it is known by where it prints."""
         deadline = time.monotonic() + END_SECONDS
         while (left := writers(self._output)) and time.monotonic() < deadline:
             send(signal.SIGKILL, left)
@@ -173,11 +173,11 @@ class Worker:
         os.close(self._output)
 
     def _death(self) -> str:
-        status = self._keeper.status(END_SECONDS)
-        if status is None and not self._keeper.is_gone:
+        status = self._supervisor.status(END_SECONDS)
+        if status is None and not self._supervisor.is_gone:
             return "its process closed its connection to the run"
         if status is None:
-            return "its process ended together with its keeper"
+            return "its process ended together with its supervisor"
         if os.WIFEXITED(status):
             return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
         try:
@@ -186,11 +186,11 @@ class Worker:
             return f"its process was killed by signal {os.WTERMSIG(status)}"
 
 
-def _told_fault(answer: dict[str, Any]) -> Fault | None:
-    """Return the fault that an answer tells, if it does.
+def _reported_fault(answer: dict[str, Any]) -> Fault | None:
+    """Return the fault that an answer reports, if it does.
 
     Raises:
-        KeyError: if it tells it badly.
+        KeyError: if the report is no report.
         ValueError: likewise.
     """
     if "fault" not in answer:
@@ -201,8 +201,8 @@ def _told_fault(answer: dict[str, Any]) -> Fault | None:
     return Fault(outcome, reason, trace)
 
 
-def _unasked(pipe: socket.socket) -> bool:
-    """Return whether something has come that nobody asked for."""
+def _has_input(pipe: socket.socket) -> bool:
+    """Return whether something has come before any request."""
     with contextlib.suppress(BlockingIOError):
         return bool(pipe.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
     return False

@@ -1,6 +1,6 @@
 """``proxbench matrix``: every solver on every problem once at one tolerance, and the reason where it does not solve.
 
-What is asked is whether a method can, not how fast it is: one solve a cell, untimed, in a process that the solver may
+The question is whether a method can, not how fast it is: one solve a cell, untimed, in a process that the solver may
 crash or hang without harm. The judge sees every result.
 """
 

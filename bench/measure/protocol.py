@@ -132,7 +132,7 @@ class MeasuringTask:
         return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.contestant.make())
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Do what is asked for: "supports", "warm_up", "observe" or "round"."""
+        """Answer a request: "supports", "warm_up", "observe" or "round"."""
         if request == "supports":
             return {"refusal": self._measurement.refusal()}, b""
         if request == "warm_up":
@@ -182,7 +182,7 @@ def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
     if fault:
         return fault
     impulses = solution.impulses
-    if type(impulses) is not np.ndarray:  # what derives from it may tell every reader something else
+    if type(impulses) is not np.ndarray:  # a subclass may show every reader something else
         return f"it returned impulses of type {type(impulses).__name__}, not a plain numpy array"
     if impulses.shape != (problem.n_rows,):
         return f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)"

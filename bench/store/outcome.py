@@ -1,4 +1,4 @@
-"""How cases and ladder points end, and the rule that tells a right answer from a wrong one."""
+"""How cases and ladder points end, and the rule that separates right answers from wrong ones."""
 
 from enum import StrEnum
 
@@ -47,7 +47,7 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
 
     Args:
         status: what the solver claims.
-        tolerance: the residual asked for.
+        tolerance: the residual to reach.
         model: what the solver solves.
         own: the verdict under the solver's own model.
         coulomb: the verdict under Coulomb's law.

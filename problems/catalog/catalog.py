@@ -1,6 +1,6 @@
 """Problems and suites by name.
 
-A name is looked up among the hard cases, which are built when asked for, then in the frozen library that is shipped
+A name is looked up among the hard cases, which are built on demand, then in the frozen library that is shipped
 with the package, then among those of plugins, then in the user's cache folder, where ``proxbench generate`` puts
 problems.
 """

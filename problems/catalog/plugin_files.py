@@ -124,7 +124,7 @@ class PluginFile:
 
 
 class _Importer(MetaPathFinder, Loader):
-    """Finds plugin files by their module names, also where pickle asks for one in another process."""
+    """Finds plugin files by their module names, also where pickle needs one in another process."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         return ModuleSpec(name, self, origin=str(_known[name].path)) if name in _known else None

@@ -1,7 +1,7 @@
 """What plugins offer: solvers and problems of installed packages, and of files named by the user.
 
 A package offers them as entry points of the groups ``proxbench.solvers`` and ``proxbench.problems``. Nothing of a
-plugin runs before it is asked for by name. A name that is not free is refused, and so is one that two plugins share:
+plugin runs before it is needed by name. A name that is not free is refused, and so is one that two plugins share:
 which of them a table shows must not depend on the order of installation.
 """
 
@@ -95,7 +95,7 @@ def register(file: PluginFile, names: Names | None = None, runs_here: bool = Tru
 
     Args:
         file: the file.
-        names: what it offers; found by running it, when it is first asked for, if None.
+        names: what it offers; found by running it, when first needed, if None.
         runs_here: whether this process may run it. If not, its names are known, and nothing can be made of them.
     """
     path = str(file.path)

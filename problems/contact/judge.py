@@ -194,7 +194,7 @@ def _violations(
     weight = 0.0 if model.kind == "frictionless" else 1.0
     mu, fixed = weight * laws.friction_coefficient, weight * laws.fixed_bound
     violations = _coulomb_violations(laws, mu, fixed, residual.alpha, impulses, velocity)
-    if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is asked for
+    if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is required
         tangent = _tangent(problem, impulses)
         friction = laws.is_friction
         violations[friction] = residual.alpha[friction] * np.sqrt((tangent**2).sum(axis=1))

@@ -142,7 +142,7 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
 
 
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
-    """Return contacts of one μ as the first part of a longer list, which time stepping asks for again and again.
+    """Return contacts of one μ as the first part of a longer list, which time stepping needs in every step.
 
     The longer list has been checked, and every part of it that begins at its beginning holds together.
     """

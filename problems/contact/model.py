@@ -1,4 +1,4 @@
-"""The mathematical model that a solver solves, which need not be the one that nature asks for."""
+"""The mathematical model that a solver solves, which need not be Coulomb's."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal

@@ -114,7 +114,7 @@ class ContactProblem:
         free_motion: ArrayLike | None = None,
         **attributes: Any,
     ) -> "ContactProblem":
-        """Return the problem with G = Wᵀ M⁻¹ W, never assembled unless somebody asks for it.
+        """Return the problem with G = Wᵀ M⁻¹ W, assembled on demand only.
 
         Args:
             force_directions: W, dense or scipy sparse, shape (n_dofs, n_rows).

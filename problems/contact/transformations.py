@@ -1,4 +1,4 @@
-"""The same contact problem put otherwise: other order, other tangents, other units, a contact twice, two side by side.
+"""The same contact problem transformed: other order, other tangents, other units, a contact twice, two side by side.
 
 Every one is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
 leads back to the solution T Λ' of the old one. Solvers that depend on such choices are found out by them.
@@ -20,7 +20,7 @@ from .problem import ContactProblem
 
 @dataclass(frozen=True, eq=False)
 class Transformed:
-    """A problem put otherwise.
+    """A transformed problem.
 
     Attributes:
         problem: the new problem; its answer, where the old one has one that can be carried over.

@@ -1,7 +1,7 @@
 """Which pairs of balls overlap: a cell list that costs time and memory proportional to the number of balls.
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell; because neighbours along the first
-axis have consecutive numbers, each ball asks for a few ranges of cells, whose beginnings only move forward.
+axis have consecutive numbers, each ball needs a few ranges of cells, whose beginnings only move forward.
 """
 
 import numpy as np

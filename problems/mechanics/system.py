@@ -1,7 +1,7 @@
 """Mechanical systems with unilateral contacts, as time stepping sees them.
 
 M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws between λ and the relative velocities Wᵀu
-(Studer & Glocker 2005, [1–6]). A stepper asks a system for one ``StepAssembly`` per step and knows nothing else of it.
+(Studer & Glocker 2005, [1–6]). A stepper needs of a system one ``StepAssembly`` per step.
 """
 
 from collections.abc import Callable

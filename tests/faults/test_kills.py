@@ -62,7 +62,7 @@ def test_killing_workers_costs_their_own_cases(sandbox: Sandbox, undisturbed: di
 
 
 def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
-    """Kill a server, a keeper or a case of a run, whichever it hits; return whether there was one."""
+    """Kill a server, a supervisor or a case of a run, whichever it hits; return whether there was one."""
     workers = sorted(process.pid for process in sandbox.processes() if process.pid != run)
     if not workers:
         return False

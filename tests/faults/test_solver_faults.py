@@ -53,8 +53,8 @@ DEEDS = {
     "start processes": (MEASURED, ""),
     "return twice": (MEASURED, ""),
     "run away": (MEASURED, ""),
-    "kill its keeper": (CRASHED, "together with its keeper"),
-    "stop its keeper": (TIMEOUT, "4 s"),
+    "kill its supervisor": (CRASHED, "together with its supervisor"),
+    "stop its supervisor": (TIMEOUT, "4 s"),
     "forge": (MISBEHAVED, "no answer"),
 }
 """What comes of each deed, and words that tell it: the reason of a failed case, the outcome of a measured point."""

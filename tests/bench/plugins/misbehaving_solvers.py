@@ -255,13 +255,13 @@ class _Prepared:
         _forked(_run_away)
         return solution
 
-    def do_kill_its_keeper(self, solution: Solution) -> object:
+    def do_kill_its_supervisor(self, solution: Solution) -> object:
         _forked(_spin_deaf)
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(1000)
         return solution
 
-    def do_stop_its_keeper(self, solution: Solution) -> object:
+    def do_stop_its_supervisor(self, solution: Solution) -> object:
         _forked(_spin_deaf)
         os.kill(os.getppid(), signal.SIGSTOP)
         time.sleep(1000)
