@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..problems.errors import ProxbenchError
+from ..problems.spelling import either
 
 
 class BenchError(ProxbenchError):
@@ -25,7 +26,8 @@ class InterruptedRunError(InterruptedWorkError):
     """
 
     def __init__(self, run_dir: Path) -> None:
-        super().__init__(f"interrupted; finished cases are kept, go on with: proxbench run --resume {run_dir}")
+        again = either(f"proxbench run --resume {run_dir}", f"proxbench.bench.resume({str(run_dir)!r})")
+        super().__init__(f"interrupted; finished cases are kept, go on with: {again}")
         self.run_dir = run_dir
 
 
@@ -37,5 +39,6 @@ class InterruptedSimulationError(InterruptedWorkError):
     """
 
     def __init__(self, file: Path) -> None:
-        super().__init__(f"interrupted; the steps taken are kept, go on with: proxbench simulate --resume {file}")
+        again = either(f"proxbench simulate --resume {file}", f"resume_simulation({str(file)!r})")
+        super().__init__(f"interrupted; the steps taken are kept, go on with: {again}")
         self.file = file

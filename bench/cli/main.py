@@ -74,23 +74,21 @@ def run_command(arguments: list[str]) -> int:
     except BrokenPipeError:
         return 0
     except Exception as error:
-        return _say(str(error), _exit_code(error))
+        return _say(*_refusal(error))
     return outcome if isinstance(outcome, int) else 0
 
 
-def _exit_code(error: Exception) -> int:
-    """Return the exit code of an error that has a sentence for users; raise any other one again."""
+def _refusal(error: Exception) -> tuple[str, int]:
+    """Return the sentence and the exit code of an error that is meant for users; raise any other one again."""
     from ...problems.errors import ProxbenchError
+    from ...problems.spelling import for_command_line
     from ...problems.stepping.moreau import StepError
     from ..errors import FailedSimulationError, InterruptedWorkError
 
-    if isinstance(error, InterruptedWorkError):
-        return 130
-    if isinstance(error, FailedSimulationError | StepError):
-        return 1
-    if isinstance(error, ProxbenchError):
-        return 2
-    raise error
+    if not isinstance(error, ProxbenchError):
+        raise error
+    failed = isinstance(error, FailedSimulationError | StepError)
+    return for_command_line(error.sentence), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
 
 
 def _say(sentence: str, code: int) -> int:

@@ -129,7 +129,7 @@ class Describing:
             content = problem_bytes(load(*arguments))
             return {"length": len(content)}, content + bytes(-len(content) % np.dtype(float).itemsize)
         except ProxbenchError as error:
-            return {"refused": str(error)}, b""
+            return {"refused": error.sentence}, b""
 
 
 def file_offers(file: PluginFile) -> list[Offer]:

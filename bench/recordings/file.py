@@ -8,6 +8,7 @@ from types import TracebackType
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ...problems.spelling import switch
 from ..errors import BenchError
 
 SUFFIX = ".rrd"
@@ -74,4 +75,4 @@ def refuse_bad_path(path: Path, force: bool) -> None:
     if path.is_dir():
         raise BenchError(f"cannot record into {path}: it is a folder; name a file.")
     if path.exists() and not force:
-        raise BenchError(f"{path} exists; choose another name, or replace it with --force.")
+        raise BenchError(f"{path} exists; choose another name, or replace it with {switch('force')}.")

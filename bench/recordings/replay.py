@@ -12,6 +12,7 @@ from ...problems.mechanics.balls import BallSystem
 from ...problems.mechanics.state import State
 from ...problems.mechanics.system import System
 from ...problems.scenes.registry import Scene
+from ...problems.spelling import either
 from ...problems.stepping.moreau import Step, step_problem
 from ..errors import BenchError
 from .balls import BallRecorder
@@ -36,7 +37,8 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
         title = f"{scene.name}, {options['balls']} {'discs' if options['planar'] else 'balls'}"
         gravity = float(options["gravity"] or 0.0)
         return BallRecorder(scene.system, file, title, gravity, force, every, scene.balls_through)
-    raise BenchError(f"there is no recorder for the scene {scene.name!r}; leave --record out.")
+    remedy = either("leave --record out", "leave it out")
+    raise BenchError(f"there is no recorder for the scene {scene.name!r}; {remedy}.")
 
 
 def record_stored(

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ...problems.errors import said
+from ...problems.spelling import either, option, switch
 from ..errors import BenchError
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
@@ -27,8 +28,8 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
         raise BenchError(
-            f"--output {output} ends in {output.suffix}, and this result is a {suffix} file; name a file that ends in "
-            f"{suffix}, or a folder (one with a dot in its name must exist)."
+            f"{either(f'--output {output}', str(output))} ends in {output.suffix}, and this result is a {suffix} file; "
+            f"name a file that ends in {suffix}, or a folder (one with a dot in its name must exist)."
         )
     is_file = output.suffix == suffix and not is_folder
     file = output if is_file else output / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}{suffix}"
@@ -36,9 +37,10 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         exists = file.exists()
     except OSError as error:
-        raise BenchError(f"cannot write {file}: {error.strerror}; choose another --output.") from None
+        raise BenchError(f"cannot write {file}: {error.strerror}; choose another {option('output')}.") from None
     if exists and not force:
-        raise BenchError(f"{file} exists already; go on with --resume {file}, or replace it with --force.")
+        resume = either(f"--resume {file}", "it")
+        raise BenchError(f"{file} exists already; go on with {resume}, or replace it with {switch('force')}.")
     return file
 
 
@@ -52,7 +54,8 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
         try:
             if file.exists():
                 if not force:
-                    raise BenchError(f"{file} exists already; choose another name, or replace it with --force.")
+                    force_it = switch("force")
+                    raise BenchError(f"{file} exists already; choose another name, or replace it with {force_it}.")
                 with file.open("ab"):
                     continue
             folder = file.absolute().parent

@@ -25,7 +25,7 @@ def test_the_finished_file_stands_alone_in_its_folder(tmp_path: Path) -> None:
 def test_an_existing_file_is_refused_and_stays_as_it_is(tmp_path: Path) -> None:
     file = tmp_path / "a.rrd"
     file.write_text("precious")
-    with pytest.raises(BenchError, match=r"exists.*--force"):
+    with pytest.raises(BenchError, match=r"exists.*force=True"):
         RecordingFile(file)
     assert file.read_text() == "precious"
     record_something(file, force=True)

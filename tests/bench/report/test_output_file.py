@@ -104,7 +104,7 @@ def test_what_names_no_file_is_refused(name: str) -> None:
 @pytest.mark.parametrize("taken", ["a.svg", "a.png"])
 def test_a_picture_that_exists_is_refused_unless_it_may_be_replaced(taken: str, tmp_path: Path) -> None:
     (tmp_path / taken).write_text("mine")
-    with pytest.raises(BenchError, match=rf"{taken} exists already; .*--force"):
+    with pytest.raises(BenchError, match=rf"{taken} exists already; .*force=True"):
         refuse_pictures(tmp_path / "a", force=False)
     refuse_pictures(tmp_path / "a", force=True)
     assert (tmp_path / taken).read_text() == "mine"
