@@ -3,18 +3,21 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .measure.runner import resume, run
-    from .store.frames import load
+    from .runs import Run, load, resume, run
 
-__all__ = ["load", "resume", "run"]
+    __version__: str
 
-_HOMES = {"load": "store.frames", "resume": "measure.runner", "run": "measure.runner"}
+__all__ = ["Run", "load", "resume", "run"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for: pandas and the solvers take a second to load."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
+    """Import what is wanted when it is wanted: pandas and the solvers take a second to load."""
+    if name == "__version__":
+        from importlib import metadata
 
-    return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        return metadata.version("proxbench")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from . import runs
+
+    return getattr(runs, name)

@@ -1,6 +1,7 @@
 """What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
 
 from .catalog.catalog import load, suite
+from .catalog.storage import save_problem
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge
 from .contact.laws import LawKind, Laws
@@ -22,5 +23,6 @@ __all__ = [
     "judge",
     "load",
     "project",
+    "save_problem",
     "suite",
 ]

@@ -41,6 +41,7 @@ AT_HOME = {
     "pandas": {
         "bench/report/drawing.py",
         "bench/store/frames.py",
+        "bench/runs.py",
         "bench/report/tables.py",
         "bench/report/fitting.py",
         "bench/report/charts.py",

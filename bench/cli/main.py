@@ -223,7 +223,9 @@ def report(
         from .stored_simulations import report_simulation
 
         return report_simulation(run_dir, charts, quiet, as_json)
-    return report_run(run_dir, charts, quiet, as_json)
+    from ..runs import load
+
+    return report_run(load(run_dir), charts, quiet, as_json)
 
 
 _command(

@@ -36,7 +36,8 @@ def record(
     """Record solvers iterating side by side on one problem, or a stored simulation; watch with: rerun FILE."""
     from ...solvers.interface import Stop
     from ..errors import BenchError
-    from ..measure.plan import make_plan, resolved
+    from ..measure.plan import make_plan
+    from ..measure.problems import resolved
     from ..recordings.blueprints import ITERATION
     from ..recordings.solves import record_solves
     from ..recordings.still import refuse_still, write_still

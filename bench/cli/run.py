@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +20,9 @@ from .options import (
     Solvers,
     refuse_two_prints,
 )
+
+if TYPE_CHECKING:
+    from ..runs import Run
 
 _CONTINUED = "Continue an interrupted run"
 
@@ -79,64 +82,68 @@ def run(
     """Measure how long solvers take to reach an accuracy; print tables and store all results."""
     from rich.console import Console
 
-    from ..measure import runner
-    from ..measure.plan import Limits
+    from .. import runs
     from ..report.progress import RunProgress
 
     _refuse_contradictions(context)
     refuse_two_prints(quiet, as_json)
     with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         if resume is not None:
-            folder = runner.resume(resume, retry_failed, on_event=shown)
+            made = runs.resume(resume, retry_failed, on_event=shown)
         else:
-            limits = Limits(solve_seconds, case_seconds, memory * 2**20)
-            folder = runner.run(problem, solver, suite, results, run_id or None, tolerance, limits, on_event=shown)
+            made = runs.run(
+                problem,
+                solver,
+                suite,
+                results,
+                run_id or None,
+                tolerance,
+                on_event=shown,
+                solve_seconds=solve_seconds,
+                case_seconds=case_seconds,
+                memory=memory,
+            )
     if record:
         from ..recordings.solves import record_run
 
-        record_run(folder)
-    return report_run(folder, charts, quiet, as_json)
+        record_run(made.folder)
+    return report_run(made, charts, quiet, as_json)
 
 
-def report_run(run_dir: Path, charts: bool, quiet: bool, as_json: bool) -> int:
+def report_run(run: "Run", charts: bool, quiet: bool, as_json: bool) -> int:
     """Write and print what a run has to show; return 1 if something measured failed."""
     from rich.console import Console
 
-    from ..report.tables import print_tables, results_table, summary_table, write_tables
-    from ..store.frames import load
+    from ..report.tables import print_tables
     from ..store.outcome import FAULTS, Outcome
+    from ..store.records import content_of
 
-    frames = load(run_dir)
-    tables = write_tables(frames, run_dir / "tables")
-    drawn: list[Path] = []
-    if charts:
-        from ..report.charts import write_charts  # altair takes a second to import
-
-        drawn = write_charts(frames, run_dir / "charts")
-    for sentence in frames.damaged:
+    made = run.report(charts)
+    for sentence in run.damaged:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:
         document: dict[str, Any] = {
-            "run": str(run_dir),
-            "info": frames.info,
-            "results": json.loads(results_table(frames).to_json(orient="records")),
-            "summary": json.loads(summary_table(frames).to_json(orient="records")),
-            "files": [str(file) for file in (*tables, *drawn)],
-            "damaged": frames.damaged,
+            "run": str(run.folder),
+            "is_finished": run.is_finished,
+            "info": content_of(run.info),
+            "results": json.loads(made.results.to_json(orient="records")),
+            "summary": json.loads(made.summary.to_json(orient="records")),
+            "files": [str(file) for file in (*made.tables, *made.charts)],
+            "damaged": run.damaged,
         }
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         console = Console()
         if not quiet:
-            print_tables(frames, console)
+            print_tables(run, console)
             console.print()
-        places = [f"results  {run_dir}", f"tables   {run_dir / 'tables'}"]
+        places = [f"results  {run.folder}", f"tables   {run.folder / 'tables'}"]
         if charts:
-            places.append(f"charts   {run_dir / 'charts'}")
-        if (run_dir / "recordings").is_dir():
-            places.append(f"watch    rerun {run_dir / 'recordings'}/NAME.rrd")
+            places.append(f"charts   {run.folder / 'charts'}")
+        if (run.folder / "recordings").is_dir():
+            places.append(f"watch    rerun {run.folder / 'recordings'}/NAME.rrd")
         console.print("\n".join(places), soft_wrap=True)
-    failed = frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any()
+    failed = run.cases["outcome"].isin(FAULTS).any() or (run.points["outcome"] == Outcome.WRONG).any()
     return int(failed)
 
 

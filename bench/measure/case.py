@@ -1,4 +1,4 @@
-"""One case as it is measured from outside: its process, its ladder, and the document it becomes."""
+"""One case as it is measured from outside: its process, its ladder, and the record it becomes."""
 
 import time
 from dataclasses import asdict, dataclass, field
@@ -13,8 +13,8 @@ from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Status, Stop
 from ..isolation.worker import LARGEST_NUMBERS, Fault, Worker
 from ..store.outcome import Outcome, point_outcome
+from ..store.records import CaseRecord, Curve, Limits, Measured, Point, Quartiles
 from .contestants import Contestant
-from .plan import Limits
 from .protocol import MeasuringTask, round_fault
 
 LONGEST_REASON = 2000
@@ -37,11 +37,11 @@ class Case:
     solver: Contestant
     limits: Limits
     outcome: Outcome = Outcome.MEASURED
-    points: list[dict[str, Any]] = field(default_factory=list)
+    points: list[Point] = field(default_factory=list)
     _reason: str = ""
     _traceback: str = ""
     _output: str = ""
-    _curve: dict[str, Any] = field(default_factory=lambda: {"iteration": [], "residual": []})
+    _curve: Curve = field(default_factory=Curve)
     _worker: Worker | None = None
     _seconds: float = 0.0
     _memory: int = 0
@@ -98,32 +98,28 @@ class Case:
         coulomb = judge(self.problem, impulses)
         own = coulomb if self.solver.model == Model.COULOMB else judge(self.problem, impulses, self.solver.model)
         outcome = point_outcome(status, tolerance, self.solver.model, own, coulomb)
+        measured = Measured(
+            iterations=last["iterations"],
+            residual=coulomb.residual,
+            model_residual=own.residual,
+            prepare_seconds=_quartiles(times[:, 0]),
+            solve_seconds=_quartiles(times[:, 1]),
+            total_seconds=_quartiles(times.sum(axis=1)),
+            repeats=len(times),
+            verdict={key: value for key, value in asdict(coulomb).items() if key != "model"},
+            impulse_error=self._impulse_error(impulses),
+        )
+        reason = last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence)
         self.points.append(
-            {
-                "tolerance": tolerance,
-                "outcome": outcome.value,
-                "status": status.value,
-                "reason": last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence),
-                "iterations": last["iterations"],
-                "residual": coulomb.residual,
-                "model_residual": own.residual,
-                "prepare_seconds": _quartiles(times[:, 0]),
-                "solve_seconds": _quartiles(times[:, 1]),
-                "total_seconds": _quartiles(times.sum(axis=1)),
-                "repeats": len(times),
-                "verdict": {key: value for key, value in asdict(coulomb).items() if key != "model"},
-                "impulse_error": self._impulse_error(impulses),
-            }
+            Point(tolerance=tolerance, outcome=outcome, status=status.value, reason=reason, measured=measured)
         )
         if status is not Status.SOLVED:
             self._ended_by = f"{tolerance:g} already ended {status.value}"
 
     def skip_point(self, tolerance: float) -> None:
         """Note a point that was not attempted, because a coarser one did not end solved."""
-        outcome = Outcome.NOT_ATTEMPTED.value
-        self.points.append(
-            {"tolerance": tolerance, "outcome": outcome, "status": "", "reason": self._ended_by or self._reason}
-        )
+        reason = self._ended_by or self._reason
+        self.points.append(Point(tolerance=tolerance, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
     def end(self) -> None:
         """End the process and keep its output if the case failed."""
@@ -134,30 +130,30 @@ class Case:
             self._worker.close()
             self._worker = None
 
-    def document(self) -> dict[str, Any]:
+    def record(self) -> CaseRecord:
         """Return the case as it is stored."""
-        return {
-            "problem": self.problem.name,
-            "digest": self.problem.digest,
-            "solver": self.solver.name,
-            "model": str(self.solver.model),
-            "has_iterates": self.solver.has_iterates,
-            "n_rows": self.problem.n_rows,
-            "n_contacts": self.problem.n_contacts,
-            "outcome": self.outcome.value,
-            "reason": self._reason,
-            "traceback": self._traceback,
-            "stderr": self._output,
-            "wall_seconds": self._seconds,
-            "peak_memory_bytes": self._memory,
-            "curve": self._curve,
-            "points": self.points,
-        }
+        return CaseRecord(
+            problem=self.problem.name,
+            digest=self.problem.digest,
+            solver=self.solver.name,
+            model=str(self.solver.model),
+            has_iterates=self.solver.has_iterates,
+            n_rows=self.problem.n_rows,
+            n_contacts=self.problem.n_contacts,
+            outcome=self.outcome,
+            reason=self._reason,
+            traceback=self._traceback,
+            stderr=self._output,
+            wall_seconds=self._seconds,
+            peak_memory_bytes=self._memory,
+            curve=self._curve,
+            points=self.points,
+        )
 
     def _stop(self, tolerance: float) -> Stop:
         return Stop(tolerance, self.limits.max_iterations, self.limits.solve_seconds)
 
-    def _judged_curve(self, answer: dict[str, Any], iterates: FloatArray) -> dict[str, Any]:
+    def _judged_curve(self, answer: dict[str, Any], iterates: FloatArray) -> Curve:
         """Return the judged residual of every iterate shown: the judge runs where no plugin can reach it."""
         iterations = answer.get("iterations")
         if not isinstance(iterations, list) or len(iterations) * self.problem.n_rows != len(iterates):
@@ -165,10 +161,10 @@ class Case:
             return self._curve
         residual, problem = Residual(self.problem), self.problem
         rows = iterates.reshape(len(iterations), problem.n_rows)
-        return {
-            "iteration": [int(iteration) for iteration in iterations],
-            "residual": [residual(impulses, problem.relative_velocity(impulses)) for impulses in rows],
-        }
+        return Curve(
+            iteration=[int(iteration) for iteration in iterations],
+            residual=[float(residual(impulses, problem.relative_velocity(impulses))) for impulses in rows],
+        )
 
     def _ask(
         self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS
@@ -188,6 +184,6 @@ class Case:
         return None if self.problem.answer is None else self.problem.answer.impulse_error(impulses)
 
 
-def _quartiles(values: FloatArray) -> dict[str, float]:
-    low, first, median, third = np.quantile(values, (0.0, 0.25, 0.5, 0.75))
-    return {"min": float(low), "q1": float(first), "median": float(median), "q3": float(third)}
+def _quartiles(values: FloatArray) -> Quartiles:
+    low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
+    return Quartiles(min=low, q1=first, median=median, q3=third)

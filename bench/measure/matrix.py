@@ -16,7 +16,8 @@ from ...solvers.interface import Solver, Status, Stop
 from ...solvers.registry import available
 from ..store.outcome import FAULTS, Outcome, point_outcome
 from .describing import contestant
-from .plan import DEFAULT_SOLVERS, resolved
+from .plan import DEFAULT_SOLVERS
+from .problems import resolved
 from .remote_solver import FailedSolveError, RemoteSolver
 
 PREPARING_SECONDS = 60.0

@@ -2,17 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeGuard
 
-from ...problems.catalog.catalog import is_available, load, plugin_problems, problem_names, suite_members
+from ...problems.catalog.catalog import plugin_problems, suite_members
+from ...problems.catalog.storage import SUFFIX
 from ...problems.contact.problem import ContactProblem
-from ...problems.errors import ProblemError, suggestion
 from ...solvers.interface import Solver
 from ..errors import BenchError
+from ..store.records import Limits
 from .contestants import Contestant
-from .describing import contestant, plugin_problem
+from .describing import contestant
+from .problems import check_known, check_numbers, resolved
+
+__all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
 
 LADDER = tuple(10.0**-k for k in range(1, 11))
 """Tolerances of the ladder, 1e-1 … 1e-10."""
+
 
 DEFAULT_SOLVERS = (
     "Jprox",
@@ -34,31 +41,6 @@ DEFAULT_SOLVERS = (
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Limits of one case.
-
-    Attributes:
-        solve_seconds: limit of one solve [s].
-        case_seconds: limit of everything in a case [s].
-        memory_bytes: memory that a case may take beyond what the framework itself needs.
-        max_iterations: limit of iterations of one solve.
-
-    Raises:
-        BenchError: if a limit is not positive.
-    """
-
-    solve_seconds: float = 0.5
-    case_seconds: float = 60.0
-    memory_bytes: int = 2 * 2**30
-    max_iterations: int = 100_000
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not value > 0:
-                raise BenchError(f"{name} must be positive, got {value}.")
-
-
-@dataclass(frozen=True)
 class Plan:
     """A run as it will be carried out.
 
@@ -71,22 +53,12 @@ class Plan:
 
     problems: tuple[str | ContactProblem, ...]
     solvers: tuple[Contestant, ...]
-    tolerances: tuple[float, ...] = LADDER
-    limits: Limits = Limits()
-
-    @property
-    def n_cases(self) -> int:
-        """Number of cases."""
-        return len(self.problems) * len(self.solvers)
-
-    @property
-    def missing(self) -> list[str]:
-        """Names of problems that have to be generated first."""
-        return [name for name in self.problems if isinstance(name, str) and not is_available(name)]
+    tolerances: tuple[float, ...]
+    limits: Limits
 
 
 def make_plan(
-    problems: Sequence[str | ContactProblem] | None = None,
+    problems: Sequence[str | Path | ContactProblem] | None = None,
     solvers: Sequence[str | Solver] | None = None,
     suite: str = "quick",
     tolerances: Sequence[float] | None = None,
@@ -94,22 +66,22 @@ def make_plan(
 ) -> Plan:
     """Return the plan for the given problems (or a suite) and solvers (or the default variants).
 
-    Problems of plugins are built here; the others are loaded when their turn comes.
+    Problems of plugins are built here and those of files are read; the others are loaded when their turn comes.
 
     Raises:
-        ProblemError: for an unknown problem or suite, with the nearest name.
+        ProblemError: for an unknown problem or suite, with the nearest name, or a file that holds none.
         SolverError: for an unknown solver or option, with the nearest name.
         PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
-        BenchError: for a name given twice, a solver object that breaks the contract, or a tolerance that is not between
-            0 and 1.
+        BenchError: for a name given twice, a problem with the name of one of the library and other numbers, a solver
+            object that breaks the contract, or a tolerance that is not between 0 and 1.
     """
-    chosen = tuple(problems) if problems else tuple(suite_members(suite))
-    known = problem_names()
-    for problem in chosen:
-        if isinstance(problem, str) and problem not in known:
-            raise ProblemError(f"there is no problem {problem!r}{suggestion(problem, known)}")
+    given = tuple(problems) if problems else tuple(suite_members(suite))
+    check_known(one for one in given if isinstance(one, str) and not one.endswith(SUFFIX))
     from_plugins = {offer.name for offer in plugin_problems()}
-    chosen = tuple(resolved(p) if isinstance(p, str) and p in from_plugins else p for p in chosen)
+    chosen = tuple(one if _is_loaded_later(one, from_plugins) else resolved(one) for one in given)
+    for problem in chosen:
+        if isinstance(problem, ContactProblem):
+            check_numbers(problem)
     methods = tuple(map(contestant, solvers or DEFAULT_SOLVERS))
     for kind, names in (("problem", [name_of(p) for p in chosen]), ("solver", [s.name for s in methods])):
         twice = next((name for name in names if names.count(name) > 1), None)
@@ -127,8 +99,5 @@ def name_of(problem: str | ContactProblem) -> str:
     return problem if isinstance(problem, str) else problem.name
 
 
-def resolved(problem: str | ContactProblem) -> ContactProblem:
-    """Return the problem itself, loaded if it is given by name."""
-    if not isinstance(problem, str):
-        return problem
-    return plugin_problem(problem) if problem in {offer.name for offer in plugin_problems()} else load(problem)
+def _is_loaded_later(problem: str | Path | ContactProblem, from_plugins: set[str]) -> TypeGuard[str]:
+    return isinstance(problem, str) and not problem.endswith(SUFFIX) and problem not in from_plugins

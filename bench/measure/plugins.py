@@ -2,14 +2,15 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from ...problems.catalog.catalog import plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugins import forget, register, registered
 from ...problems.errors import PluginError
+from ...problems.spelling import either
 from ...solvers import registry
 from ..errors import BenchError
+from ..store.records import PluginUse
 from .describing import SECONDS, offered
 
 
@@ -45,7 +46,7 @@ def _use(file: PluginFile, seconds: float) -> None:
         raise
 
 
-def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[dict[str, Any]]:
+def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[PluginUse]:
     """Return what of plugins a run uses, for its record: each name, and the file with its SHA-256 or the package.
 
     Args:
@@ -57,14 +58,19 @@ def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[dict[str, A
     chosen = set(problems)
     used += [offer for offer in plugin_problems() if offer.name in chosen]
     return [
-        {"kind": offer.kind, "name": offer.name, "source": offer.source}
-        | ({"file": str(offer.file.path), "sha256": offer.file.sha256} if offer.file else {})
+        PluginUse(
+            kind=offer.kind,
+            name=offer.name,
+            source=offer.source,
+            file=str(offer.file.path) if offer.file else "",
+            sha256=offer.file.sha256 if offer.file else "",
+        )
         for offer in used
         if not offer.refusal
     ]
 
 
-def check_again(recorded: Iterable[dict[str, Any]]) -> None:
+def check_again(recorded: Iterable[PluginUse]) -> None:
     """See that the plugin files of a stored run are in use, as they were.
 
     They are not taken into use because a file says so: who resumes a run that comes from elsewhere would run its code.
@@ -74,13 +80,17 @@ def check_again(recorded: Iterable[dict[str, Any]]) -> None:
             name.
     """
     used = {str(file.path): file for file, _ in registered()}
-    for path, sha256 in sorted({(entry["file"], entry.get("sha256")) for entry in recorded if "file" in entry}):
+    for path, sha256 in sorted({(use.file, use.sha256) for use in recorded if use.file}):
         if path not in used and not Path(path).is_file():
             raise BenchError(f"the run was measured with plugin file {path}, which is gone; put it back to resume.")
         if path not in used:
-            raise BenchError(f"the run was measured with plugin file {path}; to run it again, add --plugin {path}.")
+            raise BenchError(f"the run was measured with plugin file {path}; to resume it, {_named(path)}.")
         if used[path].sha256 != sha256:
             raise BenchError(
                 f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
                 "new run."
             )
+
+
+def _named(path: str) -> str:
+    return either(f"add --plugin {path}", f"give plugins=[{path!r}]")

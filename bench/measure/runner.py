@@ -1,27 +1,35 @@
 """A run: every solver on every problem, interleaved, stored case by case.
 
 All cases of one problem live at the same time, each in its process, and work one at a time in short rounds, so that a
-drift of the machine hits all solvers alike. A reference workload between problems measures that drift.
+drift of the machine hits all solvers alike. A reference workload between problems measures that drift; it is stored
+each time.
 """
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import msgspec
+from msgspec.structs import replace
+
+from ...problems.catalog.catalog import is_available
 from ...problems.catalog.storage import problem_bytes
 from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Solver
-from ..errors import BenchError, InterruptedRunError
+from ..errors import InterruptedRunError
 from ..generate import generate
 from ..store.outcome import FAULTS
-from ..store.store import Store, plain_name
+from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session, content_of, record_of
+from ..store.store import Store
 from .case import Case
 from .contestants import Contestant
+from .describing import contestant
 from .machine import calibration_seconds, describe_machine
-from .plan import Limits, Plan, make_plan, name_of, resolved
+from .plan import Plan, name_of
 from .plugins import check_again, sources, use_plugin_files
+from .problems import carry, check_known, problem_of
 
 ROUNDS = 5
 """Rounds for each point of the ladder; every round has at least one timed solve."""
@@ -60,124 +68,111 @@ class CaseFinished:
 Event = RunStarted | ProblemStarted | CaseFinished
 
 
-def run(
-    problems: Sequence[str | ContactProblem] | None = None,
-    solvers: Sequence[str | Solver] | None = None,
-    suite: str = "quick",
-    results: Path | str = "results",
-    run_id: str | None = None,
-    tolerances: Sequence[float] | None = None,
-    limits: Limits | None = None,
-    on_event: Callable[[Event], None] = lambda event: None,
-    plugins: Sequence[Path | str] = (),
-) -> Path:
-    """Measure solvers on problems and store the results; return the folder of the run.
-
-    Args:
-        problems: names, or problems; the members of ``suite`` if None. What is missing is generated.
-        solvers: names with options, or solvers; the default variants if None.
-        suite: a named suite.
-        results: the folder in which the folder of the run is made.
-        run_id: its name; date and time if None.
-        tolerances: the ladder; 1e-1 … 1e-10 if None.
-        limits: of each case.
-        on_event: called as the run goes on.
-        plugins: plugin files whose solvers and problems can be named.
+def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None:
+    """Carry out a plan, and store it and what is measured in a new folder, named as the run is.
 
     Raises:
-        ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
+        ProxbenchError: if the folder cannot be written or there is a run in it, before the start.
         InterruptedRunError: on Ctrl-C; finished cases are kept.
     """
-    use_plugin_files(plugins)
-    plan = make_plan(problems, solvers, suite, tolerances, limits)
-    identity = run_id or datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-    if identity != plain_name(identity):
-        raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
-    store = Store.create(Path(results) / identity)
-    planned = _planned(plan)
-    info: dict[str, Any] = {
-        "run_id": identity,
-        "plan": planned,
-        "machine": describe_machine(),
-        "calibration_seconds": [],
-    }
-    used = sources(planned["solvers"], planned["problems"])
+    store = Store.create(folder)
+    names = [name_of(problem) for problem in plan.problems]
+    solvers = [solver.name for solver in plan.solvers]
     with store.alone():
         store.refuse_second()
-        info |= {"plugins": used, "started": _now(), "finished": ""}
-        store.write_info(info)
-        return _carry_out(plan, store, info, finished={}, on_event=on_event)
+        record = RunRecord(
+            run_id=folder.name,
+            plan=PlanRecord(problems=names, solvers=solvers, tolerances=list(plan.tolerances), limits=plan.limits),
+            machine=msgspec.convert(describe_machine(), Machine),
+            plugins=sources(solvers, names),
+            carried=carry(plan.problems, store),
+        )
+        _carry_out(plan.solvers, store, record_of(content_of(record), RunRecord), {}, on_event)
 
 
-def resume(
-    run_dir: Path | str,
-    retry_failed: bool = False,
-    on_event: Callable[[Event], None] = lambda event: None,
-    plugins: Sequence[Path | str] = (),
-) -> Path:
-    """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
+def measure_rest(
+    folder: Path, retry_failed: bool, on_event: Callable[[Event], None], plugins: Sequence[Path | str] = ()
+) -> None:
+    """Measure the cases of a stored run that are missing, damaged, or of a problem with another digest.
 
     Args:
-        run_dir: the folder of the run.
+        folder: of the run.
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called as the run goes on.
         plugins: the plugin files that it was begun with.
 
     Raises:
-        BenchError: if the folder is no run, its run.json is damaged, or a plugin file it was begun with is not named,
-            is gone or has changed.
+        ProxbenchError: if the folder is no run, its run.json is damaged, a name in it is unknown, or a plugin file of
+            its solvers is not named, is gone or has changed.
         InterruptedRunError: on Ctrl-C.
     """
-    store = Store.open(Path(run_dir))
-    info = store.read_info()
+    store = Store.open(folder)
+    record = store.read_run()
     use_plugin_files(plugins)
-    check_again(info.get("plugins", []))
-    planned = info["plan"]
-    plan = make_plan(
-        planned["problems"], planned["solvers"], tolerances=planned["tolerances"], limits=Limits(**planned["limits"])
-    )
+    check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
+    check_known(name for name in record.plan.problems if name not in record.carried)
+    solvers = tuple(map(contestant, record.plan.solvers))
     with store.alone():
         cases, _ = store.read_cases()
         finished = {
-            (case["problem"], case["solver"]): case["digest"]
-            for case in cases
-            if not (retry_failed and case["outcome"] in FAULTS)
+            (case.problem, case.solver): case.digest for case in cases if not (retry_failed and case.outcome in FAULTS)
         }
-        return _carry_out(plan, store, info, finished, on_event)
+        _carry_out(solvers, store, record, finished, on_event)
 
 
 def _carry_out(
-    plan: Plan,
+    solvers: Sequence[Contestant],
     store: Store,
-    info: dict[str, Any],
+    record: RunRecord,
     finished: dict[tuple[str, str], str],
     on_event: Callable[[Event], None],
-) -> Path:
-    on_event(RunStarted(store.folder, plan.n_cases, len(finished)))
-    calibration = [calibration_seconds()]
+) -> None:
+    plan, session = record.plan, Session(started=_now())
+    total = len(plan.problems) * len(solvers)
+    session = _noted(store, record, session)
+    on_event(RunStarted(store.folder, total, len(finished)))
     try:
-        if plan.missing:
-            generate(plan.missing)
+        record = _generated(store, record)
         done = 0
-        for given in plan.problems:
-            problem = resolved(given)
-            open_solvers = [s for s in plan.solvers if finished.get((problem.name, s.name)) != problem.digest]
-            done += len(plan.solvers) - len(open_solvers)
-            on_event(ProblemStarted(problem.name))
-            for document in _measured(problem, open_solvers, plan):
-                store.write_case(document)
+        for name in plan.problems:
+            problem = problem_of(store, record, name)
+            open_solvers = [s for s in solvers if finished.get((name, s.name)) != problem.digest]
+            done += len(solvers) - len(open_solvers)
+            on_event(ProblemStarted(name))
+            for case in _measured(problem, open_solvers, plan):
+                store.write_case(case)
                 done += 1
-                on_event(CaseFinished(problem.name, document["solver"], document["outcome"], done, plan.n_cases))
-            calibration.append(calibration_seconds())
+                on_event(CaseFinished(name, case.solver, case.outcome, done, total))
+            session = _noted(store, record, session)
     except KeyboardInterrupt:
         raise InterruptedRunError(store.folder) from None
     store.restore()
-    store.write_info({**info, "calibration_seconds": info["calibration_seconds"] + calibration, "finished": _now()})
-    return store.folder
+    _write(store, record, replace(session, finished=_now()))
 
 
-def _measured(problem: ContactProblem, solvers: Sequence[Contestant], plan: Plan) -> list[dict[str, Any]]:
-    """Return the documents of all cases of one problem, measured in interleaved rounds."""
+def _generated(store: Store, record: RunRecord) -> RunRecord:
+    """Generate the problems that are neither carried nor available; return the record of the run that carries them."""
+    names = [name for name in record.plan.problems if name not in record.carried and not is_available(name)]
+    if not names:
+        return record
+    generate(names)
+    return replace(record, carried={**record.carried, **carry(names, store)})
+
+
+def _noted(store: Store, record: RunRecord, session: Session) -> Session:
+    """Return the session with the speed and load of the machine at this moment, stored with the run."""
+    seconds, load = calibration_seconds(), os.getloadavg()[0]
+    session = replace(session, calibration_seconds=[*session.calibration_seconds, seconds], load=[*session.load, load])
+    _write(store, record, session)
+    return session
+
+
+def _write(store: Store, record: RunRecord, session: Session) -> None:
+    store.write_run(replace(record, sessions=[*record.sessions, session]))
+
+
+def _measured(problem: ContactProblem, solvers: Sequence[Contestant], plan: PlanRecord) -> list[CaseRecord]:
+    """Return all cases of one problem, measured in interleaved rounds."""
     cases = [Case(problem, solver, plan.limits) for solver in solvers]
     try:
         data = problem_bytes(problem) if cases else b""
@@ -188,7 +183,7 @@ def _measured(problem: ContactProblem, solvers: Sequence[Contestant], plan: Plan
     finally:
         for case in cases:
             case.end()
-    return [case.document() for case in cases]
+    return [case.record() for case in cases]
 
 
 def _measure_point(cases: list[Case], tolerance: float) -> None:
@@ -210,15 +205,6 @@ def _measure_point(cases: list[Case], tolerance: float) -> None:
 
 def _goes_on(rounds: list[dict[str, Any]] | None) -> bool:
     return rounds is not None and rounds[-1]["status"] == "solved"
-
-
-def _planned(plan: Plan) -> dict[str, Any]:
-    return {
-        "problems": [name_of(problem) for problem in plan.problems],
-        "solvers": [solver.name for solver in plan.solvers],
-        "tolerances": list(plan.tolerances),
-        "limits": vars(plan.limits),
-    }
 
 
 def _now() -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
 from ..measure.contestants import Contestant
 from ..measure.describing import contestant
-from ..measure.plan import resolved
+from ..measure.problems import problem_of
 from ..measure.remote_solver import working_solver
 from ..report.palette import look, on_dark, rgb
 from ..store.outcome import Outcome
@@ -138,7 +139,7 @@ def record_solves(
     return RecordedSolves(file, traces, where)
 
 
-def record_run(run_dir: Path) -> list[RecordedSolves]:
+def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     """Solve the problems of a run once more, observed, and write what happens as recordings into its folder.
 
     Cases that timed out, crashed or misbehaved when they were measured are left out. Recordings of an earlier call are
@@ -147,18 +148,18 @@ def record_run(run_dir: Path) -> list[RecordedSolves]:
     Raises:
         BenchError: if the folder is no run, or cannot be written.
         SolverError: for a solver object that no name makes again.
-        ProblemError: for a problem object that no name loads again.
+        ProblemError: for a problem that is stored with the run and damaged.
     """
-    store = Store.open(run_dir)
-    planned = store.read_info()["plan"]
+    store = Store.open(Path(run_dir))
+    run = store.read_run()
     cases, _ = store.read_cases()
-    came_through = {(case["problem"], case["solver"]) for case in cases if case["outcome"] == Outcome.MEASURED}
-    stop = Stop(TOLERANCE, MAX_ITERATIONS, planned["limits"]["solve_seconds"])
+    came_through = {(case.problem, case.solver) for case in cases if case.outcome is Outcome.MEASURED}
+    stop = Stop(TOLERANCE, MAX_ITERATIONS, run.plan.limits.solve_seconds)
     made = []
-    for name in planned["problems"]:
-        solvers = [solver for solver in planned["solvers"] if (name, solver) in came_through]
-        if solvers and (problem := resolved(name)).n_contacts:
-            file = run_dir / FOLDER / f"{plain_name(name)}{SUFFIX}"
+    for name in run.plan.problems:
+        solvers = [solver for solver in run.plan.solvers if (name, solver) in came_through]
+        if solvers and (problem := problem_of(store, run, name)).n_contacts:
+            file = store.folder / FOLDER / f"{plain_name(name)}{SUFFIX}"
             made.append(record_solves(problem, solvers, stop, file, force=True))
     return made
 

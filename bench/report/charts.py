@@ -245,7 +245,7 @@ def _label_layer(labels: dict[str, Label], frames: RunFrames) -> list[alt.Chart]
 
 
 def _looks(frames: RunFrames) -> dict[str, Look]:
-    return looks(frames.info["plan"]["solvers"])
+    return looks(frames.info.plan.solvers)
 
 
 def _absent(frames: RunFrames, problem: str, curves: bool = False) -> str:
@@ -254,7 +254,7 @@ def _absent(frames: RunFrames, problem: str, curves: bool = False) -> str:
     shown = set((_drawable(frames.iterations, problem) if curves else points)["solver"])
     reasons: dict[str, list[str]] = {}
     cases = frames.cases[frames.cases["problem"] == problem]
-    for solver in frames.info["plan"]["solvers"]:
+    for solver in frames.info.plan.solvers:
         if solver in shown:
             continue
         reason = "not measured yet"

@@ -51,6 +51,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
         _time_panel(frames, problems, means, accuracy, domain, first=k == 0) for k, accuracy in enumerate(accuracies)
     ]
     common = counted(len(common_problems(frames)), "problem")
+    limit = frames.info.plan.limits.solve_seconds
     notes = [
         f"{counted(cases['problem'].nunique(), 'problem')}; large marks: shifted geometric mean over the {common} that "
         f"all these solvers support, failures at {duration(limit)}; right: how many of its own each solves",
@@ -78,13 +79,13 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
 
 def _unsupported(frames: RunFrames, cases: pd.DataFrame) -> str:
     """Name the solvers that support no problem of the run."""
-    absent = [solver for solver in frames.info["plan"]["solvers"] if solver not in _solvers(frames, cases)]
+    absent = [solver for solver in frames.info.plan.solvers if solver not in _solvers(frames, cases)]
     return f"not shown: {', '.join(absent)} (no supported problem)" if absent else ""
 
 
 def _solvers(frames: RunFrames, cases: pd.DataFrame) -> list[str]:
     """Return the solvers that support a problem, in the order of the run."""
-    return [solver for solver in frames.info["plan"]["solvers"] if (cases["solver"] == solver).any()]
+    return [solver for solver in frames.info.plan.solvers if (cases["solver"] == solver).any()]
 
 
 def _of_cases(frames: RunFrames, cases: pd.DataFrame, solver: str) -> dict[str, pd.DataFrame]:
@@ -95,7 +96,7 @@ def _of_cases(frames: RunFrames, cases: pd.DataFrame, solver: str) -> dict[str, 
 
 def _times(frames: RunFrames, cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return times to accuracy, one row a problem and solver, NaN if it is not reached; and their means."""
-    limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    limit = frames.info.plan.limits.solve_seconds
     common = set(common_problems(frames))
     problems: list[dict[str, Any]] = []
     means: list[dict[str, Any]] = []
@@ -117,7 +118,7 @@ def _times(frames: RunFrames, cases: pd.DataFrame) -> tuple[pd.DataFrame, pd.Dat
 def _time_panel(
     frames: RunFrames, problems: pd.DataFrame, means: pd.DataFrame, accuracy: float, domain: list[float], first: bool
 ) -> alt.LayerChart:
-    named = looks(frames.info["plan"]["solvers"])
+    named = looks(frames.info.plan.solvers)
     colour = by_name(alt.Color, "solver", named, "colour")
     dots, mean = (frame[frame["accuracy"] == accuracy] for frame in (problems, means))
     rows = _rows(means["solver"].unique(), named=first, grid=True)
@@ -150,7 +151,7 @@ def _counts(frames: RunFrames, cases: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for solver in _solvers(frames, cases):
         of_cases = list(_of_cases(frames, cases, solver).values())
-        for tolerance in sorted(map(float, frames.info["plan"]["tolerances"]), reverse=True):
+        for tolerance in sorted(frames.info.plan.tolerances, reverse=True):
             confirmed = sum(bool(np.isfinite(time_to_accuracy(points, tolerance))) for points in of_cases)
             claimed = sum(claims(points, tolerance) for points in of_cases)
             rows.append(

@@ -54,7 +54,7 @@ def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
 
 
 def _ladder(frames: RunFrames) -> tuple[float, ...]:
-    return tuple(sorted(map(float, frames.info["plan"]["tolerances"]), reverse=True))
+    return tuple(sorted(frames.info.plan.tolerances, reverse=True))
 
 
 def _within(wanted: tuple[float, ...], ladder: tuple[float, ...]) -> tuple[float, ...]:
@@ -131,10 +131,10 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     at the time limit of a solve, NaN without a common problem; then the number of wrong claims.
     """
     shown = summary_accuracies(frames)
-    limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    limit = frames.info.plan.limits.solve_seconds
     all_cases, common = supported(frames), common_problems(frames)
     rows = []
-    for solver in frames.info["plan"]["solvers"]:
+    for solver in frames.info.plan.solvers:
         cases = all_cases[all_cases["solver"] == solver]
         if cases.empty:
             continue
@@ -191,8 +191,8 @@ def matrix_of_run(frames: RunFrames) -> str:
         )
         for row in results_table(frames).to_dict("records")
     ]
-    finest = min(frames.info["plan"]["tolerances"])
-    return matrix_page(cells, finest, f"proxbench report {frames.info['run_id']}")
+    finest = min(frames.info.plan.tolerances)
+    return matrix_page(cells, finest, f"proxbench report {frames.info.run_id}")
 
 
 def print_tables(frames: RunFrames, console: Console) -> None:

@@ -1,28 +1,25 @@
-"""Stored runs as pandas frames."""
+"""Stored runs as pandas frames, whose columns are the fields of the records.
 
-from dataclasses import dataclass
+A field that is a record itself gives the columns of its own fields: times that of their median under the name of the
+field, and their quartiles beside it. Lists have frames of their own.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
+import msgspec
 import numpy as np
 import pandas as pd
+from msgspec import Struct
 
+from ...problems.contact.judge import Verdict
+from .records import CaseRecord, Point, Quartiles, Record, RunRecord
 from .store import Store
 
-TIMES = ("prepare_seconds", "solve_seconds", "total_seconds")
-
-CASE_COLUMNS = (
-    "problem",
-    "solver",
-    "model",
-    "digest",
-    "n_contacts",
-    "n_rows",
-    "outcome",
-    "reason",
-    "wall_seconds",
-    "peak_memory_bytes",
-)
+_IDENTITY = ("problem", "solver", "model")
+"""Fields of a case that its points have too."""
 
 
 @dataclass(frozen=True)
@@ -30,73 +27,127 @@ class RunFrames:
     """One run.
 
     Attributes:
-        cases: one row a case: problem, solver, model, digest, sizes, outcome, reason, wall time, peak memory.
-        points: one row a ladder point: problem, solver, model, tolerance, outcome, status, reason, iterations, judged
-            residual (and that of the solver's own model), median times [s] with their quartiles, repeats, the other
-            numbers of the verdict, and the error in known impulses.
+        folder: where it is stored.
+        cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
+            reason, wall time, peak memory, and what a failed one left.
+        points: one row a ladder point, those of ``Point``: problem, solver, model, tolerance, outcome, status, reason,
+            iterations, judged residual (and that of the solver's own model), median times [s] with their quartiles,
+            repeats, the other numbers of the verdict, and the error in known impulses.
         iterations: the convergence curves: problem, solver, iteration, residual.
-        info: what run.json says.
+        info: plan, machine, plugins and sessions.
         damaged: one sentence for each case file that could not be read.
     """
 
+    folder: Path
     cases: pd.DataFrame
     points: pd.DataFrame
     iterations: pd.DataFrame
-    info: dict[str, Any]
+    info: RunRecord
     damaged: list[str]
 
+    @property
+    def n_planned(self) -> int:
+        """Number of cases that the run has when it is finished."""
+        return len(self.info.plan.problems) * len(self.info.plan.solvers)
 
-def load(run_dir: Path | str) -> RunFrames:
-    """Load a stored run; damaged case files are left out and named.
+    @property
+    def is_finished(self) -> bool:
+        """Whether every planned case is stored and readable."""
+        return len(self.cases) >= self.n_planned
+
+
+def read_frames(folder: Path) -> RunFrames:
+    """Read a stored run; damaged case files are left out and named.
 
     Raises:
         BenchError: if the folder is no run, or its run.json is damaged.
     """
-    store = Store.open(Path(run_dir))
-    info = store.read_info()
+    store = Store.open(folder)
+    info = store.read_run()
+    planned = [(problem, solver) for problem in info.plan.problems for solver in info.plan.solvers]
+    order = {pair: number for number, pair in enumerate(planned)}
     cases, damaged = store.read_cases()
-    order = {
-        pair: number
-        for number, pair in enumerate(
-            (problem, solver) for problem in info["plan"]["problems"] for solver in info["plan"]["solvers"]
-        )
-    }
-    cases.sort(key=lambda case: order.get((case["problem"], case["solver"]), len(order)))
-    return RunFrames(
-        cases=pd.DataFrame([[case[column] for column in CASE_COLUMNS] for case in cases], columns=list(CASE_COLUMNS)),
-        points=_points(cases),
-        iterations=_iterations(cases),
-        info=info,
-        damaged=damaged,
+    cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
+    identified = [(case, point) for case in cases for point in case.points]
+    identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
+    points = pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
+    return RunFrames(folder, _frame(CaseRecord, cases), points, _iterations(cases), info, damaged)
+
+
+class _Column(NamedTuple):
+    """One column: its name, where its values stand in a record, their type, and what a missing one is."""
+
+    name: str
+    path: tuple[str, ...]
+    dtype: Any
+    missing: float
+
+    def value(self, record: Any) -> Any:
+        """Return the value of a record; NaN if the record that would have it is missing."""
+        for name in self.path:
+            if record is None:
+                return np.nan
+            record = record.get(name) if isinstance(record, dict) else getattr(record, name)
+        return self.missing if record is None else str(record) if isinstance(record, str) else record
+
+
+def _frame(kind: type[Record], records: Sequence[Record]) -> pd.DataFrame:
+    columns: dict[str, _Column] = {}
+    for column in _columns(kind):
+        columns.setdefault(column.name, column)
+    return pd.DataFrame(
+        {name: pd.Series([one.value(record) for record in records], dtype=one.dtype) for name, one in columns.items()}
     )
 
 
-def _points(cases: list[dict[str, Any]]) -> pd.DataFrame:
-    rows = []
-    for case in cases:
-        for point in case["points"]:
-            row = {key: case[key] for key in ("problem", "solver", "model")}
-            row |= {key: value for key, value in point.items() if key not in (*TIMES, "verdict")}
-            for time in TIMES:
-                quartiles = point.get(time, {})
-                row[time] = quartiles.get("median", np.nan)
-                row |= {f"{time}_{key}": value for key, value in quartiles.items() if key != "median"}
-            row |= {key: value for key, value in point.get("verdict", {}).items() if key not in row}
-            if "verdict" in point:  # JSON has no infinity; a residual that is not a number is infinite
-                row |= {key: np.inf for key in ("residual", "model_residual") if row[key] is None}
-            rows.append(row)
-    columns = ["problem", "solver", "model", "tolerance", "outcome", "status", "reason", "iterations", "residual"]
-    frame = pd.DataFrame(rows)
-    return frame.reindex(columns=[*columns, "model_residual", *TIMES]) if frame.empty else frame
+def _columns(kind: type[Struct], path: tuple[str, ...] = ()) -> Iterator[_Column]:
+    """Yield the columns of a record, lists left out; of two of the same name the first counts."""
+    for field in msgspec.structs.fields(kind):
+        place = (*path, field.name)
+        plain, missing = _plain(field.type)
+        if plain is Quartiles:
+            for part in msgspec.structs.fields(Quartiles):
+                name = field.name if part.name == "median" else f"{field.name}_{part.name}"
+                yield _Column(name, (*place, part.name), np.float64, np.nan)
+        elif isinstance(plain, type) and issubclass(plain, Record):
+            yield from _columns(plain, place)
+        elif get_origin(plain) is dict:  # the verdict, whose numbers are those of the judge
+            for number in fields(Verdict):
+                if number.name != "model":
+                    dtype = object if number.type is bool else np.float64
+                    yield _Column(number.name, (*place, number.name), dtype, np.nan)
+        elif get_origin(plain) is not list:
+            is_inner = bool(path)
+            dtypes = {int: np.float64 if is_inner else np.int64, float: np.float64, bool: object if is_inner else bool}
+            yield _Column(field.name, place, dtypes.get(plain, str), missing)
 
 
-def _iterations(cases: list[dict[str, Any]]) -> pd.DataFrame:
+def _plain(hint: Any) -> tuple[Any, float]:
+    """Return a field's type without its constraints and None, and the number that None stands for."""
+    missing = np.nan
+    while get_origin(hint) is not None:
+        if get_origin(hint) is Annotated:
+            hint, *notes = get_args(hint)
+            missing = next((note.extra["none"] for note in notes if note.extra), missing)
+        elif type(None) in get_args(hint):
+            hint = next(one for one in get_args(hint) if one is not type(None))
+        else:
+            break
+    return hint, missing
+
+
+def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:
     curves = [
-        pd.DataFrame({"problem": case["problem"], "solver": case["solver"], **case["curve"]})
+        pd.DataFrame(
+            {
+                "problem": case.problem,
+                "solver": case.solver,
+                "iteration": case.curve.iteration,
+                "residual": pd.Series(case.curve.residual, dtype=np.float64).fillna(np.inf),
+            }
+        )
         for case in cases
-        if case["curve"]["iteration"]
+        if case.curve.iteration
     ]
-    columns = ["problem", "solver", "iteration", "residual"]
-    frame = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(columns=columns)
-    frame["residual"] = pd.to_numeric(frame["residual"]).fillna(np.inf)
-    return frame[columns]
+    empty = {"problem": str, "solver": str, "iteration": np.int64, "residual": np.float64}
+    return pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(columns=list(empty)).astype(empty)

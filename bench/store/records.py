@@ -1,20 +1,247 @@
-"""What a stored run and a stored case look like, checked before anything believes a file.
+"""What a run stores, as typed records: files are written from them, checked against them, and made frames by them.
 
-Files may come from elsewhere: a checksum shows that they are whole, not that they are honest.
+Files may come from elsewhere: a checksum shows that they are whole, not that they are honest. Numbers that are not
+finite stand as null in files and as None in what is read.
 """
 
+import math
 import re
-from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
+import msgspec
+from msgspec import Meta, Struct
+
+from ..errors import BenchError
 from .outcome import Outcome
+
+LARGEST = 1e300
+"""Numbers of files are smaller."""
 
 _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Characters that steer a terminal, turn text around, or are halves that no file can hold."""
 
-_OUTCOMES = {outcome.value for outcome in Outcome}
+Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
+Positive = Annotated[float, Meta(gt=0.0, lt=LARGEST)]
+Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
+Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
+"""A judged residual; the infinite ones are None in what is read."""
 
-Check = Callable[[Any], bool]
+
+class Record(Struct, frozen=True, kw_only=True):
+    """Something stored; fields beyond those of its class are ignored when it is read."""
+
+
+class Limits(Struct, frozen=True):
+    """Limits of one case.
+
+    Attributes:
+        solve_seconds: limit of one solve [s].
+        case_seconds: limit of everything in a case [s].
+        memory_bytes: memory that a case may take beyond what the framework itself needs.
+        max_iterations: limit of iterations of one solve.
+
+    Raises:
+        BenchError: if a limit is not positive and finite.
+    """
+
+    solve_seconds: Number = 0.5
+    case_seconds: Number = 60.0
+    memory_bytes: Count = 2 * 2**30
+    max_iterations: Count = 100_000
+
+    def __post_init__(self) -> None:
+        for name, value in msgspec.structs.asdict(self).items():
+            if not 0 < value < LARGEST:
+                raise BenchError(f"{name} must be positive and finite, got {value}.")
+
+
+class PlanRecord(Record, frozen=True, kw_only=True):
+    """What a run measures: names of problems, names of solvers, the ladder of tolerances, and the limits of a case."""
+
+    problems: list[str]
+    solvers: list[str]
+    tolerances: Annotated[list[Tolerance], Meta(min_length=1)]
+    limits: Limits
+
+
+class ThreadPool(Record, frozen=True, kw_only=True):
+    """A library with threads of its own, as threadpoolctl describes it."""
+
+    user_api: str | None = None
+    internal_api: str | None = None
+    version: str | None = None
+    num_threads: Count | None = None
+
+
+class Machine(Record, frozen=True, kw_only=True):
+    """Processor, memory [bytes], system, libraries with their versions, and the commit of the source."""
+
+    processor: str
+    cores: Count
+    logical_cores: Count
+    memory_bytes: Count
+    system: str
+    python: str
+    versions: dict[str, str]
+    thread_pools: list[ThreadPool]
+    commit: str
+    dirty: bool
+
+
+class PluginUse(Record, frozen=True, kw_only=True):
+    """A name that a run has from a plugin; a file with its SHA-256, or a package."""
+
+    kind: str
+    name: str
+    source: str
+    file: str = ""
+    sha256: str = ""
+
+
+class Session(Record, frozen=True, kw_only=True):
+    """What was measured in one go, by ``run`` or ``resume``.
+
+    Attributes:
+        started: when, as ISO 8601 in UTC.
+        finished: when it came to its end; empty if it did not.
+        calibration_seconds: time of the reference workload [s] at the start and after each problem.
+        load: the machine's load average over a minute at the same moments.
+    """
+
+    started: str
+    finished: str = ""
+    calibration_seconds: list[Number] = []
+    load: list[Number] = []
+
+
+class RunRecord(Record, frozen=True, kw_only=True):
+    """A run.
+
+    Attributes:
+        run_id: its name.
+        plan: what it measures.
+        machine: what it was begun on.
+        plugins: the names that it has from plugins.
+        carried: digests of the problems that are stored with it, by name.
+        sessions: when it was worked on, and how steady the machine was.
+    """
+
+    run_id: str
+    plan: PlanRecord
+    machine: Machine
+    plugins: list[PluginUse]
+    carried: dict[str, Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]] = {}
+    sessions: list[Session] = []
+
+
+class Quartiles(Record, frozen=True, kw_only=True):
+    """Times [s]."""
+
+    min: Number
+    q1: Number
+    median: Number
+    q3: Number
+
+
+class Curve(Record, frozen=True, kw_only=True):
+    """The judged residual of the observed iterates.
+
+    Raises:
+        ValueError: if there are not as many residuals as iterations.
+    """
+
+    iteration: list[Count] = []
+    residual: list[Residual] = []
+
+    def __post_init__(self) -> None:
+        if len(self.iteration) != len(self.residual):
+            raise ValueError("its curve has not as many residuals as iterations")
+
+
+class Measured(Record, frozen=True, kw_only=True):
+    """What was measured at one tolerance.
+
+    Attributes:
+        iterations: of a timed solve.
+        residual: the judge's, under Coulomb's law.
+        model_residual: the judge's, under the solver's own model.
+        prepare_seconds: times of preparing.
+        solve_seconds: times of solving.
+        total_seconds: times of both together.
+        repeats: number of timed solves.
+        verdict: the other numbers of the judge's verdict.
+        impulse_error: distance to the known impulses, if the problem has such.
+    """
+
+    iterations: Count
+    residual: Residual
+    model_residual: Residual
+    prepare_seconds: Quartiles
+    solve_seconds: Quartiles
+    total_seconds: Quartiles
+    repeats: Count
+    verdict: dict[str, bool | Number | None]
+    impulse_error: Number | None
+
+
+class Point(Record, frozen=True, kw_only=True):
+    """One tolerance of the ladder.
+
+    Attributes:
+        tolerance: what the solver was given.
+        outcome: how it ended.
+        status: what the solver says; empty if it was not attempted.
+        reason: the same in words.
+        measured: numbers; None if it was not attempted.
+    """
+
+    tolerance: Tolerance
+    outcome: Outcome
+    status: str
+    reason: str
+    measured: Measured | None = None
+
+
+class CaseRecord(Record, frozen=True, kw_only=True):
+    """One solver on one problem.
+
+    Attributes:
+        problem: name.
+        digest: SHA-256 of the problem's numbers.
+        solver: name, with options.
+        model: what the solver solves.
+        has_iterates: whether it shows its iterates.
+        n_rows: rows of the problem.
+        n_contacts: contacts of the problem.
+        outcome: how the case ended.
+        reason: the same in words.
+        traceback: of a failed case.
+        stderr: the end of what a failed case printed.
+        wall_seconds: wall time of everything in it [s].
+        peak_memory_bytes: most memory that it had.
+        curve: how the observed solve converged.
+        points: the ladder.
+    """
+
+    problem: str
+    digest: str
+    solver: str
+    model: str
+    has_iterates: bool
+    n_rows: Count
+    n_contacts: Count
+    outcome: Outcome
+    reason: str
+    traceback: str
+    stderr: str
+    wall_seconds: Number
+    peak_memory_bytes: Count
+    curve: Curve
+    points: list[Point]
+
+
+R = TypeVar("R", RunRecord, CaseRecord)
 
 
 def printable(value: Any) -> Any:
@@ -28,100 +255,52 @@ def printable(value: Any) -> Any:
     return value
 
 
-def info_fault(info: dict[str, Any]) -> str | None:
-    """Say what of ``run.json`` is not as it should be, or None."""
-    return _fault(info, _RUN) or _fault(info["plan"], _PLAN)
+def content_of(record: Record) -> dict[str, Any]:
+    """Return a record as a JSON object whose texts can be shown anywhere, numbers that are not finite as null."""
+    content: dict[str, Any] = _finite(printable(msgspec.to_builtins(record)))
+    return content
 
 
-def case_fault(case: dict[str, Any]) -> str | None:
-    """Say what of a case's file is not as it should be, or None."""
-    fault = _fault(case, _CASE) or _fault(case["curve"], _CURVE)
-    if fault is None and len(case["curve"]["iteration"]) != len(case["curve"]["residual"]):
-        fault = "curve"
-    for point in case["points"] if fault is None else ():
-        fault = fault or _fault(point, _POINT)
-        if fault is None and "verdict" in point:
-            fault = _fault(point, _MEASURED)
-    return fault
+def record_of(content: dict[str, Any], kind: type[R]) -> R:
+    """Return the record that a JSON object is.
+
+    Raises:
+        ValueError: if it is none; the text names the field.
+    """
+    try:
+        return msgspec.convert(printable(content), kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(_field(str(error))) from None
+    except BenchError:
+        raise ValueError("limits") from None
 
 
-def _fault(found: dict[str, Any], checks: dict[str, Check]) -> str | None:
-    return next((key for key, check in checks.items() if key not in found or not check(found[key])), None)
+def of_format_1(content: dict[str, Any], kind: type[R]) -> dict[str, Any]:
+    """Return content of the first format as one of today's: it had one session, and the numbers of a point flat in it.
+
+    Raises:
+        LookupError, TypeError, AttributeError: if it is not of that format either.
+    """
+    if kind is RunRecord:
+        session = {key: content[key] for key in ("started", "finished", "calibration_seconds")}
+        return {**content, "sessions": [{**session, "load": content["machine"]["load"][:1]}]}
+    points = [{**point, **({"measured": point} if "verdict" in point else {})} for point in content["points"]]
+    return {**content, "points": points}
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return value
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
-
-
-def _is_number_or_null(value: Any) -> bool:
-    return value is None or _is_number(value)
-
-
-def _is_object(value: Any) -> bool:
-    return isinstance(value, dict)
-
-
-def _list_of(check: Check) -> Check:
-    return lambda value: isinstance(value, list) and all(map(check, value))
-
-
-def _dict_of(check: Check) -> Check:
-    return lambda value: isinstance(value, dict) and all(map(check, value.values()))
-
-
-_RUN: dict[str, Check] = {
-    "run_id": _is_text,
-    "plan": _is_object,
-    "machine": _is_object,
-    "calibration_seconds": _list_of(_is_number),
-    "plugins": _list_of(_dict_of(_is_text)),
-    "started": _is_text,
-    "finished": _is_text,
-}
-
-_PLAN: dict[str, Check] = {
-    "problems": _list_of(_is_text),
-    "solvers": _list_of(_is_text),
-    "tolerances": _list_of(_is_number),
-    "limits": lambda value: (
-        _dict_of(_is_number)(value)
-        and set(value) == {"solve_seconds", "case_seconds", "memory_bytes", "max_iterations"}
-    ),
-}
-
-_CASE: dict[str, Check] = {
-    **dict.fromkeys(("problem", "digest", "solver", "model", "reason", "traceback", "stderr"), _is_text),
-    "has_iterates": lambda value: isinstance(value, bool),
-    "n_rows": _is_count,
-    "n_contacts": _is_count,
-    "outcome": lambda value: isinstance(value, str) and value in _OUTCOMES,
-    "wall_seconds": _is_number,
-    "peak_memory_bytes": _is_count,
-    "curve": _is_object,
-    "points": _list_of(_is_object),
-}
-
-_CURVE: dict[str, Check] = {"iteration": _list_of(_is_count), "residual": _list_of(_is_number_or_null)}
-
-_POINT: dict[str, Check] = {
-    "tolerance": _is_number,
-    "outcome": lambda value: isinstance(value, str) and value in _OUTCOMES,
-    "status": _is_text,
-    "reason": _is_text,
-}
-
-_MEASURED: dict[str, Check] = {
-    "iterations": _is_count,
-    "repeats": _is_count,
-    **dict.fromkeys(("residual", "model_residual", "impulse_error"), _is_number_or_null),
-    **dict.fromkeys(("prepare_seconds", "solve_seconds", "total_seconds"), _dict_of(_is_number)),
-    "verdict": _dict_of(lambda value: isinstance(value, bool) or _is_number_or_null(value)),
-}
+def _field(fault: str) -> str:
+    """Return the field that a sentence of msgspec is about: ``"points[...].tolerance"``."""
+    path = re.search(r"at `\$\.?(.*)`$", fault)
+    missing = re.search(r"missing required field `(\w+)`", fault)
+    names = [found.group(1) for found in (path, missing) if found]
+    return ".".join(name for name in names if name) or "content"

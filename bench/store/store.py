@@ -1,27 +1,33 @@
 """Results on disk: one folder a run, one JSON file a case, each written as a whole or not at all.
 
-RUN/run.json            what was planned, the machine, the drift
+RUN/run.json            what was planned, the machine, its drift and load in each session
 RUN/cases/*.json        one finished case each, with a checksum of its content
+RUN/problems/*.npz      the problems that the package itself does not hold, by their digests
 """
 
 import fcntl
 import hashlib
+import io
 import json
-import math
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from ...problems.catalog.atomic_file import PART, replacing
+from ...problems.catalog.storage import SUFFIX, packed_problem, read_problem
+from ...problems.contact.problem import ContactProblem
+from ...problems.spelling import either, option
 from ..errors import BenchError
-from .records import case_fault, info_fault, printable
+from .records import CaseRecord, R, RunRecord, content_of, of_format_1, record_of
 
-FORMAT = 1
-"""Version of the files."""
+FORMAT = 2
+"""Version of the files; those of version 1 are read too."""
+
+_ELSEWHERE = f"choose another folder with {option('results')}"
 
 LARGEST_FILE = 2**28
 """Bytes that a file of a run may have."""
@@ -46,7 +52,7 @@ class Store:
             store._cases.mkdir(parents=True, exist_ok=True)
             store.refuse_second()
         except OSError as error:
-            raise BenchError(f"cannot write {folder}: {error.strerror}; choose another --results folder.") from None
+            raise BenchError(f"cannot write {folder}: {error.strerror}; {_ELSEWHERE}.") from None
         return store
 
     @staticmethod
@@ -61,9 +67,12 @@ class Store:
         return Store(folder)
 
     def refuse_second(self) -> None:
-        """Raise ``BenchError`` if the folder holds more than an empty folder for cases."""
-        if any(entry != self._cases and entry.suffix != PART for entry in self.folder.iterdir()):
-            raise BenchError(f"{self.folder} exists already; resume it with --resume, or choose another --run-id.")
+        """Raise ``BenchError`` if the folder holds more than the folders of a run that has not begun."""
+        own = (self._cases, self._problems)
+        if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
+            resume = either("--resume", f"resume({str(self.folder)!r})")
+            other = option("run_id")
+            raise BenchError(f"{self.folder} exists already; go on with {resume}, or choose another {other}.")
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -85,7 +94,9 @@ class Store:
                 raise BenchError(f"another process is writing to {self.folder}; wait until it has ended.") from None
             except OSError:
                 pass  # a file system without locks
-            for part in (*self.folder.glob(f".*{PART}"), *self._cases.glob(f".*{PART}")):
+            for part in (
+                part for place in (self.folder, self._cases, self._problems) for part in place.glob(f".*{PART}")
+            ):
                 with suppress(OSError):
                     part.unlink()
             yield
@@ -96,26 +107,58 @@ class Store:
     def _cases(self) -> Path:
         return self.folder / "cases"
 
-    def write_info(self, info: dict[str, Any]) -> None:
-        """Write run.json."""
-        self._write(self.folder / "run.json", info)
+    @property
+    def _problems(self) -> Path:
+        return self.folder / "problems"
 
-    def read_info(self) -> dict[str, Any]:
-        """Return run.json.
+    def write_run(self, run: RunRecord) -> None:
+        """Write run.json.
+
+        Raises:
+            BenchError: if it cannot be written.
+        """
+        self._write(self.folder / "run.json", _text(content_of(run)))
+
+    def read_run(self) -> RunRecord:
+        """Return what run.json says.
 
         Raises:
             BenchError: if it is damaged.
         """
-        info = _read(self.folder / "run.json")
-        fault = info_fault(info)
-        if fault:
-            raise BenchError(f"{self.folder / 'run.json'} is damaged (its {fault} makes no sense); begin a new run.")
-        return info
+        return _read(self.folder / "run.json", RunRecord, "begin a new run")
 
-    def write_case(self, case: dict[str, Any]) -> None:
-        """Write one finished case, its names and texts as they can be shown anywhere."""
-        case = printable(case)
-        self._write(self._case_file(case["problem"], case["solver"]), case)
+    def write_case(self, case: CaseRecord) -> None:
+        """Write one finished case, its names and texts as they can be shown anywhere.
+
+        Raises:
+            BenchError: if it cannot be written.
+        """
+        content = content_of(case)
+        self._write(self._case_file(content["problem"], content["solver"]), _text(content))
+
+    def write_problem(self, problem: ContactProblem) -> None:
+        """Write a problem, once for each digest.
+
+        Raises:
+            BenchError: if it cannot be written.
+        """
+        path = self._problem_file(problem.digest)
+        if path not in self._written:
+            self._write(path, packed_problem(problem))
+
+    def read_problem(self, digest: str) -> ContactProblem:
+        """Return a problem of the run by its digest, as this process wrote it or else from its file.
+
+        Raises:
+            ProblemError: if its file is missing or damaged.
+            BenchError: if its file holds another problem.
+        """
+        path = self._problem_file(digest)
+        known = self._written.get(path)
+        problem = read_problem(path if known is None else io.BytesIO(known), str(path))
+        if problem.digest != digest:
+            raise BenchError(f"{path} holds another problem than its name says; begin a new run.")
+        return problem
 
     def restore(self) -> None:
         """Write again what was written before and is gone or another now: a plugin may do what its user may.
@@ -127,20 +170,17 @@ class Store:
             if not _holds(path, content):
                 _put(path, content)
 
-    def _write(self, path: Path, content: dict[str, Any]) -> None:
-        self._written[path] = _text(content)
-        _put(path, self._written[path])
+    def _write(self, path: Path, content: bytes) -> None:
+        self._written[path] = content
+        _put(path, content)
 
-    def read_cases(self) -> tuple[list[dict[str, Any]], list[str]]:
+    def read_cases(self) -> tuple[list[CaseRecord], list[str]]:
         """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored."""
         cases, damaged = [], []
         for file in sorted(self._cases.glob("*.json")):
             try:
-                case = _read(file)
-                fault = case_fault(case)
-                if fault:
-                    raise BenchError(f"{file.name} is damaged (its {fault} makes no sense); resume the run.")
-                if self._case_file(case["problem"], case["solver"]) != file:
+                case = _read(file, CaseRecord, "resume the run to measure it again")
+                if self._case_file(case.problem, case.solver) != file:
                     raise BenchError(f"{file.name} holds another case than its name says.")
                 cases.append(case)
             except BenchError as error:
@@ -150,6 +190,9 @@ class Store:
     def _case_file(self, problem: str, solver: str) -> Path:
         """Return the file of a case: readable, safe as a file name, and unique."""
         return self._cases / f"{plain_name(problem)}--{plain_name(solver)}.json"
+
+    def _problem_file(self, digest: str) -> Path:
+        return self._problems / f"{digest}{SUFFIX}"
 
 
 def plain_name(name: str) -> str:
@@ -161,9 +204,9 @@ def plain_name(name: str) -> str:
 
 
 def _text(content: dict[str, Any]) -> bytes:
-    """Return content as JSON with its checksum."""
+    """Return content as JSON with its format and its checksum."""
     body = {"format": FORMAT, **content}
-    return json.dumps({**_plain(body), "checksum": _checksum(_plain(body))}, indent=1, ensure_ascii=False).encode()
+    return json.dumps({**body, "checksum": _checksum(body)}, indent=1, ensure_ascii=False).encode()
 
 
 def _put(path: Path, content: bytes) -> None:
@@ -173,9 +216,7 @@ def _put(path: Path, content: bytes) -> None:
         with replacing(path) as file:
             file.write(content)
     except OSError as error:
-        raise BenchError(
-            f"cannot write {path}: {error.strerror}; make room or choose another --results folder."
-        ) from None
+        raise BenchError(f"cannot write {path}: {error.strerror}; make room, or {_ELSEWHERE}.") from None
 
 
 def _holds(path: Path, content: bytes) -> bool:
@@ -185,32 +226,35 @@ def _holds(path: Path, content: bytes) -> bool:
         return False
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path, kind: type[R], remedy: str) -> R:
+    """Return the record of a file.
+
+    Raises:
+        BenchError: if it is damaged, too large, or of another format; the sentence ends with the remedy.
+    """
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_FILE:
             raise BenchError(f"{path.name} is no file that a run writes; remove it.")
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror}.") from None
     except (ValueError, RecursionError):
-        raise BenchError(f"{path.name} is damaged (no JSON); resume the run to measure it again.") from None
+        raise BenchError(f"{path.name} is damaged (no JSON); {remedy}.") from None
     if not isinstance(content, dict) or content.pop("checksum", None) != _checksum(content):
-        raise BenchError(f"{path.name} is damaged (its checksum does not match); resume the run to measure it again.")
-    if content.pop("format", None) != FORMAT:
+        raise BenchError(f"{path.name} is damaged (its checksum does not match); {remedy}.")
+    version = content.pop("format", None)
+    if version not in (1, FORMAT):
         raise BenchError(f"{path.name} is of another format than {FORMAT}; measure it again with this version.")
-    return cast(dict[str, Any], printable(content))
+    try:
+        return record_of(of_format_1(content, kind) if version == 1 else content, kind)
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        field = error if isinstance(error, ValueError) else "content"
+        raise BenchError(f"{path.name} is damaged (its {field} makes no sense); {remedy}.") from None
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
 
 
 def _checksum(content: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    """Return ``value`` with numbers that JSON cannot write (NaN, ±inf) as null."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value

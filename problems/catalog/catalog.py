@@ -99,20 +99,29 @@ def plugin_problems() -> list[Offer]:
     return offers("problem", SUITES["all"])
 
 
+def is_held(name: str) -> bool:
+    """Whether the package itself holds the problem, as a hard case or in the frozen library."""
+    return name in HARD_CASES or _frozen(name) is not None
+
+
 def is_available(name: str) -> bool:
     """Whether ``load`` finds the problem without generating it."""
-    at_hand = name in HARD_CASES or _frozen(name) is not None or _cached(name).is_file()
-    return at_hand or (name not in SUITES["all"] and _offer(name) is not None)
+    return is_held(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
 
 
-def load(name: str) -> ContactProblem:
-    """Return one problem by name.
+def load(name: str | Path) -> ContactProblem:
+    """Return one problem by name, or from a file that ``save_problem`` or ``proxbench generate`` wrote.
+
+    Args:
+        name: a name, or the path of a file: a ``Path``, or text that ends in .npz.
 
     Raises:
-        ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a damaged
-            file.
+        ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a file
+            that is missing or damaged.
         PluginError: if a plugin offers the name but does not make a problem.
     """
+    if isinstance(name, Path) or name.endswith(SUFFIX):
+        return read_problem(Path(name))
     if name in HARD_CASES:
         return hard_case(name)
     frozen = _frozen(name)

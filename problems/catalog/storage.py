@@ -25,19 +25,32 @@ _DAMAGES = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError
 """What reading raises where the content is not as it should be."""
 
 
-def save_problem(problem: ContactProblem, path: Path) -> None:
-    """Write ``problem`` to ``path``; a file of that name is replaced as a whole or not at all.
+def save_problem(problem: ContactProblem, path: Path | str) -> None:
+    """Write a problem to a file, from which ``load`` reads it; one of that name is replaced as a whole or not at all.
+
+    Args:
+        problem: the problem, with its name, provenance and known answer.
+        path: the file, ending in .npz; its folder is made.
 
     Raises:
-        ProblemError: if the file cannot be written.
+        ProblemError: if the file cannot be written, or its name does not end in .npz.
     """
-    arrays = _arrays(problem)
+    path, content = Path(path), packed_problem(problem)
+    if path.suffix != SUFFIX:
+        raise ProblemError(f"problem files end in {SUFFIX}, and {path} does not; name it {path.stem}{SUFFIX}.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:
-            np.savez_compressed(file, **arrays)
+            file.write(content)
     except OSError as error:
         raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
+
+
+def packed_problem(problem: ContactProblem) -> bytes:
+    """Return ``problem`` as the content of a problem file, compressed."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **_arrays(problem))
+    return buffer.getvalue()
 
 
 def problem_bytes(problem: ContactProblem) -> bytes:

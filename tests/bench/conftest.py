@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
-from proxbench.bench.measure.plan import Limits
 
 
 @pytest.fixture(scope="session")
@@ -17,5 +16,5 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         results=tmp_path_factory.mktemp("results"),
         run_id="little",
         tolerances=[1e-2, 1e-4, 1e-6],
-        limits=Limits(solve_seconds=2.0),
-    )
+        solve_seconds=2.0,
+    ).folder

@@ -1,6 +1,5 @@
 """Runs in processes of their own, and what they leave behind: processes, temporary files, verdicts."""
 
-import json
 import os
 import subprocess
 import sys
@@ -11,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+from proxbench.bench.store.records import CaseRecord, Measured
 from proxbench.bench.store.store import Store
 
 PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
 
 HEAD = """
 from misbehaving_solvers import Misbehaving
-from proxbench.bench import run
+from proxbench.bench import resume, run
 from proxbench.bench.measure.plan import Limits
-from proxbench.bench.measure.runner import resume
 """
 
 
@@ -83,15 +82,19 @@ def verdicts(run: Path) -> dict[tuple[str, str], Any]:
     """Return all that the judge and the solver said of each case, without what a clock said."""
     cases, damaged = Store.open(run).read_cases()
     assert damaged == []
-    return {(case["problem"], case["solver"]): _untimed(case) for case in cases}
+    return {(case.problem, case.solver): _untimed(case) for case in cases}
 
 
-def _untimed(case: dict[str, Any]) -> Any:
+def _untimed(case: CaseRecord) -> Any:
     points = [
-        {key: value for key, value in point.items() if not key.endswith("_seconds") and key != "repeats"}
-        for point in case["points"]
+        (point.tolerance, point.outcome, point.status, point.reason, point.measured and _judged(point.measured))
+        for point in case.points
     ]
-    return json.loads(json.dumps([case["digest"], case["outcome"], case["curve"], points]))
+    return [case.digest, case.outcome, case.curve, points]
+
+
+def _judged(measured: Measured) -> tuple[Any, ...]:
+    return measured.iterations, measured.residual, measured.model_residual, measured.verdict, measured.impulse_error
 
 
 def without(found: dict[tuple[str, str], Any], solvers: Iterable[str]) -> dict[tuple[str, str], Any]:

@@ -1,6 +1,7 @@
 """Files and names from elsewhere run no code, write nowhere else, and say nothing to a terminal or a browser."""
 
 import ast
+import hashlib
 import io
 import json
 import os
@@ -10,9 +11,9 @@ from typing import Any
 
 import proxbench.bench
 import pytest
-from proxbench.bench import load, run
+from msgspec.structs import replace
+from proxbench.bench import load, resume, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.runner import resume
 from proxbench.bench.report.charts import write_charts
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.store import LARGEST_FILE, Store
@@ -27,7 +28,8 @@ PACKAGES = Path(proxbench.bench.__file__).parents[1]
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     problem = load_problem("funnel-30").renamed(HOSTILE)
-    return run([problem], ["SORprox"], results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=[1e-1, 1e-2])
+    results = tmp_path_factory.mktemp("results")
+    return run([problem], ["SORprox"], results=results, run_id="it", tolerances=[1e-1, 1e-2]).folder
 
 
 @pytest.fixture
@@ -35,12 +37,17 @@ def copied(stored: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(stored, tmp_path / "deep" / "it"))
 
 
-def changed(folder: Path, **changes: Any) -> None:
+def changed(folder: Path, name: str = "", **changes: Any) -> None:
     """Write a case again with changes and a right checksum, as somebody might who means harm."""
-    (case,), _ = Store.open(folder).read_cases()
-    for file in (folder / "cases").iterdir():
-        file.unlink()
-    Store(folder).write_case({**case, **changes})
+    (file,) = (folder / "cases").glob(f"{name}*.json")
+    forge(file, changes)
+
+
+def forge(file: Path, changes: dict[str, Any]) -> None:
+    content = {**json.loads(file.read_text()), **changes}
+    del content["checksum"]
+    checksum = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    file.write_text(json.dumps({**content, "checksum": checksum}))
 
 
 def test_a_hostile_name_stays_in_its_folder_and_is_shown_harmlessly(copied: Path) -> None:
@@ -62,8 +69,11 @@ def test_a_hostile_name_stays_in_its_folder_and_is_shown_harmlessly(copied: Path
 
 
 def test_a_case_under_another_name_does_not_leave_the_folder(copied: Path) -> None:
-    changed(copied, problem="/etc/passwd", solver="../../../run")
+    (case,), _ = Store.open(copied).read_cases()
+    Store(copied).write_case(replace(case, problem="/etc/passwd", solver="../../../run"))
     assert [file.parent for file in copied.rglob("*etc*")] == [copied / "cases"]
+    changed(copied, "etc", problem="elsewhere")
+    assert len(load(copied).damaged) == 1
 
 
 @pytest.mark.parametrize(
@@ -78,6 +88,14 @@ def test_a_case_under_another_name_does_not_leave_the_folder(copied: Path) -> No
         {"wall_seconds": 10**400},
         {"n_rows": -1},
         {"stderr": 3},
+        {"wall_seconds": float("nan")},
+        {"wall_seconds": float("inf")},
+        {"wall_seconds": None},
+        {"peak_memory_bytes": 2**63},
+        {"has_iterates": 1},
+        {"n_contacts": 1.5},
+        {"points": [{"tolerance": 0.1, "outcome": "solved", "status": "", "reason": "", "measured": {}}]},
+        {"curve": {"iteration": [1], "residual": [float("nan")]}},
     ],
 )
 def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str, Any]) -> None:
@@ -93,12 +111,13 @@ def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str
         {"plan": {}},
         {"plan": None},
         {"plugins": [{"file": ["elsewhere/evil.py"]}]},
-        {"calibration_seconds": "long"},
+        {"sessions": [{"started": "", "calibration_seconds": "long"}]},
+        {"carried": {"mine": "../../elsewhere"}},
+        {"machine": {}},
     ],
 )
 def test_a_plan_that_makes_no_sense_is_refused(copied: Path, changes: dict[str, Any]) -> None:
-    store = Store.open(copied)
-    store.write_info({**store.read_info(), **changes})
+    forge(copied / "run.json", changes)
     for act in (load, resume):
         with pytest.raises(BenchError, match="makes no sense"):
             act(copied)
@@ -107,10 +126,9 @@ def test_a_plan_that_makes_no_sense_is_refused(copied: Path, changes: dict[str, 
 def test_a_run_from_elsewhere_runs_no_plugin(copied: Path) -> None:
     trap, sprung = copied / "trap.py", copied / "sprung"
     trap.write_text(f"open({str(sprung)!r}, 'w')\nSOLVERS = []\n")
-    store = Store.open(copied)
     entry = {"kind": "solver", "name": "Trap", "source": "", "file": str(trap), "sha256": "0"}
-    store.write_info({**store.read_info(), "plugins": [entry]})
-    with pytest.raises(BenchError, match="add --plugin"):
+    forge(copied / "run.json", {"plugins": [entry]})
+    with pytest.raises(BenchError, match="give plugins="):
         resume(copied)
     load(copied)
     assert not sprung.exists()

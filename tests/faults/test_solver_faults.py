@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from proxbench.bench.store.records import CaseRecord
 from proxbench.bench.store.store import Store
 from sandbox import Sandbox, verdicts, without
 
@@ -77,7 +78,7 @@ class Disturbance:
 
     quiet: dict[tuple[str, str], Any]
     disturbed: dict[tuple[str, str], Any]
-    cases: dict[str, dict[str, Any]]
+    cases: dict[str, CaseRecord]
     left_behind: list[str]
 
 
@@ -90,7 +91,7 @@ def disturbance(tmp_path_factory: pytest.TempPathFactory) -> Disturbance:
         assert done.stdout == ""
     cases, _ = Store.open(sandboxes[1].results / "it").read_cases()
     quiet, disturbed = (verdicts(sandbox.results / "it") for sandbox in sandboxes)
-    on_funnel = {case["solver"]: case for case in cases if case["problem"] == "funnel-30"}
+    on_funnel = {case.solver: case for case in cases if case.problem == "funnel-30"}
     return Disturbance(quiet, disturbed, on_funnel, sandboxes[1].left_behind())
 
 
@@ -108,12 +109,12 @@ def test_no_process_and_no_temporary_file_is_left(disturbance: Disturbance) -> N
 @pytest.mark.parametrize("deed", DEEDS)
 def test_the_culprit_is_told_for_what_it_did(disturbance: Disturbance, deed: str) -> None:
     case, (outcome, words) = disturbance.cases[f"Misbehaving({deed})"], DEEDS[deed]
-    assert case["outcome"] == outcome, case["reason"] + case["traceback"] + case["stderr"]
-    assert len(case["reason"]) <= 2000
+    assert case.outcome == outcome, case.reason + case.traceback + case.stderr
+    assert len(case.reason) <= 2000
     if outcome == MEASURED:
-        assert [point["outcome"] for point in case["points"]][-1:] == [words or "solved"]
+        assert [point.outcome for point in case.points][-1:] == [words or "solved"]
     else:
-        assert words in case["reason"]
+        assert words in case.reason
 
 
 def test_what_a_culprit_does_in_private_changes_no_number_of_its_own(disturbance: Disturbance) -> None:

@@ -14,10 +14,9 @@ from random import Random
 from typing import Any
 
 import pytest
-from proxbench.bench import load, run
+from proxbench.bench import load, resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.runner import resume
 from sandbox import Sandbox, verdicts
 
 SMALL = "['hard-sticking-box', 'hard-tresca-joint', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3]"
@@ -106,7 +105,7 @@ def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(how: str, sandbo
     done = sandbox.run(f"{spoil}run({SMALL}, results={str(sandbox.results)!r}, run_id='it', on_event=spoil)")
     assert done.returncode == 0, done.stderr
     assert verdicts(folder) == verdicts(undisturbed)
-    assert load(folder).info["finished"]
+    assert load(folder).is_finished
     assert sandbox.left_behind() == []
 
 
@@ -155,7 +154,7 @@ def test_a_clock_that_jumps_changes_no_result(
     monkeypatch.setattr("proxbench.bench.measure.runner.datetime", JumpingClock)
     monkeypatch.setattr(time, "time", lambda: JumpingClock.now(UTC).timestamp())
     problems, solvers = ["hard-sticking-box", "hard-tresca-joint", "funnel-30"], ["SORprox", "ClarabelSOCP"]
-    folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3])
+    folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3]).folder
     monkeypatch.undo()
     assert verdicts(folder) == verdicts(undisturbed)
     assert load(folder).cases["wall_seconds"].between(0.0, 60.0).all()
@@ -164,7 +163,7 @@ def test_a_clock_that_jumps_changes_no_result(
 def test_a_run_of_another_version_is_refused_by_name(undisturbed: Path, tmp_path: Path, capsys: Any) -> None:
     folder = Path(shutil.copytree(undisturbed, tmp_path / "it"))
     file = folder / "run.json"
-    for text in (file.read_text().replace('"format": 1', '"format": 2'), json.dumps({"runs": []})):
+    for text in (file.read_text().replace('"format": 2', '"format": 3'), json.dumps({"runs": []})):
         file.write_text(text)
         for act in (resume, load):
             with pytest.raises(BenchError, match=r"run\.json is (damaged|of another format)"):

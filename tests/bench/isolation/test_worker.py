@@ -1,10 +1,9 @@
 """Whatever a solver does costs its own case and nothing else, and is told for what it is."""
 
-from dataclasses import replace
-
 import psutil
 import pytest
 from misbehaving_solvers import Misbehaving
+from msgspec.structs import replace
 from proxbench.bench.measure.case import Case
 from proxbench.bench.measure.describing import contestant
 from proxbench.bench.measure.plan import Limits
@@ -49,9 +48,9 @@ def carried_out(deed: str) -> Case:
 )
 def test_a_fault_is_named_and_leaves_no_process(deed: str, outcome: Outcome, words: str) -> None:
     case = carried_out(deed)
-    document = case.document()
-    assert document["outcome"] == outcome
-    assert words in document["reason"]
+    record = case.record()
+    assert record.outcome is outcome
+    assert words in record.reason
     _, still_alive = psutil.wait_procs(processes_of_cases(), timeout=60.0)
     assert still_alive == []
 
@@ -62,20 +61,22 @@ def processes_of_cases() -> list[psutil.Process]:
 
 
 def test_a_fault_keeps_traceback_and_output() -> None:
-    document = carried_out("print").document()
-    assert "RuntimeError: after much noise" in document["traceback"]
-    assert "noise noise" in document["stderr"]
-    assert len(document["stderr"]) <= 4000
+    record = carried_out("print").record()
+    assert "RuntimeError: after much noise" in record.traceback
+    assert "noise noise" in record.stderr
+    assert len(record.stderr) <= 4000
 
 
 def test_a_solver_that_a_signal_kills_leaves_the_place_in_its_code() -> None:
-    printed = carried_out("segfault").document()["stderr"]
+    printed = carried_out("segfault").record().stderr
     assert "in do_segfault" in printed
     assert "Extension modules" not in printed
 
 
 @pytest.mark.parametrize("deed", ["lie", "patch"])
 def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_process(deed: str) -> None:
-    points = carried_out(deed).document()["points"]
-    assert [point["outcome"] for point in points] == [Outcome.WRONG]
-    assert points[0]["residual"] > 1e-3
+    points = carried_out(deed).record().points
+    assert [point.outcome for point in points] == [Outcome.WRONG]
+    assert points[0].measured is not None
+    assert points[0].measured.residual is not None
+    assert points[0].measured.residual > 1e-3

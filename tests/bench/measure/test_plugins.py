@@ -247,19 +247,19 @@ def test_a_problem_that_cannot_be_built_is_told_before_anything_is_measured(
 
 def test_resume_asks_for_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
     path = written(GOOD)
-    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path])
-    recorded = load(folder).info["plugins"]
-    assert {(entry["kind"], entry["name"]) for entry in recorded} == {("solver", "Filed"), ("problem", "falling-point")}
-    assert {entry["file"] for entry in recorded} == {str(path)}
+    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path]).folder
+    recorded = load(folder).info.plugins
+    assert {(use.kind, use.name) for use in recorded} == {("solver", "Filed"), ("problem", "falling-point")}
+    assert {use.file for use in recorded} == {str(path)}
     ((file, _),) = registered()
-    assert {entry["sha256"] for entry in recorded} == {file.sha256}
+    assert {use.sha256 for use in recorded} == {file.sha256}
     forget(file)
 
     lost = next(iter((folder / "cases").glob("*Filed*")))
     lost.unlink()
-    with pytest.raises(BenchError, match=r"add --plugin .*mine\.py"):
+    with pytest.raises(BenchError, match=r"give plugins=\['.*mine\.py'\]"):
         resume(folder)
-    assert resume(folder, plugins=[path]) == folder
+    assert resume(folder, plugins=[path]).folder == folder
     assert len(load(folder).cases) == 2
 
     path.write_text(GOOD + "# edited\n")

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
-from proxbench.bench import load, run
+from proxbench.bench import load, resume, run
 from proxbench.bench.measure.plan import Limits
 from proxbench.bench.measure.protocol import Measurement
-from proxbench.bench.measure.runner import CaseFinished, RunStarted, resume
+from proxbench.bench.measure.runner import CaseFinished, RunStarted
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems import load as load_problem
@@ -80,21 +80,22 @@ def test_known_impulses_are_compared(finished_run: Path) -> None:
 
 def test_run_json_tells_machine_and_drift(finished_run: Path) -> None:
     info = load(finished_run).info
-    assert {"processor", "memory_bytes", "versions", "commit", "load", "thread_pools"} <= set(info["machine"])
-    assert len(info["calibration_seconds"]) == 1 + 3
-    assert info["finished"]
+    assert info.machine.processor
+    assert info.machine.versions["numpy"] == np.__version__
+    (session,) = info.sessions
+    assert len(session.calibration_seconds) == len(session.load) == 1 + 3
+    assert session.started <= session.finished
 
 
 def test_resume_measures_the_missing_and_the_damaged_and_keeps_the_rest(tmp_path: Path) -> None:
-    folder = run(
-        ["hard-tresca-joint", "hard-no-motion"], ["SORprox", "Jprox"], results=tmp_path, tolerances=[1e-2, 1e-4]
-    )
+    solvers = ["SORprox", "Jprox"]
+    folder = run(["hard-tresca-joint", "hard-no-motion"], solvers, results=tmp_path, tolerances=[1e-2, 1e-4]).folder
     files = sorted((folder / "cases").iterdir())
     kept = {file: file.read_bytes() for file in files[2:]}
     files[0].unlink()
     files[1].write_bytes(files[1].read_bytes()[:-40])
     events: list[object] = []
-    assert resume(folder, on_event=events.append) == folder
+    assert resume(folder, on_event=events.append).folder == folder
     started = next(event for event in events if isinstance(event, RunStarted))
     assert (started.done, started.total) == (2, 4)
     assert sum(isinstance(event, CaseFinished) for event in events) == 2

@@ -10,7 +10,6 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.report.output_file import drawn, output_file, picture_files, refuse_pictures
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.store.store import Store
 from proxbench.bench.study.defaults import make_study_plan
 from proxbench.bench.study.study import Study, write_points
 from proxbench.problems.catalog.atomic_file import replacing
@@ -33,9 +32,11 @@ def written_study(file: Path) -> None:
     Study(make_study_plan("woodpecker"), file).store()
 
 
+ROOT = Path(__file__).parents[3]
+
+
 def written_run(file: Path) -> None:
-    Store.create(file.parent).write_info({"cases": []})
-    (file.parent / "run.json").rename(file)
+    file.write_text((ROOT / "results" / "reference" / "run.json").read_text())
 
 
 @pytest.mark.parametrize(

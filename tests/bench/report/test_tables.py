@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from msgspec.structs import replace as changed
 from proxbench.bench import load
 from proxbench.bench.report.tables import (
     duration,
@@ -66,7 +67,7 @@ def test_columns_are_what_was_asked_for(
     finished_run: Path, tolerances: list[float], columns: list[str], summed: list[str]
 ) -> None:
     frames = load(finished_run)
-    asked = replace(frames, info={**frames.info, "plan": {**frames.info["plan"], "tolerances": tolerances}})
+    asked = replace(frames, info=changed(frames.info, plan=changed(frames.info.plan, tolerances=tolerances)))
     results, summary = results_table(asked), summary_table(asked)
     assert [key for key in results if key.startswith("time_to_")] == [f"time_to_{tag}" for tag in columns]
     assert [key for key in summary if key.startswith("correct_")] == [f"correct_{tag}" for tag in summed]

@@ -1,34 +1,68 @@
 """Results survive what happens to files, and damage is noticed."""
 
 import json
+import math
 import re
+import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.machine import describe_machine
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import (
+    CaseRecord,
+    Curve,
+    Limits,
+    Machine,
+    Measured,
+    PlanRecord,
+    Point,
+    Quartiles,
+    RunRecord,
+)
 from proxbench.bench.store.store import Store, plain_name
+from proxbench.problems import ContactProblem, ProblemError, load
 
-CASE = {
-    "problem": "a/../b",
-    "digest": "0",
-    "solver": "S(x='y')",
-    "model": "Coulomb",
-    "has_iterates": True,
-    "n_rows": 3,
-    "n_contacts": 1,
-    "outcome": "crashed",
-    "reason": "",
-    "traceback": "",
-    "stderr": "",
-    "wall_seconds": 0.1,
-    "peak_memory_bytes": 1,
-    "curve": {"iteration": [], "residual": []},
-    "points": [],
-    "value": 1.5,
-    "infinite": float("inf"),
-}
+TIMES = Quartiles(min=1.0, q1=1.0, median=1.0, q3=1.0)
+MEASURED = Measured(
+    iterations=3,
+    residual=math.inf,
+    model_residual=1e-3,
+    prepare_seconds=TIMES,
+    solve_seconds=TIMES,
+    total_seconds=TIMES,
+    repeats=5,
+    verdict={"infeasible": False, "velocity_error": math.nan},
+    impulse_error=None,
+)
+CASE = CaseRecord(
+    problem="a/../b",
+    digest="0",
+    solver="S(x='y')",
+    model="Coulomb",
+    has_iterates=True,
+    n_rows=3,
+    n_contacts=1,
+    outcome=Outcome.CRASHED,
+    reason="",
+    traceback="",
+    stderr="",
+    wall_seconds=1.5,
+    peak_memory_bytes=1,
+    curve=Curve(iteration=[1], residual=[math.inf]),
+    points=[Point(tolerance=1e-3, outcome=Outcome.SOLVED, status="solved", reason="", measured=MEASURED)],
+)
+RUN = RunRecord(
+    run_id="run",
+    plan=PlanRecord(problems=["p"], solvers=["S"], tolerances=[0.1], limits=Limits()),
+    machine=msgspec.convert(describe_machine(), Machine),
+    plugins=[],
+)
 
 
 @pytest.fixture
@@ -44,8 +78,12 @@ def only_case(store: Store) -> Path:
 def test_a_case_is_read_back_and_infinity_becomes_null(store: Store) -> None:
     store.write_case(CASE)
     cases, damaged = store.read_cases()
-    assert cases == [{**CASE, "infinite": None}]
     assert damaged == []
+    (case,) = cases
+    assert case.curve.residual == [None]
+    (point,) = case.points
+    assert point.measured == replace(MEASURED, residual=None, verdict={"infeasible": False, "velocity_error": None})
+    assert replace(case, curve=CASE.curve, points=CASE.points) == CASE
 
 
 def test_names_cannot_leave_the_folder(store: Store) -> None:
@@ -54,8 +92,8 @@ def test_names_cannot_leave_the_folder(store: Store) -> None:
 
 
 def test_names_that_look_alike_in_a_file_name_stay_apart(store: Store) -> None:
-    store.write_case({**CASE, "solver": "S(x=1)"})
-    store.write_case({**CASE, "solver": "S[x=1]"})
+    store.write_case(replace(CASE, solver="S(x=1)"))
+    store.write_case(replace(CASE, solver="S[x=1]"))
     assert len(store.read_cases()[0]) == 2
 
 
@@ -83,9 +121,9 @@ def test_another_format_is_noticed(store: Store, monkeypatch: pytest.MonkeyPatch
 def test_one_case_damaged_leaves_the_others(store: Store) -> None:
     store.write_case(CASE)
     only_case(store).write_text("{")
-    store.write_case({**CASE, "problem": "other"})
+    store.write_case(replace(CASE, problem="other"))
     cases, damaged = store.read_cases()
-    assert [case["problem"] for case in cases] == ["other"]
+    assert [case.problem for case in cases] == ["other"]
     assert len(damaged) == 1
 
 
@@ -99,13 +137,48 @@ def test_an_interrupted_write_leaves_the_old_file_and_no_stray_one(
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(BenchError, match="No space left"):
-        store.write_case({**CASE, "value": 2.5})
-    assert store.read_cases()[0][0]["value"] == 1.5
+        store.write_case(replace(CASE, wall_seconds=2.5))
+    assert store.read_cases()[0][0].wall_seconds == 1.5
     assert len(list((store.folder / "cases").iterdir())) == 1
 
 
+def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_refused(store: Store) -> None:
+    mine, other = load("hard-groove"), load("hard-sticking-box")
+    for problem in (mine, other):
+        store.write_problem(problem)
+    store.write_run(RUN)
+    stored = Store.open(store.folder)
+    again = stored.read_problem(mine.digest)
+    assert (again.digest, again.name) == (mine.digest, mine.name)
+    file = store.folder / "problems" / f"{mine.digest}.npz"
+    file.write_bytes((store.folder / "problems" / f"{other.digest}.npz").read_bytes())
+    with pytest.raises(BenchError, match="another problem than its name says"):
+        stored.read_problem(mine.digest)
+    file.unlink()
+    with pytest.raises(ProblemError, match="no problem file"):
+        stored.read_problem(mine.digest)
+
+
+def test_what_was_written_is_restored_and_read_though_its_folder_is_gone(store: Store) -> None:
+    problem = load("hard-groove")
+    store.write_problem(problem)
+    store.write_case(CASE)
+    before = {file: file.read_bytes() for file in store.folder.rglob("*.*")}
+    shutil.rmtree(store.folder)
+    assert store.read_problem(problem.digest).digest == problem.digest
+    store.restore()
+    assert {file: file.read_bytes() for file in store.folder.rglob("*.*")} == before
+
+
+def test_problems_of_equal_digest_are_stored_once(store: Store) -> None:
+    problem = ContactProblem.from_delassus([[1.0]], [1.0], dim=1)
+    for name in ("one", "two"):
+        store.write_problem(problem.renamed(name))
+    assert len(list((store.folder / "problems").iterdir())) == 1
+
+
 def test_an_existing_run_is_not_overwritten(store: Store) -> None:
-    store.write_info({"run_id": "run"})
+    store.write_run(RUN)
     with pytest.raises(BenchError, match="exists already"):
         Store.create(store.folder)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.problems import ContactProblem, ProblemError, load
-from proxbench.problems.catalog.storage import problem_bytes, read_problem, save_problem
+from proxbench.problems import ContactProblem, ProblemError, load, save_problem
+from proxbench.problems.catalog.storage import problem_bytes, read_problem
 from proxbench.problems.hard import HARD_CASES
 
 
@@ -65,6 +65,20 @@ def test_missing_files_and_unwritable_folders_are_named(tmp_path: Path) -> None:
         save_problem(load("hard-groove"), tmp_path / "file" / "p.npz")
 
 
+def test_a_saved_problem_is_loaded_by_its_path_as_text_or_path(tmp_path: Path) -> None:
+    problem = load("hard-groove").renamed("mine")
+    save_problem(problem, str(tmp_path / "new" / "p.npz"))
+    for path in (tmp_path / "new" / "p.npz", str(tmp_path / "new" / "p.npz")):
+        again = load(path)
+        assert (again.name, again.digest) == (problem.name, problem.digest)
+
+
+def test_a_file_that_load_would_not_know_as_one_is_refused_before_it_is_written(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match=r"name it mine\.npz"):
+        save_problem(load("hard-groove"), tmp_path / "mine")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_failed_write_leaves_the_old_file_and_no_stray_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     save_problem(load("hard-groove"), tmp_path / "p.npz")
     before = (tmp_path / "p.npz").read_bytes()
@@ -72,7 +86,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_stray_one(tmp_path: Path, mon
     def fail(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "savez_compressed", fail)
+    monkeypatch.setattr("os.fsync", fail)
     with pytest.raises(ProblemError, match="No space left"):
         save_problem(ContactProblem.from_delassus(np.eye(1), (1.0,), dim=1), tmp_path / "p.npz")
     assert (tmp_path / "p.npz").read_bytes() == before

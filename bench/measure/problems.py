@@ -1,0 +1,77 @@
+"""The problems of a run: which it carries with it, and where each is found when its turn comes.
+
+What the package itself holds, the hard cases and the frozen library, has the same numbers wherever that version of it
+is installed. All others (of plugins, of the caller, generated ones) are stored with the run, so that it can be resumed,
+judged again and shown without what made them.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ...problems.catalog.catalog import is_available, is_held, load, plugin_problems, problem_names
+from ...problems.contact.problem import ContactProblem
+from ...problems.errors import ProblemError, suggestion
+from ..errors import BenchError
+from ..store.records import RunRecord
+from ..store.store import Store
+from .describing import plugin_problem
+
+
+def resolved(problem: str | Path | ContactProblem) -> ContactProblem:
+    """Return a problem by its name or from its file, or the one given; those of plugins are made in a child.
+
+    Raises:
+        ProblemError: as ``load``.
+        PluginError: if a plugin does not make what it offers.
+    """
+    if isinstance(problem, ContactProblem):
+        return problem
+    is_offered = isinstance(problem, str) and problem in {offer.name for offer in plugin_problems()}
+    return plugin_problem(str(problem)) if is_offered else load(problem)
+
+
+def check_known(names: Iterable[str]) -> None:
+    """Raise ``ProblemError``, with the nearest name, if there is no problem of one of these names."""
+    known = problem_names()
+    for name in names:
+        if name not in known:
+            raise ProblemError(f"there is no problem {name!r}{suggestion(name, known)}")
+
+
+def check_numbers(problem: ContactProblem) -> None:
+    """Raise ``BenchError`` if a problem has the name of one that the package holds, and other numbers."""
+    if is_held(problem.name) and load(problem.name).digest != problem.digest:
+        raise BenchError(
+            f"the problem {problem.name!r} has other numbers than the one of that name in the library; give it another "
+            "name, as problem.renamed(NAME) does."
+        )
+
+
+def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, str]:
+    """Store the problems that the package does not hold, as far as they are there; return their digests by name.
+
+    Raises:
+        BenchError: if one cannot be written.
+        ProblemError: if one cannot be read.
+    """
+    carried = {}
+    for given in problems:
+        name = given if isinstance(given, str) else given.name
+        if not is_held(name) and (not isinstance(given, str) or is_available(given)):
+            problem = resolved(given)
+            store.write_problem(problem)
+            carried[name] = problem.digest
+    return carried
+
+
+def problem_of(store: Store, run: RunRecord, name: str) -> ContactProblem:
+    """Return a problem of a run, as it is stored with it or as the package holds it.
+
+    Raises:
+        ProblemError: if there is none of that name, or its file is missing or damaged.
+        BenchError: if its file holds another problem.
+    """
+    if name not in run.plan.problems:
+        raise ProblemError(f"the run has no problem {name!r}{suggestion(name, run.plan.problems)}")
+    problem = store.read_problem(run.carried[name]) if name in run.carried else resolved(name)
+    return problem if problem.name == name else problem.renamed(name)

@@ -1,0 +1,200 @@
+"""Runs in Python: begin one, finish one, load one."""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pandas as pd
+
+from ..problems.contact.problem import ContactProblem
+from ..solvers.interface import Solver
+from .errors import BenchError
+from .measure.plan import make_plan
+from .measure.plugins import use_plugin_files
+from .measure.problems import problem_of
+from .measure.runner import Event, measure, measure_rest
+from .store.frames import RunFrames, read_frames
+from .store.records import Limits
+from .store.store import Store, plain_name
+
+OnEvent = Callable[[Event], None]
+
+
+def _ignore(event: Event) -> None:
+    """Show nothing."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a run has to show.
+
+    Attributes:
+        results: time to accuracy and ending of each case.
+        summary: success and mean time of each solver.
+        tables: the files that hold both.
+        charts: the files of the charts; none if they were not drawn.
+    """
+
+    results: pd.DataFrame
+    summary: pd.DataFrame
+    tables: list[Path]
+    charts: list[Path]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(RunFrames, os.PathLike[str]):
+    """A stored run as it was when it was loaded; usable as the path of its folder.
+
+    Attributes:
+        folder: where it is stored.
+        cases: one row a case: problem, solver, model, digest, sizes, outcome, reason, wall time [s], peak memory
+            [bytes], and what a failed one left.
+        points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
+            quartiles, the other numbers of the verdict.
+        iterations: the convergence curves: problem, solver, iteration, residual.
+        info: plan, machine, plugins, and sessions with drift and load of the machine.
+        damaged: one sentence for each case file that could not be read.
+    """
+
+    def __fspath__(self) -> str:
+        return str(self.folder)
+
+    def __str__(self) -> str:
+        return str(self.folder)
+
+    def __repr__(self) -> str:
+        return f"<Run {str(self.folder)!r}: {len(self.cases)} of {self.n_planned} cases>"
+
+    def report(self, charts: bool = True) -> Report:
+        """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
+
+        Raises:
+            BenchError: if they cannot be written.
+        """
+        from .report.tables import results_table, summary_table, write_tables
+
+        tables, drawn = write_tables(self, self.folder / "tables"), []
+        if charts:
+            from .report.charts import write_charts  # altair takes a second to import
+
+            drawn = write_charts(self, self.folder / "charts")
+        return Report(results_table(self), summary_table(self), tables, drawn)
+
+    def resume(
+        self, retry_failed: bool = False, on_event: OnEvent = _ignore, plugins: Sequence[Path | str] = ()
+    ) -> "Run":
+        """Measure what is missing, and return the run as it then is; see ``resume``."""
+        return resume(self.folder, retry_failed, on_event, plugins)
+
+    def problem(self, name: str) -> ContactProblem:
+        """Return one of its problems, also where what made it is gone.
+
+        Raises:
+            ProblemError: if it has none of that name, or the problem's file is damaged.
+        """
+        return problem_of(Store.open(self.folder), self.info, name)
+
+
+def run(
+    problems: Sequence[str | Path | ContactProblem] | str | Path | ContactProblem | None = None,
+    solvers: Sequence[str | Solver] | str | Solver | None = None,
+    suite: str = "quick",
+    results: Path | str = "results",
+    run_id: str | None = None,
+    tolerances: Sequence[float] | float | None = None,
+    limits: Limits | None = None,
+    on_event: OnEvent = _ignore,
+    plugins: Sequence[Path | str] | Path | str = (),
+    *,
+    solve_seconds: float | None = None,
+    case_seconds: float | None = None,
+    memory: float | None = None,
+) -> Run:
+    """Measure solvers on problems, store the results and return them.
+
+    Args:
+        problems: names, problem files (.npz) or problems, or one of them; the members of ``suite`` if None. What is
+            missing is generated.
+        solvers: names with options, or solvers, or one of them; the default variants if None.
+        suite: a named suite.
+        results: the folder in which the folder of the run is made.
+        run_id: its name; date and time if None.
+        tolerances: the ladder, or one tolerance; 1e-1 … 1e-10 if None.
+        limits: of each case.
+        on_event: called as the run goes on.
+        plugins: plugin files whose solvers and problems can be named, or one of them.
+        solve_seconds: limit of one solve [s], instead of that of ``limits``.
+        case_seconds: limit of everything in a case [s], instead of that of ``limits``.
+        memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
+            ``limits``.
+
+    Raises:
+        ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
+        InterruptedRunError: on Ctrl-C; finished cases are kept.
+    """
+    use_plugin_files(_several(plugins) or ())
+    given = {
+        "solve_seconds": solve_seconds,
+        "case_seconds": case_seconds,
+        "memory_bytes": None if memory is None else round(memory * 2**20),
+    }
+    changed = {name: value for name, value in given.items() if value is not None}
+    plan = make_plan(
+        _several(problems),
+        _several(solvers),
+        suite,
+        _several(tolerances),
+        msgspec.structs.replace(limits or Limits(), **changed),
+    )
+    identity = run_id or datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    if identity != plain_name(identity):
+        raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
+    folder = Path(results) / identity
+    measure(plan, folder, on_event)
+    return load(folder)
+
+
+def resume(
+    run_dir: os.PathLike[str] | str,
+    retry_failed: bool = False,
+    on_event: OnEvent = _ignore,
+    plugins: Sequence[Path | str] | Path | str = (),
+) -> Run:
+    """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
+
+    Args:
+        run_dir: the folder of the run, or the run.
+        retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
+        on_event: called as the run goes on.
+        plugins: the plugin files from which it has its solvers, or one of them; problems of plugins are stored with it.
+
+    Returns:
+        The run as it then is.
+
+    Raises:
+        BenchError: if the folder is no run, its run.json is damaged, or a plugin file of its solvers is not named, is
+            gone or has changed.
+        InterruptedRunError: on Ctrl-C.
+    """
+    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or ())
+    return load(run_dir)
+
+
+def load(run_dir: os.PathLike[str] | str) -> Run:
+    """Load a stored run; damaged case files are left out and named.
+
+    Raises:
+        BenchError: if the folder is no run, or its run.json is damaged.
+    """
+    return Run(**vars(read_frames(Path(run_dir))))
+
+
+def _several(given: Any) -> tuple[Any, ...] | None:
+    """Return several values, also where one was given; None for None."""
+    if given is None:
+        return None
+    return (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)

@@ -1,0 +1,162 @@
+"""A run in Python: what it takes, what it returns, and that it needs nothing but its folder afterwards."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proxbench import bench
+from proxbench.bench import Run, load, resume, run
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.plan import Limits
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import ContactProblem, ProblemError, save_problem
+from proxbench.problems import load as load_problem
+from proxbench.problems.catalog.catalog import SUITES
+from proxbench.problems.catalog.plugins import forget, registered
+
+
+def falling(name: str = "mine", weight: float = 1.0) -> ContactProblem:
+    return ContactProblem.from_delassus(np.eye(3), (-weight, 0.5, 0.0), 0.3, name=name)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return run(falling(), "SORprox", results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=1e-4)
+
+
+def test_single_values_are_as_good_as_lists(finished: Run, tmp_path: Path) -> None:
+    listed = run([falling()], ["SORprox"], results=tmp_path, tolerances=[1e-4])
+    same = ["problem", "solver", "digest", "outcome"]
+    assert listed.cases[same].to_dict() == finished.cases[same].to_dict()
+    assert listed.points["residual"].tolist() == finished.points["residual"].tolist()
+
+
+def test_a_run_is_the_path_of_its_folder_and_loads_as_it_was_returned(finished: Run) -> None:
+    assert Path(finished) == finished.folder == Path(os.fspath(finished)) == Path(f"{finished}")
+    for again in (load(finished), load(str(finished.folder)), load(finished.folder)):
+        assert again.info == finished.info
+        assert again.points.equals(finished.points)
+        assert again.is_finished
+
+
+def test_limits_are_given_by_name_and_keep_the_others(tmp_path: Path) -> None:
+    made = run(
+        falling(),
+        "SORprox",
+        results=tmp_path,
+        tolerances=1e-2,
+        limits=Limits(max_iterations=7),
+        solve_seconds=3.0,
+        case_seconds=30.0,
+        memory=512,
+    )
+    assert made.info.plan.limits == Limits(3.0, 30.0, 512 * 2**20, 7)
+    with pytest.raises(BenchError, match="memory_bytes must be positive"):
+        run(falling(), "SORprox", results=tmp_path, memory=0)
+
+
+def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_path: Path) -> None:
+    save_problem(falling(), tmp_path / "p.npz")
+    for given in (tmp_path / "p.npz", str(tmp_path / "p.npz")):
+        made = run(given, "SORprox", results=tmp_path, run_id=type(given).__name__, tolerances=1e-4)
+        assert made.cases["digest"].tolist() == finished.cases["digest"].tolist()
+        assert made.cases["problem"].tolist() == ["mine"]
+
+
+def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path: Path) -> None:
+    mine, same = falling(), falling("other name")
+    made = run([mine, same, "hard-no-motion", "funnel-30"], "SORprox", results=tmp_path, tolerances=1e-1)
+    assert [file.name for file in (made.folder / "problems").iterdir()] == [f"{mine.digest}.npz"]
+    assert made.info.carried == {"mine": mine.digest, "other name": mine.digest}
+    for name in ("mine", "other name", "hard-no-motion"):
+        problem = made.problem(name)
+        assert problem.name == name
+        assert problem.digest == made.cases.set_index("problem").loc[name, "digest"]
+    with pytest.raises(ProblemError, match="the run has no problem 'mime'; did you mean 'mine'"):
+        made.problem("mime")
+
+
+def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_them(
+    finished: Run, tmp_path: Path
+) -> None:
+    made = run([falling(), falling("heavy", 2.0)], ["SORprox", "Jprox"], results=tmp_path, tolerances=1e-4)
+    lost = sorted((made.folder / "cases").iterdir())[::2]
+    for file in lost:
+        file.unlink()
+    assert not load(made).is_finished
+    again = load(made).resume()
+    assert again.is_finished
+    assert again.points["residual"].tolist() == made.points["residual"].tolist()
+    assert [bool(session.finished) for session in again.info.sessions] == [True, True]
+
+
+def test_a_problem_of_a_plugin_needs_the_plugin_no_more(tmp_path: Path) -> None:
+    plugin = tmp_path / "points.py"
+    plugin.write_text(
+        "import numpy as np\nfrom proxbench.problems import ContactProblem\n"
+        "def point():\n    return ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3)\n"
+        "PROBLEMS = {'plugged': point}\n"
+    )
+    made = run("plugged", "SORprox", results=tmp_path, tolerances=1e-4, plugins=plugin)
+    assert [(use.kind, use.name, use.file) for use in made.info.plugins] == [("problem", "plugged", str(plugin))]
+    for file, _ in registered():
+        forget(file)
+    plugin.unlink()
+    next((made.folder / "cases").iterdir()).unlink()
+    again = resume(made)
+    assert again.cases["digest"].tolist() == made.cases["digest"].tolist()
+    assert again.problem("plugged").provenance["plugin"] == f"plugin file {plugin}"
+
+
+def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_for_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache = tmp_path / "cache"
+    monkeypatch.setenv("PROXBENCH_CACHE", str(cache))
+    monkeypatch.setitem(SUITES, "all", [*SUITES["all"], "late"])
+    monkeypatch.setattr(
+        "proxbench.bench.measure.runner.generate",
+        lambda names: [save_problem(falling(name, 2.0), cache / f"{name}.npz") for name in names],
+    )
+    save_problem(falling("early"), cache / "early.npz")
+    made = run(["early", "late"], "SORprox", results=tmp_path / "results", tolerances=1e-1)
+    assert made.info.carried == {"early": falling().digest, "late": falling(weight=2.0).digest}
+    shutil.rmtree(cache)
+    assert made.problem("late").digest == made.info.carried["late"]
+
+
+def test_a_carried_problem_that_is_damaged_stops_the_run_by_name(tmp_path: Path) -> None:
+    made = run(falling(), "SORprox", results=tmp_path, tolerances=1e-1)
+    (file,) = (made.folder / "problems").iterdir()
+    file.write_bytes(file.read_bytes()[:-30])
+    with pytest.raises(ProblemError, match=f"{file.name} is damaged"):
+        resume(made)
+
+
+@pytest.mark.parametrize("name", ["hard-no-motion", "funnel-30"])
+def test_a_name_of_the_library_stands_for_its_numbers_only(name: str, tmp_path: Path) -> None:
+    assert name in SUITES["all"]
+    with pytest.raises(BenchError, match=f"the problem '{name}' has other numbers"):
+        run(falling(name), "SORprox", results=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    made = run(load_problem(name).fresh(), "SORprox", results=tmp_path, tolerances=1e-1)
+    assert made.info.carried == {}
+
+
+def test_a_report_writes_what_it_names(finished: Run) -> None:
+    made = finished.report()
+    assert made.results["outcome"].tolist() == [Outcome.SOLVED]
+    assert made.summary["solver"].tolist() == ["SORprox"]
+    assert {file.parent.name for file in made.tables} == {"tables"}
+    assert {file.parent.name for file in made.charts} == {"charts"}
+    assert all(file.stat().st_size for file in (*made.tables, *made.charts))
+    assert finished.report(charts=False).charts == []
+
+
+def test_the_version_is_that_of_the_installation() -> None:
+    from importlib import metadata
+
+    assert bench.__version__ == metadata.version("proxbench")
+    assert set(bench.__all__) == {"Run", "load", "resume", "run"}
