@@ -69,6 +69,11 @@ class Run(RunFrames, os.PathLike[str]):
     def __repr__(self) -> str:
         return f"<Run {str(self.folder)!r}: {len(self.cases)} of {self.n_planned} cases>"
 
+    def _repr_html_(self) -> str:
+        from .report.html import run_page
+
+        return run_page(self)
+
     def report(self, charts: bool = True) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 

@@ -7,12 +7,24 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
+from ...problems.spelling import for_command_line
 from ..errors import BenchError
+from ..store.condition import run_state
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
 from ..store.store import plain_name
-from .drawing import by_name, heading, key, round_values, stacked, write_drawing
-from .labels import FONT_SIZE, Label, Points, placed_labels
+from .drawing import (
+    FONT_SIZE,
+    Label,
+    Points,
+    by_name,
+    heading,
+    key,
+    placed_labels,
+    round_values,
+    stacked,
+    write_drawing,
+)
 from .palette import Look, looks
 from .summary_charts import summary_charts
 from .tables import ending
@@ -86,7 +98,8 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         panels.append(key({name: look for name, look in _looks(frames).items() if name in shown}, WIDTH + MARGIN))
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
-    return stacked(panels, heading(problem, [size], WIDTH), {"color": "independent"}, spacing=20)
+    title = heading(problem, [size, *map(for_command_line, run_state(frames))], WIDTH + MARGIN)
+    return stacked(panels, title, {"color": "independent"}, spacing=20)
 
 
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:

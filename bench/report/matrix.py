@@ -36,13 +36,14 @@ _LEGEND = (
 )
 
 
-def matrix_page(cells: Sequence[Cell], tolerance: float, command: str) -> str:
+def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: str = "") -> str:
     """Return the matrix as a Markdown page.
 
     Args:
         cells: every solver on every problem.
         tolerance: the judged residual asked for.
         command: the command line that makes the page.
+        state: paragraphs about the run that it comes from.
     """
     cells = [
         replace(cell, problem=inline(cell.problem), solver=inline(cell.solver), reason=inline(cell.reason))
@@ -53,6 +54,7 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str) -> str:
     lines = [
         "# What each solver can solve",
         "",
+        *state.splitlines(),
         f"{len(problems)} problems, {len(solvers)} solvers, {len(cells)} cells; asked for a judged residual of "
         f"{tolerance:g}. Made by `{command}`; times and their limits are those of one machine.",
         "",

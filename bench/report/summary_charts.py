@@ -6,9 +6,10 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
+from ...problems.spelling import for_command_line
+from ..store.condition import run_state
 from ..store.frames import RunFrames
-from .drawing import by_name, heading, round_values, stacked
-from .labels import FONT_SIZE
+from .drawing import FONT_SIZE, by_name, heading, round_values, stacked
 from .palette import PALETTE, looks
 from .tables import claims, common_problems, duration, mean_time, summary_accuracies, supported, time_to_accuracy
 from .text import counted
@@ -41,7 +42,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
     """
     cases = supported(frames)
     problems, means = _times(frames, cases)
-    limit = float(frames.info["plan"]["limits"]["solve_seconds"])
+    limit = frames.info.plan.limits.solve_seconds
     both = pd.concat([problems["milliseconds"], means["milliseconds"]]).dropna().to_numpy()
     if not len(both):
         both = np.array([1e3 * limit])
@@ -51,11 +52,11 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
         _time_panel(frames, problems, means, accuracy, domain, first=k == 0) for k, accuracy in enumerate(accuracies)
     ]
     common = counted(len(common_problems(frames)), "problem")
-    limit = frames.info.plan.limits.solve_seconds
     notes = [
         f"{counted(cases['problem'].nunique(), 'problem')}; large marks: shifted geometric mean over the {common} that "
         f"all these solvers support, failures at {duration(limit)}; right: how many of its own each solves",
         _unsupported(frames, cases),
+        *map(for_command_line, run_state(frames)),
     ]
     title = heading("Time to accuracy", notes, len(panels) * WIDTH + 150)
     return stacked([alt.hconcat(*panels, spacing=40)], title, {"color": "shared"}, label=0)
@@ -72,6 +73,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
     notes = [
         f"{counted(cases['problem'].nunique(), 'problem')}; how many of those that a solver supports it solves",
         _unsupported(frames, cases),
+        *map(for_command_line, run_state(frames)),
     ]
     title = heading("Success", notes, 2 * WIDTH + 150)
     return stacked([alt.hconcat(*panels, spacing=40)], title, {"color": "shared"}, label=0)

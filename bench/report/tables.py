@@ -9,8 +9,10 @@ from rich.console import Console
 from rich.text import Text
 
 from ...problems.arrays import FloatArray
+from ...problems.spelling import for_command_line
 from ..errors import BenchError
 from ..measure.matrix import Cell
+from ..store.condition import run_state, steadiness, warnings
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
 from .fitting import hanging, print_table
@@ -170,7 +172,8 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
         ):
             frame.to_csv(folder / f"{name}.csv", index=False)
             frame.to_parquet(folder / f"{name}.parquet", index=False)
-            (folder / f"{name}.md").write_text(_markdown(shown(frame)) + note, encoding="utf-8")
+            content = _markdown_head(frames) + _markdown(shown(frame)) + note
+            (folder / f"{name}.md").write_text(content, encoding="utf-8")
             files += [folder / f"{name}.{kind}" for kind in ("csv", "parquet", "md")]
         (folder / "matrix.md").write_text(matrix_of_run(frames), encoding="utf-8")
         files.append(folder / "matrix.md")
@@ -192,11 +195,15 @@ def matrix_of_run(frames: RunFrames) -> str:
         for row in results_table(frames).to_dict("records")
     ]
     finest = min(frames.info.plan.tolerances)
-    return matrix_page(cells, finest, f"proxbench report {frames.info.run_id}")
+    return matrix_page(cells, finest, f"proxbench report {frames.info.run_id}", _markdown_head(frames))
 
 
 def print_tables(frames: RunFrames, console: Console) -> None:
-    """Print one table a problem, with every failure spelled out below it, and the summary."""
+    """Print the state of the run, one table a problem, with every failure spelled out below it, and the summary."""
+    for warning in warnings(frames):
+        console.print(Text(for_command_line(warning), style="bold yellow"))
+    console.print(Text(steadiness(frames.info), style="dim"))
+    console.print()
     results = results_table(frames)
     if results.empty:
         console.print(Text("no case of this run is finished"))
@@ -315,6 +322,11 @@ def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
         shown[f"mean\n{tag}"] = summary[f"mean_time_{tag}"].map(duration)
     shown["wrong"] = summary["wrong"]
     return shown
+
+
+def _markdown_head(frames: RunFrames) -> str:
+    """Return the state of a run as paragraphs above a table."""
+    return "".join(f"{inline(for_command_line(sentence))}\n\n" for sentence in run_state(frames))
 
 
 def _markdown(shown: pd.DataFrame) -> str:

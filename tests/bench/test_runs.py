@@ -1,11 +1,14 @@
 """A run in Python: what it takes, what it returns, and that it needs nothing but its folder afterwards."""
 
+import dataclasses
 import os
 import shutil
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from proxbench import bench
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
@@ -153,6 +156,33 @@ def test_a_report_writes_what_it_names(finished: Run) -> None:
     assert {file.parent.name for file in made.charts} == {"charts"}
     assert all(file.stat().st_size for file in (*made.tables, *made.charts))
     assert finished.report(charts=False).charts == []
+
+
+class Texts(HTMLParser):
+    """Collects tags and texts."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+        self.texts: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.tags.add(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data.strip())
+
+
+def test_a_notebook_shows_the_summary_and_no_markup_of_names(finished: Run) -> None:
+    hostile = "<script>alert(1)</script>"
+    info = replace(finished.info, run_id=hostile, plan=replace(finished.info.plan, solvers=[hostile]))
+    cases, points = finished.cases.assign(solver=hostile), finished.points.assign(solver=hostile)
+    page = Texts(dataclasses.replace(finished, info=info, cases=cases, points=points)._repr_html_())
+    assert page.tags == {"h4", "p", "table", "thead", "tbody", "tr", "th", "td"}
+    assert hostile in page.texts
+    assert {"true 1e-04", "100 %"} <= set(page.texts)
+    assert len("".join(page.texts)) < 4000
 
 
 def test_the_version_is_that_of_the_installation() -> None:
