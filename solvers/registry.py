@@ -12,11 +12,11 @@ from . import contract
 from .interface import Solution, Solver, SolverError, Status, Stop
 
 BUILT_IN = {
-    "Jprox": "prox.jacobi",
-    "JORprox": "prox.jacobi",
-    "SORprox": "prox.gauss_seidel",
-    "SafeguardedSORprox": "prox.safeguarded",
-    "NSGS": "prox.block_gauss_seidel",
+    "Jprox": "prox.jprox",
+    "JORprox": "prox.jorprox",
+    "SORprox": "prox.sorprox",
+    "SafeguardedSORprox": "prox.safeguarded_sorprox",
+    "NSGS": "prox.nsgs",
     "SemismoothNewton": "newton.semismooth_newton",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",

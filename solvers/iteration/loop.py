@@ -34,11 +34,11 @@ class Iterates(Protocol):
 
 
 @runtime_checkable
-class Calming(Protocol):
-    """Iterates that can be made to move more carefully."""
+class Accelerated(Protocol):
+    """Iterates with momentum, which can be reduced."""
 
-    def calm(self) -> bool:
-        """Move more carefully from now on; return False if that is done as far as it goes."""
+    def reduce_momentum(self) -> bool:
+        """Go on with less momentum; return False if there is none."""
         ...
 
 
@@ -71,8 +71,13 @@ class PreparedIteration:
                 residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
             ended = monitor.look(advance.iteration, residual, impulses)
             repeats = None
-            if ended is None and monitor.suspects_cycle and isinstance(iterates, Calming) and iterates.calm():
-                monitor.be_patient()
+            if (
+                ended is None
+                and monitor.suspects_cycle
+                and isinstance(iterates, Accelerated)
+                and iterates.reduce_momentum()
+            ):
+                monitor.restart_progress()
             elif ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
                 repeats = advance.cycle(impulses)
             if ended is None and (repeats is not None or monitor.lacks_progress):

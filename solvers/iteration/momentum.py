@@ -20,7 +20,7 @@ LEAST_MOMENTUM = 0.3
 """A β up to this is not halved but left out."""
 
 
-def calmed(momentum: float) -> float:
+def reduced(momentum: float) -> float:
     """Return half of β, at last none: an iteration that makes no progress with momentum may do so without."""
     return 0.5 * momentum if momentum > LEAST_MOMENTUM else 0.0
 
@@ -61,11 +61,11 @@ class MomentumIterates:
             turns = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
             self._present = 0.0 if turns else self._momentum
 
-    def calm(self) -> bool:
+    def reduce_momentum(self) -> bool:
         """Lower β; return False if there is none."""
         if self._momentum == 0.0:
             return False
-        self._momentum = calmed(self._momentum)
+        self._momentum = reduced(self._momentum)
         self._present = min(self._present, self._momentum)
         return True
 

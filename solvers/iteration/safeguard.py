@@ -1,7 +1,7 @@
 """A safeguard for sweeps: contacts that oscillate give up part of their step, one by one.
 
 One slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1, contacts of high friction can cycle
-even where each is solved exactly, and no one can tell beforehand which contacts of a problem will slip. So all begin
+even where each is solved exactly, and which contacts of a problem will slip is not known beforehand. So all begin
 with the step asked for. Every few sweeps the last two increments of each contact, d = Λ^ν − Λ^(ν−1), are compared:
 where they point against each other without shrinking, in the norm of √α Λ (the contact's own scale of energy),
 
@@ -52,16 +52,16 @@ class OscillationGuard:
         self._step_sizes, self._padded = step_sizes.reshape(-1), padded
         self._width = len(padded) // n_blocks if n_blocks else 1
         self._before, self._previous = np.empty_like(padded), np.empty_like(padded)
-        self._since_look, self._calm_looks = 0, 0
+        self._since_look, self._looks_since_cut = 0, 0
 
     def restart(self) -> None:
         """Compare nothing across a jump of the impulses."""
         self._since_look = 0
 
-    def sweep(self, count: int, sweeps: Callable[[int], None], after_cut: Callable[[], None]) -> None:
-        """Do ``count`` sweeps by ``sweeps``; compare increments now and then, and call ``after_cut`` after a cut."""
+    def sweep(self, count: int, sweeps: Callable[[int], None], scale: Callable[[FloatArray], None]) -> None:
+        """Do ``count`` sweeps by ``sweeps``; compare increments now and then, and ``scale`` steps after a cut."""
         while count > 0:
-            left = INTERVALS[min(self._calm_looks, len(INTERVALS) - 1)] - self._since_look
+            left = INTERVALS[min(self._looks_since_cut, len(INTERVALS) - 1)] - self._since_look
             if left == 2:
                 self._before[:] = self._padded
             elif left == 1:
@@ -71,11 +71,11 @@ class OscillationGuard:
             self._since_look += step
             count -= step
             if step == left:
-                self._since_look, self._calm_looks = 0, self._calm_looks + 1
+                self._since_look, self._looks_since_cut = 0, self._looks_since_cut + 1
                 iterates = (self._before, self._previous, self._padded)
                 if _cut_where_opposed(self._width, *iterates, self._step_sizes, self.fraction):
-                    self._calm_looks = 0
-                    after_cut()
+                    self._looks_since_cut = 0
+                    scale(self.fraction)
 
 
 @njit(cache=True)

@@ -103,13 +103,13 @@ class Monitor:
         """Whether it is time to compare iterates with each other."""
         return self._looks_without_progress >= CYCLE_PATIENCE
 
-    def be_patient(self) -> None:
+    def restart_progress(self) -> None:
         """Count looks without progress from here on, because the iteration has just been changed."""
         self._looks_without_progress = 0
 
     def cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> tuple[Status, str] | None:
         """Compare three successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return how it ended if they have come to repeat."""
-        self.be_patient()
+        self.restart_progress()
         earlier, self._repeats = self._repeats, None
         rounding = ROUNDING * np.abs([newest, previous, before]).max(axis=0)
         if np.array_equal(newest, previous) and np.array_equal(newest, before):

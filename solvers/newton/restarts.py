@@ -24,9 +24,9 @@ from ...problems.arrays import FloatArray
 from ..interface import Status
 from ..iteration.loop import Iterates
 from ..iteration.stopping import LONGEST_INTERVAL
-from ..prox.block_gauss_seidel import BlockIterates, BlockSweep
-from ..prox.safeguarded import SafeguardedIterates
+from ..sweeps.blocks import BlockIterates, BlockSweep
 from ..sweeps.delassus import DelassusSweep
+from ..sweeps.safeguarded import SafeguardedIterates
 from .attempts import Attempts
 from .steps import THOROUGH
 
@@ -103,9 +103,9 @@ class Restarts:
         starts = [self.best, self._first]
         if np.array_equal(starts[0], starts[1]):
             starts.pop()
-        blocks = BlockSweep.over(self._attempts.problem, 1.0, True)
-        block_wise = [Predictor(BlockIterates(blocks, start)) for start in starts]
-        plain = [Predictor(SafeguardedIterates(self._sweep, start), attempted=0) for start in starts]
+        blocks = BlockSweep.over(self._attempts.problem, 1.0)
+        block_wise = [Predictor(SafeguardedIterates(BlockIterates(blocks, start))) for start in starts]
+        plain = [Predictor(SafeguardedIterates(self._sweep.iterates(start)), attempted=0) for start in starts]
         return [*block_wise, *plain]
 
     def _followed(self, predictor: Predictor, work_until: float) -> tuple[Status, str] | None:

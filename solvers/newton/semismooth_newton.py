@@ -25,8 +25,8 @@ from ...problems.names import described
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import Advance, confirmed, first_impulses, left_by_rounding, rounding
 from ..iteration.stopping import Monitor, sweeps_to_next_look
-from ..prox.safeguarded import SafeguardedIterates
 from ..sweeps.delassus import DelassusSweep
+from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .attempts import Attempts
 from .linearised import Equations
@@ -103,7 +103,7 @@ class PreparedNewton:
         if self.residual.infeasible:
             return Solution(first, Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
         monitor = Monitor(stop)
-        iterates = SafeguardedIterates(self.sweep, first)
+        iterates = SafeguardedIterates(self.sweep.iterates(first))
         advance = Advance(iterates, monitor, observe)
         attempts = Attempts(self.problem, self.residual, self.equations, advance)
         restarts = Restarts(attempts, self.sweep, first)

@@ -20,7 +20,7 @@ from ...problems.contact.delassus import DelassusBlocks
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import with_momentum
-from .projection import disc_scale
+from .one_contact import disc_scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,38 +53,50 @@ class DelassusSweep:
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
-        return with_momentum(self.over_padded(self.layout.pad(start).reshape(-1)), momentum)
+        return with_momentum(self.iterates(start), momentum)
 
-    def over_padded(self, padded: FloatArray) -> "DelassusIterates":
-        """Return the iterates that live in ``padded``, Λ padded and flat."""
-        return DelassusIterates(self, padded)
+    def iterates(self, start: FloatArray) -> "DelassusIterates":
+        """Return the iterates without momentum that begin at ``start``, shape (n_rows,)."""
+        return DelassusIterates(self, start)
 
 
 class DelassusIterates:
-    """Λ of a Gauss–Seidel iteration, padded and flat."""
+    """Λ of a Gauss–Seidel iteration.
 
-    def __init__(self, sweep: DelassusSweep, padded: FloatArray) -> None:
-        self._sweep = sweep
-        self._impulses = padded
-        self._velocity = np.empty_like(padded)
+    Attributes:
+        layout: the padded blocks.
+        padded: Λ padded and flat.
+        step_sizes: r of the N lane and the T lanes of each block [kg], shape (n_blocks, 2).
+    """
+
+    def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
+        self.layout, self.padded = sweep.layout, sweep.layout.pad(start).reshape(-1)
+        self.step_sizes = sweep.laws[0].reshape(-1, 2)
+        self._sweep, self._laws = sweep, sweep.laws
+        self._velocity = np.empty_like(self.padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._sweep.kernel(count, *self._sweep.matrix, self._sweep.free, *self._sweep.laws, self._impulses)
+        self._sweep.kernel(count, *self._sweep.matrix, self._sweep.free, *self._laws, self.padded)
+
+    def scale_steps(self, fraction: FloatArray) -> None:
+        """Let the step of each block be this fraction of what it was at first, shape (n_blocks,)."""
+        sizes, *others = self._sweep.laws
+        self._laws = (sizes * np.repeat(fraction, 2), *others)
 
     def linear(self) -> tuple[FloatArray, int]:
         """Return Λ, which sweeps change in place, and its length."""
-        return self._impulses, len(self._impulses)
+        return self.padded, len(self.padded)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._sweep.layout.unpad(self._impulses)
+        return self.layout.unpad(self.padded)
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        layout = self._sweep.layout
-        block_product(layout.width, *self._sweep.matrix, self._impulses, self._sweep.free, self._velocity)
-        return layout.unpad(self._velocity)
+        own = self._sweep
+        block_product(self.layout.width, *own.matrix, self.padded, own.free, self._velocity)
+        return self.layout.unpad(self._velocity)
 
 
 def law_arguments(layout: BlockLayout, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Any]:

@@ -21,10 +21,10 @@ from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
-from ..iteration.momentum import calmed, with_momentum
+from ..iteration.momentum import reduced, with_momentum
 from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, slots_in_batches, sweep_batches
 from .delassus import law_arguments
-from .projection import disc_scale
+from .one_contact import disc_scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,11 +130,11 @@ class BatchIterates(FactorIterates):
         own = self._sweep
         self._present = own.kernel(count, *own.kernel_arguments, *arrays, self._momentum, self._present)
 
-    def calm(self) -> bool:
+    def reduce_momentum(self) -> bool:
         """Lower β; return False if there is none."""
         if self._momentum == 0.0:
             return False
-        self._momentum = calmed(self._momentum)
+        self._momentum = reduced(self._momentum)
         self._present = min(self._present, self._momentum)
         return True
 

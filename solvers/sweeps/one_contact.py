@@ -25,6 +25,16 @@ STRAY = 1e-13
 """Relative velocity along the wrong side of a bound, and excess over a bound, that passes as rounding."""
 
 
+@njit(cache=True, inline="always")
+def disc_scale(x, y, bound):  # type: ignore[no-untyped-def]
+    """Return the factor that projects (x, y) onto the disc of radius ``bound``; exactly 1 inside it."""
+    scale = 1.0
+    squared = x * x + y * y
+    if squared > bound * bound:
+        scale = bound / np.sqrt(squared)
+    return scale
+
+
 @njit(cache=True, inline="always", error_model="numpy")
 def solve_frictionless(g, q):  # type: ignore[no-untyped-def]
     """Return Λ_N ≥ 0 with ξ_N = g Λ_N + q ≥ 0 and one of them zero; 0 where nothing moves (g = 0)."""

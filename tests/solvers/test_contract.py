@@ -19,7 +19,6 @@ VARIANTS = [
     "SORprox(momentum=0.8)",
     "SafeguardedSORprox",
     "NSGS",
-    "NSGS(safeguard=False)",
     "SemismoothNewton",
     "ClarabelSOCP",
     "ClarabelSOCP(form='factors')",

@@ -15,15 +15,15 @@ from proxbench.solvers.newton.attempts import Attempts
 from proxbench.solvers.newton.linearised import Equations
 from proxbench.solvers.newton.restarts import Restarts
 from proxbench.solvers.newton.work import Work
-from proxbench.solvers.prox.safeguarded import SafeguardedIterates
 from proxbench.solvers.sweeps.delassus import DelassusSweep
+from proxbench.solvers.sweeps.safeguarded import SafeguardedIterates
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
 def restarts_of(problem: ContactProblem, first: np.ndarray, stop: Stop) -> tuple[Restarts, Advance, Attempts]:
     """The restarts of a solve that has done nothing yet."""
     sweep = DelassusSweep.over(problem, problem.delassus_blocks(), diagonal_step_sizes(problem, 1.5))
-    advance = Advance(SafeguardedIterates(sweep, first), Monitor(stop), None)
+    advance = Advance(SafeguardedIterates(sweep.iterates(first)), Monitor(stop), None)
     residual = Residual(problem)
     attempts = Attempts(problem, residual, Equations(problem, residual), advance)
     return Restarts(attempts, sweep, first), advance, attempts

@@ -1,68 +1,22 @@
-"""NSGS: nonsmooth Gauss–Seidel, contact by contact, each solved exactly.
+"""Block Gauss–Seidel sweeps over the assembled Delassus matrix: contact by contact, each solved exactly.
 
-One sweep visits the contacts in order and replaces the impulse of each by the solution of its own problem with the
-newest impulses of all others (Jean & Moreau's method; ``one_contact`` solves the local problem). Normal and tangential
-direction of a contact are never at odds, which is what makes single laws in turn cycle at high friction.
+One sweep visits the contacts in order and replaces the impulse of each by the solution Λ* of its own problem with the
+newest impulses of all others (``one_contact``); with relaxation ω it moves to Λ + ω(Λ* − Λ), projected onto its cone.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
-from ..interface import SolverError
-from ..iteration.loop import PreparedIteration
-from ..iteration.safeguard import OscillationGuard
-from ..sweeps.delassus import block_product
-from ..sweeps.one_contact import solve_frictionless, solve_planar, solve_spatial
-from ..sweeps.projection import disc_scale
-from ..sweeps.slip_angle import WORKSPACE
-from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
-
-
-@dataclass(frozen=True)
-class NSGS:
-    """Nonsmooth (block) Gauss–Seidel: every contact is solved exactly, to rounding, with all others held still.
-
-    Attributes:
-        relaxation: ω; a contact moves to Λ + ω(Λ* − Λ), drawn back into its cone, where Λ* solves it.
-        safeguard: whether ω is cut at contacts that oscillate, as contacts of high friction do among each other.
-
-    Raises:
-        SolverError: for an option out of range.
-    """
-
-    relaxation: float = 1.0
-    safeguard: bool = True
-
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        check_relaxation(self.relaxation)
-        if not isinstance(self.safeguard, bool):
-            raise SolverError(f"safeguard must be True or False, got {self.safeguard!r}.")
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
-
-    def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Assemble G."""
-        sweep = BlockSweep.over(problem, self.relaxation, self.safeguard)
-        return PreparedIteration(problem, Residual(problem), lambda start: BlockIterates(sweep, start))
+from .delassus import block_product
+from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial
+from .slip_angle import WORKSPACE
+from .step_size import diagonal_step_sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +30,6 @@ class BlockSweep:
         laws: μ of the contact's own normal impulse, μ of another's, a, and the N lane of each block's partner.
         step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
         relaxation: ω.
-        safeguard: whether it is cut where contacts oscillate.
     """
 
     layout: BlockLayout
@@ -85,10 +38,9 @@ class BlockSweep:
     laws: tuple[FloatArray, FloatArray, FloatArray, Any]
     step_sizes: FloatArray
     relaxation: float
-    safeguard: bool
 
     @staticmethod
-    def over(problem: ContactProblem, relaxation: float, safeguard: bool) -> "BlockSweep":
+    def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
         layout, blocks = problem.layout, problem.delassus_blocks()
         lanes = (layout.width * blocks.columns).astype(np.uint32)
@@ -99,44 +51,44 @@ class BlockSweep:
         partner = (layout.width * layout.partner).astype(np.uint64)
         laws = (own_friction, remote_friction, layout.fixed_bound, partner)
         free, sizes = layout.pad(problem.free_velocity).reshape(-1), diagonal_step_sizes(problem, 1.0)
-        return BlockSweep(layout, matrix, free, laws, sizes, relaxation, safeguard)
+        return BlockSweep(layout, matrix, free, laws, sizes, relaxation)
 
 
 class BlockIterates:
-    """Λ of a block Gauss–Seidel iteration, padded and flat."""
+    """Λ of a block Gauss–Seidel iteration.
+
+    Attributes:
+        layout: the padded blocks.
+        padded: Λ padded and flat.
+        step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
+    """
 
     def __init__(self, sweep: BlockSweep, start: FloatArray) -> None:
-        self._sweep = sweep
-        self._impulses = sweep.layout.pad(start).reshape(-1)
-        self._velocity = np.empty_like(self._impulses)
+        self.layout, self.padded = sweep.layout, sweep.layout.pad(start).reshape(-1)
+        self._sweep, self.step_sizes = sweep, sweep.step_sizes
+        self._velocity = np.empty_like(self.padded)
         kernel = {1: _sweep_frictionless, 2: _sweep_planar, 3: _sweep_spatial}[sweep.layout.width]
         self._kernel, self._work = kernel, np.empty(WORKSPACE)
         self._relaxation = np.full(sweep.layout.n_blocks, float(sweep.relaxation))
-        self._guard = OscillationGuard(sweep.step_sizes, self._impulses)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        if self._sweep.safeguard:
-            self._guard.sweep(count, self._plain, self._take_smaller_steps)
-        else:
-            self._plain(count)
-
-    def _take_smaller_steps(self) -> None:
-        self._relaxation[:] = self._sweep.relaxation * self._guard.fraction
-
-    def _plain(self, count: int) -> None:
         own = self._sweep
-        self._kernel(count, self._relaxation, *own.matrix, own.free, *own.laws, self._impulses, self._work)
+        self._kernel(count, self._relaxation, *own.matrix, own.free, *own.laws, self.padded, self._work)
+
+    def scale_steps(self, fraction: FloatArray) -> None:
+        """Let ω of each block be this fraction of what it was at first, shape (n_blocks,)."""
+        self._relaxation[:] = self._sweep.relaxation * fraction
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._sweep.layout.unpad(self._impulses)
+        return self.layout.unpad(self.padded)
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         own = self._sweep
-        block_product(own.layout.width, *own.matrix, self._impulses, own.free, self._velocity)
-        return own.layout.unpad(self._velocity)
+        block_product(self.layout.width, *own.matrix, self.padded, own.free, self._velocity)
+        return self.layout.unpad(self._velocity)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})

@@ -1,0 +1,42 @@
+"""JORprox is Jprox with other step sizes, which make it converge."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem
+from proxbench.solvers import Status, Stop, create, solve
+
+
+def random_spatial(seed: int = 0) -> ContactProblem:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(40, 30))
+    return ContactProblem.from_delassus(root.T @ root, rng.normal(size=30), 0.4)
+
+
+def first_iterates(problem: ContactProblem, solver: str, count: int) -> np.ndarray:
+    seen: list[np.ndarray] = []
+    create(solver).prepare(problem).solve(Stop(1e-300, count), observe=lambda _, x: seen.append(x.copy()))
+    return np.array(seen)
+
+
+def test_jorprox_with_unit_relaxation_is_jprox() -> None:
+    problem = random_spatial(1)
+    assert np.array_equal(first_iterates(problem, "JORprox", 8), first_iterates(problem, "Jprox", 8))
+
+
+def test_a_jacobi_sweep_does_not_depend_on_the_order_of_contacts() -> None:
+    problem = random_spatial(2)
+    order = np.random.default_rng(5).permutation(problem.n_rows // 3)
+    rows = (3 * order[:, None] + np.arange(3)).ravel()
+    delassus = problem.delassus().toarray()[np.ix_(rows, rows)]
+    permuted = ContactProblem.from_delassus(delassus, problem.free_velocity[rows], 0.4)
+    solver = "JORprox(relaxation=0.1)"
+    straight, turned = first_iterates(problem, solver, 30)[-1], first_iterates(permuted, solver, 30)[-1]
+    assert np.abs(straight[rows] - turned).max() <= 1e-12 * np.abs(straight).max()
+
+
+@pytest.mark.parametrize("solver", ["JORprox(relaxation=0.3)", "JORprox(step_size='row_sum')"])
+def test_smaller_steps_mend_the_cycle(solver: str) -> None:
+    problem = ContactProblem.from_delassus(np.ones((5, 5)), -np.ones(5), dim=1)
+    solution = solve(problem, solver, tolerance=1e-8)
+    assert solution.status is Status.SOLVED
+    assert solution.impulses.sum() == pytest.approx(1.0, abs=1e-7)
