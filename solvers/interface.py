@@ -7,7 +7,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from ..problems.arrays import FloatArray
 from ..problems.contact.model import Model
@@ -110,12 +110,13 @@ class Prepared(Protocol):
 class Solver(Protocol):
     """A method with its options.
 
-    Attributes:
-        has_iterates: whether ``observe`` is called; False for a solver without meaningful inner iterates. A plugin may
-            leave it out, which means True; ask ``shows_iterates``.
+    A plugin may leave ``has_iterates`` out, which means True; ``shows_iterates`` reads it.
     """
 
-    has_iterates: ClassVar[bool]
+    @property
+    def has_iterates(self) -> bool:
+        """Whether ``observe`` is called; False for a solver without meaningful inner iterates."""
+        ...
 
     @property
     def name(self) -> str:

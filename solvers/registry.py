@@ -1,6 +1,7 @@
 """The list of solvers, those of plugins included, and how a name with options becomes one."""
 
 import inspect
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -18,6 +19,8 @@ BUILT_IN = {
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
     "NSGS": "prox.nsgs",
     "SemismoothNewton": "newton.semismooth_newton",
+    "HybridNewton": "composite.hybrid_newton",
+    "MomentumFallback": "composite.momentum_fallback",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",
     "CvxpySOCP": "conic.cvxpy_solvers",
@@ -29,29 +32,67 @@ BUILT_IN = {
 }
 """Module of each built-in solver, imported when the solver is created."""
 
+_COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}
+"""The same of solvers that are made of those named as their parts."""
+
+_EXAMPLES = {"Refined": "Refined(ClarabelCoulomb)", "Fallback": "Fallback(SORprox, NSGS)"}
+
 
 def available() -> list[str]:
     """Return the names that ``create`` knows: built-in solvers, then those of plugins, which are not imported yet."""
     return [*BUILT_IN, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
 
 
+def composites() -> dict[str, str]:
+    """Return an example of each built-in solver that is made of others, by its name."""
+    return dict(_EXAMPLES)
+
+
 def plugin_solvers() -> list[Offer]:
     """Return what plugins offer as solvers, the refused ones with their reason."""
-    return offers("solver", BUILT_IN)
+    return offers("solver", {**BUILT_IN, **_COMPOSITES})
 
 
 def create(name: str, **options: Any) -> Solver:
     """Return a solver: ``create("SORprox", relaxation=1.5)`` or ``create("SORprox(relaxation=1.5)")``.
 
+    A solver that is made of others names them first: ``create("Fallback(SORprox(relaxation=1.5), NSGS)")``.
+
     Raises:
-        SolverError: for an unknown name or option (with the nearest known one), or an option out of range.
+        SolverError: for an unknown name or option (with the nearest known one), an option out of range, or parts that
+            do not fit.
         PluginError: if a plugin offers the name but does not import, or its solver breaks the contract.
     """
-    written, offer = parse(name), find(name)
-    plain, options = written.plain, {**written.options, **options}
+    written = parse(name)
+    return _made(Name(written.plain, {**written.options, **options}, written.parts))
+
+
+def _made(written: Name) -> Solver:
+    plain, options = written.plain, written.options
+    parts = [_made(part) for part in written.parts]
+    if plain in _COMPOSITES:
+        return _composed(plain, parts, options)
+    offer = None if plain in BUILT_IN else _offer(plain)
+    if parts:
+        raise SolverError(f"{plain} is not made of other solvers; write its options by name, not {written}.")
     make = _built_in(plain) if offer is None else _plugin_factory(offer)
     check_options(plain, options, inspect.signature(make).parameters, SolverError)
-    solver: Solver = make(**options) if offer is None else contract.made(plain, offer.source, make, options)
+    solver: Solver = make(**options) if offer is None else contract.made(plain, offer.source, make, dict(options))
+    return solver
+
+
+def _composed(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> Solver:
+    make = _built_in(plain)
+    signature = inspect.signature(make)
+    known = [name for name, one in signature.parameters.items() if one.kind is one.KEYWORD_ONLY]
+    check_options(plain, options, known, SolverError)
+    try:
+        signature.bind(*parts, **options)
+    except TypeError:
+        parts = []
+    if not parts:
+        raise SolverError(f"{plain} is made of other solvers; name them as in {_EXAMPLES[plain]}.")
+    solver: Solver = make(*parts, **options)
     return solver
 
 
@@ -62,21 +103,35 @@ def factory(name: str) -> Any:
         SolverError: for an unknown name, with the nearest one.
         PluginError: if a plugin offers the name but does not import.
     """
-    return _built_in(name) if name in BUILT_IN else _plugin_factory(_offer(name))
+    return _built_in(name) if name in BUILT_IN or name in _COMPOSITES else _plugin_factory(_offer(name))
 
 
 def find(name: str) -> Offer | None:
-    """Return what a plugin offers under ``name``, with or without options; None for a built-in solver.
+    """Return what a plugin offers of the solver ``name``, itself or a part of it; None if all of it is built in.
 
     Raises:
         SolverError: for an unknown name, with the nearest one.
     """
-    plain = parse(name).plain
-    return None if plain in BUILT_IN else _offer(plain)
+    found = [_offer(plain) for plain in plain_names(name) if plain not in BUILT_IN and plain not in _COMPOSITES]
+    return found[0] if found else None
+
+
+def plain_names(name: str) -> list[str]:
+    """Return the plain names of a solver and of its parts, in the order in which they are written.
+
+    Raises:
+        SolverError: if the text is not a name.
+    """
+
+    def names(written: Name) -> list[str]:
+        return [written.plain, *(plain for part in written.parts for plain in names(part))]
+
+    return names(parse(name))
 
 
 def _built_in(name: str) -> Any:
-    return getattr(import_module(f".{BUILT_IN[name]}", __package__), name)
+    module = {**BUILT_IN, **_COMPOSITES}[name]
+    return getattr(import_module(f".{module}", __package__), name)
 
 
 def _offer(name: str) -> Offer:
@@ -85,7 +140,7 @@ def _offer(name: str) -> Offer:
         if offer.name == name:
             return offer
     usable = [offer.name for offer in found if not offer.refusal]
-    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*BUILT_IN, *usable])}")
+    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*BUILT_IN, *_COMPOSITES, *usable])}")
 
 
 def _plugin_factory(offer: Offer) -> Any:

@@ -13,7 +13,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
 from ...problems.hard import CASE_GROUPS
 from ...problems.scenes.registry import SCENES
-from ...solvers.registry import available, create, factory, plugin_solvers
+from ...solvers.registry import available, composites, create, factory, plugin_solvers
 from ..errors import BenchError
 from ..measure.describing import described_solver, plugin_problem
 from ..report.text import counted
@@ -138,12 +138,19 @@ def _solvers() -> list[dict[str, Any]]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     rows = [_built_in(name) for name in available() if name not in of_plugins]
+    rows += [_composite(name, example) for name, example in composites().items()]
     return rows + [_offered(offer, _described_solver) for offer in offers]
 
 
 def _built_in(name: str) -> dict[str, Any]:
     options = [f"{option.name}={option.default!r}" for option in inspect.signature(factory(name)).parameters.values()]
     return {"name": name, "model": str(create(name).model), "options": options, "source": "", "error": ""}
+
+
+def _composite(name: str, example: str) -> dict[str, Any]:
+    parameters = inspect.signature(factory(name)).parameters.values()
+    options = [f"{option.name}={option.default!r}" for option in parameters if option.default is not option.empty]
+    return {"name": name, "model": "its parts'", "options": [f"as in {example}", *options], "source": "", "error": ""}
 
 
 def _described_solver(offer: Offer) -> dict[str, Any]:

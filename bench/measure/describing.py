@@ -160,9 +160,13 @@ def _solver(name: str, pickled: bytes) -> dict[str, Any]:
     if pickled:
         return _form(_unpickled(pickled), "", [])
     solver = registry.create(name)
-    plain = registry.parse(name).plain
-    source = next(offer.source for offer in registry.plugin_solvers() if offer.name == plain)
-    options = [f"{one.name}={one.default!r}" for one in inspect.signature(registry.factory(plain)).parameters.values()]
+    plain, offer = registry.parse(name).plain, registry.find(name)
+    source = offer.source if offer is not None else ""
+    options = [
+        f"{one.name}={one.default!r}"
+        for one in inspect.signature(registry.factory(plain)).parameters.values()
+        if one.default is not one.empty
+    ]
     return _form(solver, source, options)
 
 

@@ -31,7 +31,7 @@ DEFAULT_SOLVERS = (
     "SafeguardedSORprox",
     "NSGS",
     "ClarabelSOCP",
-    "ClarabelCoulomb",
+    "Refined(ClarabelCoulomb)",
     "Lemke",
     "PyramidPGS(sides=4)",
     "PyramidPGS(sides=8)",

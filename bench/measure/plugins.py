@@ -53,7 +53,7 @@ def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[PluginUse]:
         solvers: names of solvers, with or without options.
         problems: names of problems.
     """
-    plain = {name.partition("(")[0] for name in solvers}
+    plain = {plain for name in solvers for plain in registry.plain_names(name)}
     used = [offer for offer in registry.plugin_solvers() if offer.name in plain]
     chosen = set(problems)
     used += [offer for offer in plugin_problems() if offer.name in chosen]

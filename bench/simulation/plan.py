@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol
 from ...problems.scenes.registry import SCENES, Scene, make_scene
 from ...problems.stepping.moreau import ContactSolver, Moreau
 from ...solvers.interface import Solver, Stop
-from ...solvers.registry import create
 from ..errors import BenchError
 from ..measure.remote_solver import local_or_remote
 from .thinning import STATES
@@ -23,14 +22,8 @@ class _Default(NamedTuple):
     max_iterations: int
 
 
-_MANY_CONTACTS = _Default("SORprox(relaxation=1.1, form='factors', momentum=0.8)", 1e-4, 20_000)
+_MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
 """The fastest way to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
-
-_OTHERS = tuple(
-    f"SORprox(relaxation={relaxation}, form='factors', momentum={momentum})"
-    for relaxation, momentum in ((1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
-)
-"""What solves most of the steps that this does not: while a pile settles, long momentum leads off the plateaus."""
 
 _FEW_CONTACTS = _Default("SORprox", 1e-10, 5000)
 """A few contacts afford more accuracy, and need no relaxation above 1."""
@@ -67,13 +60,6 @@ class SimulationPlan:
     def stop(self) -> Stop:
         """The stop criterion of each step; a limit of time would make the motion depend on how busy the machine is."""
         return Stop(self.tolerance, self.max_iterations, math.inf)
-
-    @property
-    def others(self) -> tuple[Solver, ...]:
-        """Solvers for steps in which the solver falls short; one that somebody has chosen is asked alone."""
-        if self.solver.name != create(_MANY_CONTACTS.solver).name:
-            return ()
-        return tuple(create(name) for name in _OTHERS)
 
     def stepper(self, solver: ContactSolver | None = None) -> Moreau:
         """Return what takes the steps, with ``solver`` in place of the plan's."""

@@ -142,7 +142,7 @@ def advance(
         return
     simulation.failure = None
     plan = simulation.plan
-    stepper = plan.stepper(Asked(plan.solver, plan.others))
+    stepper = plan.stepper(Asked(plan.solver))
     clock, steps = time.perf_counter, WarmClock()
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written

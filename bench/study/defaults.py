@@ -30,7 +30,7 @@ STEPPERS = {
 }
 """Variable steppers by the name of their curve: how they are written, and their tolerances."""
 
-TINY_SOLVERS = ("SORprox", "NSGS", "Lemke", "SemismoothNewton")
+TINY_SOLVERS = ("SORprox", "NSGS", "Lemke", "HybridNewton")
 """Solvers of the woodpecker's inclusions."""
 
 TINY_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-12)
@@ -42,7 +42,7 @@ FIXED_TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)
 FIXED_SIZE = PERIOD / 5000
 """The fixed step [s] with which tolerances of the solver are compared."""
 
-LARGE_SOLVER = "SORprox(relaxation=1.1, form='factors', momentum=0.8)"
+LARGE_SOLVER = "MomentumFallback"
 """The solver of scenes with many contacts."""
 
 LARGE_STEPS = (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)

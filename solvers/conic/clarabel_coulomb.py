@@ -8,8 +8,9 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.names import described
 from ..interface import SolverError
+from ..iteration.correction import BeginCorrection, NoCorrection
 from .clarabel_socp import check_form, obstacle
-from .fixed_point import PreparedFixedPoint, check_memory, check_refinement
+from .fixed_point import PreparedFixedPoint, check_memory
 from .programs import Form, conic_program
 
 
@@ -20,7 +21,6 @@ class ClarabelCoulomb:
     Attributes:
         form: impulses over the "delassus" matrix as variables, or velocities over the "factors" W and M⁻¹.
         memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
-        refinement: whether Newton steps on the states that an iterate identifies take it further.
 
     Raises:
         SolverError: for an option out of range.
@@ -28,7 +28,6 @@ class ClarabelCoulomb:
 
     form: Form = "delassus"
     memory: int = 5
-    refinement: bool = True
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
@@ -36,7 +35,6 @@ class ClarabelCoulomb:
     def __post_init__(self) -> None:
         check_form(self.form)
         check_memory(self.memory)
-        check_refinement(self.refinement)
 
     @property
     def name(self) -> str:
@@ -47,11 +45,15 @@ class ClarabelCoulomb:
         """Say why ``problem`` cannot be treated, or None."""
         return obstacle(problem, self.form)
 
-    def prepare(self, problem: ContactProblem) -> "PreparedFixedPoint":
+    def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
         """Set the program up, once for all outer iterations."""
+        return self.prepare_corrected(problem, NoCorrection)
+
+    def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> PreparedFixedPoint:
+        """See ``iteration.correction``."""
         reason = self.supports(problem)
         if reason:
             raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
         residual = Residual(problem)
         program = conic_program(problem, self.form)
-        return PreparedFixedPoint(problem, residual, program, self.memory, self.refinement)
+        return PreparedFixedPoint(problem, residual, program, self.memory, begin)

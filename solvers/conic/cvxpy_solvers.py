@@ -13,10 +13,11 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.names import described
 from ..interface import SolverError
+from ..iteration.correction import BeginCorrection, NoCorrection
 from .clarabel_socp import obstacle
 from .convex import PreparedConvex
 from .cvxpy_program import CvxpyProgram, check_solver, takes_cones
-from .fixed_point import PreparedFixedPoint, check_memory, check_refinement
+from .fixed_point import PreparedFixedPoint, check_memory
 
 
 def _refuse_unsupported(solver: "CvxpySOCP | CvxpyCoulomb | CvxpyQP", problem: ContactProblem) -> None:
@@ -85,7 +86,6 @@ class CvxpyCoulomb:
     Attributes:
         solver: a conic or quadratic solver that cvxpy has installed.
         memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
-        refinement: whether Newton steps on the states that an iterate identifies take it further.
 
     Raises:
         SolverError: if cvxpy has no such solver, or for an option out of range.
@@ -93,7 +93,6 @@ class CvxpyCoulomb:
 
     solver: str = "CLARABEL"
     memory: int = 5
-    refinement: bool = True
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
@@ -101,7 +100,6 @@ class CvxpyCoulomb:
     def __post_init__(self) -> None:
         check_solver(self.solver, cones=False)
         check_memory(self.memory)
-        check_refinement(self.refinement)
 
     @property
     def name(self) -> str:
@@ -116,9 +114,13 @@ class CvxpyCoulomb:
 
     def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
         """Compile the program, once for all outer iterations."""
+        return self.prepare_corrected(problem, NoCorrection)
+
+    def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> PreparedFixedPoint:
+        """See ``iteration.correction``."""
         _refuse_unsupported(self, problem)
         program = CvxpyProgram(problem, self.solver)
-        return PreparedFixedPoint(problem, Residual(problem), program, self.memory, self.refinement)
+        return PreparedFixedPoint(problem, Residual(problem), program, self.memory, begin)
 
 
 @dataclass(frozen=True)

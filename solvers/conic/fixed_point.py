@@ -19,8 +19,8 @@ algorithm, Acary, Brémond & Huber 2018): with w_i = εα_i and (s, Λ) from the
 G + diag(w) is positive definite: the program always has one solution, which depends continuously on (s, Λ). A fixed
 point solves the problem itself; small ε goes far in a step, large ε damps what oscillates.
 
-Iterates are refined on the states that they identify, see ``newton.refinement``. No decision depends on the tolerance:
-a solve to a tighter one begins with the same iterates, and ends no worse.
+Iterates may be corrected by another method (``iteration.correction``), and the iteration goes on from there. No
+decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse.
 """
 
 from dataclasses import dataclass, field
@@ -33,8 +33,8 @@ from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
+from ..iteration.correction import BeginCorrection, Correction, NoCorrection
 from ..iteration.loop import rounding
-from ..newton.refinement import Refinement
 from .programs import ConicProgram, ConicResult, Ended
 
 LOOSEST = 1e-8
@@ -59,13 +59,7 @@ INNER_ITERATIONS = 1_000_000
 """Limit of iterations of one cone program, which each conic solver lowers to what makes sense for it."""
 
 JUMP = 0.1
-"""The iteration goes on from a refined iterate whose residual is below this share of what it was."""
-
-LONGEST_WAIT = 8
-"""Most outer iterations from a refinement that failed to the next one."""
-
-FIRST_SEARCH = 4
-"""Outer iterations of a phase before Newton's method searches from one; then after twice as many, and so on."""
+"""The iteration goes on from a corrected iterate whose residual is below this share of what it was."""
 
 
 @dataclass(frozen=True)
@@ -94,12 +88,6 @@ def check_memory(memory: int) -> None:
         raise SolverError(f"memory must be a whole number, 0 or more, got {memory!r}.")
 
 
-def check_refinement(refinement: bool) -> None:
-    """Raise ``SolverError`` unless ``refinement`` is True or False."""
-    if not isinstance(refinement, bool):
-        raise SolverError(f"refinement must be True or False, got {refinement!r}.")
-
-
 @dataclass(frozen=True)
 class PreparedFixedPoint:
     """The outer iteration over the cone program of one problem."""
@@ -108,7 +96,7 @@ class PreparedFixedPoint:
     residual: Residual
     program: ConicProgram
     memory: int
-    refinement: bool = True
+    correction: BeginCorrection = NoCorrection
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate to the judge's residual; ``iterations`` counts cone programs, and ``start`` gives the first s."""
@@ -161,7 +149,7 @@ class _Outer:
         iteration: cone programs so far.
         stalled: why the last phase ended.
         clock: the time that is left.
-        refinement: what iterates are refined with.
+        correction: what corrects iterates.
     """
 
     prepared: PreparedFixedPoint
@@ -173,11 +161,11 @@ class _Outer:
     stalled: str = ""
     _inner: int = 0
     clock: Clock = field(init=False)
-    refinement: Refinement = field(init=False)
+    correction: Correction = field(init=False)
 
     def __post_init__(self) -> None:
         self.clock = Clock(self.stop.max_seconds)
-        self.refinement = Refinement(self.prepared.problem, self.prepared.residual, self.clock)
+        self.correction = self.prepared.correction(self.clock, self.stop.tolerance)
 
     def follow(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> tuple[Status, str] | None:
         """Iterate from s and Λ; return status and reason if the solve is over, None if only the phase is."""
@@ -186,7 +174,8 @@ class _Outer:
         if phase.weight > 0.0:
             weight = phase.weight * alpha
             program = program.regularised(weight)
-        anderson, refining = Anderson(memory), _Refining(self)
+        anderson = Anderson(memory)
+        self.correction.begin_phase()
         lowest, floor, waited, previous = 1.0, TIGHTEST, 0, self.best
         while self.iteration < self.stop.max_iterations:
             accuracy = min(max((INNER * lowest) ** 2, floor), LOOSEST)
@@ -203,12 +192,12 @@ class _Outer:
             if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < LOOSEST:
                 floor *= LOOSENING
             waited = 0 if residual < PROGRESS * lowest else waited + 1
-            found, reached = refining.after(result.impulses, residual, is_last=waited == phase.patience)
+            found, reached = self.correction.corrected(result.impulses, residual, waited == phase.patience)
             self._note(found, reached)
             if self.lowest <= self.stop.tolerance:
                 return Status.SOLVED, ""
             late = self._late(result)
-            is_over = waited >= phase.patience and (phase is not PHASES[-1] or self._rests(result.impulses, previous))
+            is_over = waited >= phase.patience and (phase is not PHASES[-1] or self._repeats(result.impulses, previous))
             if late is not None or is_over:
                 return late
             previous = result.impulses
@@ -233,7 +222,7 @@ class _Outer:
             self.best, self.lowest = impulses, residual
         self.clock.show(self.observe, self.iteration, impulses)
 
-    def _rests(self, newest: FloatArray, previous: FloatArray) -> bool:
+    def _repeats(self, newest: FloatArray, previous: FloatArray) -> bool:
         """Whether cone programs repeat their impulses, or rounding is all that the best residual is made of."""
         repeats = np.abs(newest - previous) <= REPEATS * np.abs(newest)
         return bool(repeats.all()) or self.lowest <= rounding(self.prepared.problem, self.prepared.residual, self.best)
@@ -246,34 +235,6 @@ class _Outer:
 
     def _so_far(self) -> str:
         return f"residual {self.lowest:.1e} after {self.iteration} cone programs of {self._inner} steps"
-
-
-class _Refining:
-    """When the iterates of one phase are refined: after failures less and less often, at the end by all means."""
-
-    def __init__(self, outer: _Outer) -> None:
-        self._outer = outer
-        self._seen, self._wait, self._next = 0, 1, 2
-        self._search = FIRST_SEARCH
-
-    def after(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
-        """Return what becomes of the next iterate: it, or better impulses, and the residual."""
-        outer, self._seen = self._outer, self._seen + 1
-        tolerance = outer.stop.tolerance
-        if not outer.prepared.refinement or residual <= tolerance:
-            return impulses, residual
-        if is_last:
-            found, reached = outer.refinement.rescued(impulses, residual, tolerance, lambda: not outer.clock.is_up)
-        elif self._seen >= self._search:
-            self._search = 2 * self._seen
-            found, reached = outer.refinement.searched(impulses, residual, tolerance, lambda: not outer.clock.is_up)
-        elif self._seen >= self._next:
-            found, reached = outer.refinement.refined(impulses, residual, tolerance)
-            self._wait = 1 if reached < JUMP * residual else min(2 * self._wait, LONGEST_WAIT)
-            self._next = self._seen + self._wait
-        else:
-            return impulses, residual
-        return found, reached
 
 
 def _alpha(problem: ContactProblem) -> FloatArray:

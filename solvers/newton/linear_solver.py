@@ -49,10 +49,13 @@ class LinearSolver:
     Args:
         clock: the time that is left; none with an infinite limit is ever measured.
         work: what has been done, to which each step is added.
+
+    Attributes:
+        lacks_time: whether a system was left unsolved because that might not have ended in time.
     """
 
     def __init__(self, clock: Clock, work: Work) -> None:
-        self._clock, self._work = clock, work
+        self._clock, self._work, self.lacks_time = clock, work, False
         self._rows, self._entries, self._seconds = FIRST_PART // 2, SMALL, SMALL_SECONDS
 
     def solve(self, system: Linearised, scale: FloatArray, damping: float) -> FloatArray | None:
@@ -65,7 +68,8 @@ class LinearSolver:
         """
         scaling = sp.diags_array(scale)
         matrix = sp.csr_array(scaling @ system.matrix @ scaling + damping * sp.eye_array(len(scale)))
-        if not self._ends_in_time(matrix):
+        self.lacks_time = not self._ends_in_time(matrix)
+        if self.lacks_time:
             return None
         began = self._clock.used
         factors = factorised(matrix)

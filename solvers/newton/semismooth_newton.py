@@ -1,18 +1,12 @@
-"""SemismoothNewton: Newton's method on the projection equations, led near the solution by sweeps.
+"""SemismoothNewton: Newton's method on the projection equations, from the start on and alone.
 
-Sweeps find quickly which contacts are open, stick and slip, but settle the impulses slowly where masses differ or many
-contacts hang together; Newton's method does the reverse. So sweeps come first, and Newton's method is tried when they
-are slow. What it finds is kept only where the judge's residual has fallen.
-
-Newton's method converges from nearby alone, and sweeps of high friction may lead away for ever. Where they lead
-nowhere, Newton's method is tried from other predictors (``restarts``), from the best iterate and from the first.
-
-No decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse. None
-depends on the speed of the machine either, but near the deadline, where no Newton step is begun that would not end in
-time (``linear_solver``).
+The steps are those of ``steps``, shortened by a search, in three phases: damped by 10⁻¹², 10⁻⁶ and 10⁻³. Each phase
+begins at the best iterate of those before, and gives way when its steps no longer bring a better one; the last goes on
+to the limits, unless its iterates repeat or diverge. Newton's method converges from nearby: far from a solution it may
+circle through states for ever, which is why it serves best as a part of a ``Fallback``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -23,57 +17,31 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.names import described
 from ..interface import Observer, Solution, Status, Stop
-from ..iteration.loop import Advance, confirmed, first_impulses, left_by_rounding, rounding
-from ..iteration.stopping import Monitor, sweeps_to_next_look
-from ..sweeps.delassus import DelassusSweep
-from ..sweeps.safeguarded import SafeguardedIterates
-from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
-from .attempts import Attempts
+from ..iteration.clock import Clock
+from ..iteration.loop import first_impulses, rounding
+from ..iteration.stopping import ROUNDING
+from .linear_solver import LinearSolver
 from .linearised import Equations
-from .restarts import Restarts
-from .steps import DAMPED, SHARP, THOROUGH
+from .steps import HOPELESS, THOROUGH, Attempt, newton_steps
+from .work import Work
 
-SWEEPS_BEFORE = 200
-"""Sweeps before Newton's method is thought of, and between two measurements of how fast they converge."""
-
-SLOW = 500
-"""Newton's method is tried where the sweeps take more than this for a digit: a few of its steps cost as much as a few
-thousand sweeps, on ten contacts as on a thousand."""
-
-IN_TURN = (SHARP, DAMPED, *THOROUGH)
-"""What successive attempts try between sweeps."""
-
-SUCCESS = 0.1
-"""After an attempt that lowers the residual to this fraction the next follows at once; after others, sweeps do."""
-
-STUCK = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
-"""Where sweeps lead nowhere, and other predictors may."""
+PHASES = tuple(attempt for attempt in THOROUGH if attempt.is_searching)
+"""One after the other, with more and more damping."""
 
 
 @dataclass(frozen=True)
 class SemismoothNewton:
-    """Newton's method on the projection equations Λ_i = prox(Λ_i − ξ_i/α_i), with safeguarded sweeps in between.
+    """Newton's method on the equations Λ_i = prox(Λ_i − ξ_i/α_i), damped and with a search along its steps.
 
-    One iteration is a sweep or a Newton step.
-
-    Attributes:
-        relaxation: ω of the sweeps, see ``SafeguardedSORprox``.
-
-    Raises:
-        SolverError: for an option out of range.
+    One iteration is one Newton step.
     """
-
-    relaxation: float = 1.5
 
     model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = True
 
-    def __post_init__(self) -> None:
-        check_relaxation(self.relaxation)
-
     @property
     def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
+        """Class name."""
         return described(self)
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -81,99 +49,122 @@ class SemismoothNewton:
         return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedNewton":
-        """Assemble G, and the first step sizes of the sweeps."""
+        """Assemble G."""
         residual = Residual(problem)
-        sizes = diagonal_step_sizes(problem, self.relaxation)
-        sweep = DelassusSweep.over(problem, problem.delassus_blocks(), sizes)
-        return PreparedNewton(problem, residual, sweep, Equations(problem, residual))
+        return PreparedNewton(problem, residual, Equations(problem, residual))
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedNewton:
-    """Sweeps and Newton's equations of one problem."""
+    """Newton's equations of one problem."""
 
     problem: ContactProblem
     residual: Residual
-    sweep: DelassusSweep
     equations: Equations
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Sweep, and try Newton's method where that is slow; see ``Prepared.solve``."""
+        """Follow Newton's method to the judge's residual; see ``Prepared.solve``."""
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return Solution(first, Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
-        monitor = Monitor(stop)
-        iterates = SafeguardedIterates(self.sweep.iterates(first))
-        advance = Advance(iterates, monitor, observe)
-        attempts = Attempts(self.problem, self.residual, self.equations, advance)
-        restarts = Restarts(attempts, self.sweep, first)
-        pace, wait, tried = Pace(), SWEEPS_BEFORE, 0
-        while True:
-            impulses = iterates.impulses()
-            residual = self.residual(impulses, iterates.relative_velocity())
-            if residual <= stop.tolerance:
-                residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
-            ended = monitor.look(advance.iteration, residual, impulses)
-            repeats = None
-            if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
-                repeats = advance.cycle(impulses)
-            if ended is None and (repeats is not None or monitor.lacks_progress):
-                ended = left_by_rounding(self.problem, self.residual, monitor) or repeats
-            if leads_nowhere(ended, monitor) and not self._is_rounding(monitor) and restarts.are_due:
-                before = monitor.best_residual
-                over = restarts.tried()
-                advance.iterates = iterates
-                if over is None and monitor.best_residual <= SUCCESS * before:
-                    iterates.move_to(restarts.best)
-                    pace = Pace()
-                    continue
-                ended = over or ended
+        newton = _Solve(self, stop, observe, first)
+        for phase in (*PHASES[:-1], replace(PHASES[-1], patience=stop.max_iterations)):
+            ended = newton.ended()
             if ended is not None:
-                return monitor.solution(ended, advance.iteration, self.problem.n_rows)
-            if pace.sweeps >= wait and pace.sweeps_a_digit(residual) > SLOW:
-                found, lowest = attempts.tried(IN_TURN[tried % len(IN_TURN)], impulses, residual)
-                if lowest < residual:
-                    iterates.move_to(found)
-                if lowest > SUCCESS * residual:
-                    tried, wait = tried + 1, 2 * wait
-                    pace = Pace()
-                continue
-            count = min(stop.max_iterations - advance.iteration, sweeps_to_next_look(advance.iteration))
-            advance.by(count)
-            attempts.work.count_sweeps(count)
-            pace.note(count, residual)
-
-    def _is_rounding(self, monitor: Monitor) -> bool:
-        """Whether the best residual is what rounding may leave, and nothing else would find less."""
-        impulses = monitor.best_impulses
-        return impulses is not None and monitor.best_residual <= rounding(self.problem, self.residual, impulses)
+                return newton.solution(ended)
+            newton.follow(phase)
+        return newton.solution(newton.ended() or newton.stuck())
 
 
-def leads_nowhere(ended: tuple[Status, str] | None, monitor: Monitor) -> bool:
-    """Whether sweeps that ended so, None where they go on, lead nowhere, and other predictors may do better."""
-    return monitor.lacks_progress if ended is None else ended[0] in STUCK
+class _Solve:
+    """The phases of one solve."""
+
+    def __init__(self, prepared: PreparedNewton, stop: Stop, observe: Observer | None, first: FloatArray) -> None:
+        self._prepared, self._stop, self._observe = prepared, stop, observe
+        self._clock = Clock(stop.max_seconds)
+        self._solver = LinearSolver(self._clock, Work(prepared.equations.entries))
+        self._best, self._lowest = first, self._judged(first)
+        self._iteration, self._repeats = 0, Repeats(first)
+
+    def follow(self, phase: Attempt) -> None:
+        """Do Newton steps from the best Λ so far, as long as the phase has patience."""
+        self._repeats = Repeats(self._best)
+        steps = replace(phase, most_steps=self._stop.max_iterations)
+        self._best, self._lowest = newton_steps(
+            self._prepared.equations,
+            self._solver,
+            self._judged,
+            self._best,
+            self._lowest,
+            steps,
+            self._stop.tolerance,
+            self._goes_on,
+        )
+
+    def ended(self) -> tuple[Status, str] | None:
+        """Return status and reason if the solve is over, None if another phase may follow."""
+        reached = f"residual {self._lowest:.1e} after {self._iteration} Newton steps"
+        if self._lowest <= self._stop.tolerance:
+            return Status.SOLVED, ""
+        if self._iteration >= self._stop.max_iterations:
+            return Status.ITERATION_LIMIT, reached
+        if self._clock.is_up:
+            return Status.TIME_LIMIT, reached
+        if self._solver.lacks_time:
+            return Status.TIME_LIMIT, f"{reached}; the next one would not end in time"
+        if self._lowest <= rounding(self._prepared.problem, self._prepared.residual, self._best):
+            return Status.STALLED, f"rounding leaves the residual at {self._lowest:.1e}"
+        return None
+
+    def stuck(self) -> tuple[Status, str]:
+        """Return status and reason after the last phase has ended before the limits."""
+        if self._repeats.status is Status.STALLED:
+            return Status.STALLED, f"the impulses no longer change at residual {self._lowest:.1e}"
+        if self._repeats.status is Status.OSCILLATING:
+            return Status.OSCILLATING, f"the steps repeat themselves, best residual {self._lowest:.1e}"
+        if not self._judged(self._repeats.latest) <= HOPELESS * self._lowest:
+            return Status.DIVERGED, f"the residual grows, best residual {self._lowest:.1e}"
+        return Status.STALLED, f"the equations have no further step at residual {self._lowest:.1e}"
+
+    def solution(self, ended: tuple[Status, str]) -> Solution:
+        """Return the best Λ with the status the solve ended in."""
+        return Solution(self._best, ended[0], self._iteration, ended[1])
+
+    def _goes_on(self, reached: FloatArray) -> bool:
+        self._iteration += 1
+        self._clock.show(self._observe, self._iteration, reached)
+        self._repeats.note(reached)
+        within_limits = self._iteration < self._stop.max_iterations and not self._clock.is_up
+        return within_limits and self._repeats.status is None
+
+    def _judged(self, impulses: FloatArray) -> float:
+        return self._prepared.residual(impulses, self._prepared.problem.relative_velocity(impulses))
 
 
-class Pace:
-    """How fast sweeps converge.
+class Repeats:
+    """Whether iterates come to repeat, in a cycle of any length (Brent 1980).
 
     Attributes:
-        sweeps: sweeps noted so far.
+        latest: the newest iterate.
+        status: STALLED where it does not change, OSCILLATING where it repeats an earlier one, else None.
     """
 
-    def __init__(self) -> None:
-        self.sweeps = 0
-        self._marks: list[tuple[int, float]] = []
+    def __init__(self, first: FloatArray) -> None:
+        self.latest = first
+        self.status: Status | None = None
+        self._kept, self._age, self._lifetime = first, 0, 1
 
-    def note(self, count: int, residual: float) -> None:
-        """Note that ``count`` sweeps began with ``residual``."""
-        self._marks.append((self.sweeps, residual))
-        self.sweeps += count
+    def note(self, newest: FloatArray) -> None:
+        """Compare the next iterate with the last one and with the one that is kept."""
+        if _equal(newest, self.latest):
+            self.status = Status.STALLED
+        elif _equal(newest, self._kept):
+            self.status = Status.OSCILLATING
+        self.latest, self._age = newest, self._age + 1
+        if self._age == self._lifetime:
+            self._kept, self._age, self._lifetime = newest, 0, 2 * self._lifetime
 
-    def sweeps_a_digit(self, residual: float) -> float:
-        """Return the sweeps to a tenth of the residual at the rate of the last ``SWEEPS_BEFORE`` or more."""
-        earlier = [mark for mark in self._marks if mark[0] <= self.sweeps - SWEEPS_BEFORE]
-        if not earlier or not residual < earlier[-1][1]:
-            return np.inf
-        since, before = earlier[-1]
-        return float((self.sweeps - since) / np.log10(before / residual)) if residual > 0.0 else 0.0
+
+def _equal(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two impulses are equal to rounding."""
+    return bool((np.abs(one - other) <= ROUNDING * np.maximum(np.abs(one), np.abs(other))).all())

@@ -1,4 +1,4 @@
-"""What every built-in solver owes its users, whatever its method."""
+"""What holds for every built-in solver, whatever its method."""
 
 import hashlib
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge
 from proxbench.solvers import Solver, Status, Stop, available, create
+from proxbench.solvers.registry import composites
 
 VARIANTS = [
     "Jprox",
@@ -20,13 +21,18 @@ VARIANTS = [
     "SafeguardedSORprox",
     "NSGS",
     "SemismoothNewton",
+    "HybridNewton",
+    "MomentumFallback",
+    "Fallback(NSGS, SemismoothNewton)",
     "ClarabelSOCP",
     "ClarabelSOCP(form='factors')",
     "ClarabelCoulomb",
     "ClarabelCoulomb(form='factors', memory=0)",
+    "Refined(ClarabelCoulomb)",
     "CvxpySOCP",
     "CvxpySOCP(solver='SCS')",
     "CvxpyCoulomb",
+    "Refined(CvxpyCoulomb)",
     "CvxpyQP",
     "Lemke",
     "Lemke(sides=3)",
@@ -54,7 +60,7 @@ def bits(impulses: np.ndarray) -> str:
 
 
 def test_the_variants_cover_every_solver() -> None:
-    assert {name.split("(")[0] for name in VARIANTS} == set(available())
+    assert {name.split("(")[0] for name in VARIANTS} == {*available(), *composites()}
 
 
 @pytest.mark.parametrize("name", VARIANTS)

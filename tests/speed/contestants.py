@@ -4,6 +4,7 @@ from functools import cache
 
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Solver, available, create
+from proxbench.solvers.registry import composites
 
 SIZES = (30, 300, 1000)
 """Balls in the funnel; the steps have about 60, 340 and 1670 contacts."""
@@ -37,8 +38,8 @@ _KINDS = ("funnel-{}", "funnel-planar-{}", "funnel-frictionless-{}")
 
 
 def contestants() -> list[str]:
-    """Return every registered solver, with its options."""
-    return [entry for name in available() for entry in OPTIONS.get(name, [name])]
+    """Return every registered solver, with its options, and an example of each that is made of others."""
+    return [*(entry for name in available() for entry in OPTIONS.get(name, [name])), *composites().values()]
 
 
 def excuse(entry: str, size: int) -> str | None:

@@ -4,10 +4,11 @@ import pytest
 from contestants import EXCUSES, OPTIONS, SIZES, contestants, excuse, step_for
 from proxbench.problems.contact.laws import LawKind
 from proxbench.solvers import available, create
+from proxbench.solvers.registry import composites
 
 
 def test_every_registered_solver_takes_part() -> None:
-    assert {entry.partition("(")[0] for entry in contestants()} == set(available())
+    assert {entry.partition("(")[0] for entry in contestants()} == {*available(), *composites()}
 
 
 def test_options_and_excuses_are_of_registered_solvers_and_measured_sizes() -> None:

@@ -214,7 +214,14 @@ def test_a_folder_gets_a_file_named_after_the_scene(pour: Pour, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    "solver", ["SORprox", "SORprox(form='factors')", "JORprox(relaxation=0.3)", "ClarabelCoulomb", "CvxpyCoulomb"]
+    "solver",
+    [
+        "SORprox",
+        "SORprox(form='factors')",
+        "JORprox(relaxation=0.3)",
+        "Refined(ClarabelCoulomb)",
+        "Refined(CvxpyCoulomb)",
+    ],
 )
 def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None:
     state = simulate(pour(160)).state

@@ -17,6 +17,9 @@ from proxbench.solvers import Solution, Status, Stop, create
 
 FIXED = "simulate pile --balls 20 --duration 0.16 --step-size 1e-3 --no-progress --states 20"
 VARIABLE = "simulate woodpecker --start cycle --duration 0.02 --no-progress"
+SOLVERS = {FIXED: "MomentumFallback", VARIABLE: "SORprox"}
+"""What treats the steps of each where no other is given."""
+
 both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variable"])
 
 
@@ -55,7 +58,7 @@ def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solve
     assert run_command([*line.split(), "--output", f"{file}", "--record", f"{film}", "--chart", f"{chart}"]) == 1
     printed = capsys.readouterr()
     assert "total  " in printed.out
-    assert "failed with SORprox" in printed.out
+    assert f"failed with {SOLVERS[line]}" in printed.out
     assert printed.err.count("\n") == 1
     assert ", from t = " in printed.err
     assert f"proxbench simulate --resume {file} --solver" in printed.err
@@ -65,7 +68,7 @@ def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solve
     again = capsys.readouterr()
     assert again == printed
     assert run_command(["report", str(file), "--json"]) == 1
-    assert "failed with SORprox" in json.loads(capsys.readouterr().out)["summary"]["failure"]
+    assert f"failed with {SOLVERS[line]}" in json.loads(capsys.readouterr().out)["summary"]["failure"]
     failing.undo()
     films = film.read_bytes()
     assert run_command(f"simulate --resume {file} --solver SORprox(relaxation=0.9) --no-progress".split()) == 0

@@ -10,7 +10,7 @@ from proxbench.problems.contact.laws import LawKind
 from proxbench.problems.hard import CASE_GROUPS, GRAVITY, HARD_CASES, TIME_STEP, hard_case
 from proxbench.solvers import Status, create, solve
 
-SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "ClarabelCoulomb")
+SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "Refined(ClarabelCoulomb)")
 """Pivoting, sweeps and cone programs: three ways to a solution that share nothing."""
 
 ROWS = {name: hard_case(name).n_rows for name in HARD_CASES}
@@ -141,7 +141,7 @@ def test_beside_the_contact_that_nothing_can_stop_the_others_have_a_solution() -
     (stuck,) = np.flatnonzero((problem.delassus_diagonal == 0.0) & (c < 0.0))
     c[stuck] = 0.0
     harmless = ContactProblem.from_delassus(problem.delassus(), c, laws=problem.laws)
-    assert solve(harmless, "SemismoothNewton", tolerance=1e-8).status is Status.SOLVED
+    assert solve(harmless, "HybridNewton", tolerance=1e-8).status is Status.SOLVED
     assert 0 < stuck < problem.n_rows - 3
 
 
@@ -165,7 +165,7 @@ def test_light_under_heavy_is_solved_with_impulses_right_to_1e_6() -> None:
     for name in ("hard-stack-2-top-heavy", "hard-stack-10-top-1e4"):
         problem = hard_case(name)
         (impulses,) = answer_of(problem).impulses
-        for solver in ("Lemke", "ClarabelCoulomb"):
+        for solver in ("Lemke", "Refined(ClarabelCoulomb)"):
             solution = solve(problem, solver, tolerance=1e-8)
             assert solution.status is Status.SOLVED
             assert judge(problem, solution.impulses).residual <= 1e-8

@@ -41,17 +41,7 @@ def test_it_agrees_with_projected_gauss_seidel_in_velocity(name: str, form: str,
 def test_acceleration_needs_fewer_cone_programs() -> None:
     problem = load("funnel-100")
     counts = [
-        create("ClarabelCoulomb", memory=memory, refinement=False).prepare(problem).solve(Stop(1e-6, 200)).iterations
-        for memory in (0, 5)
-    ]
-    assert counts[1] < counts[0]
-
-
-def test_refinement_needs_fewer_cone_programs() -> None:
-    problem = load("funnel-100")
-    counts = [
-        create("ClarabelCoulomb", refinement=refinement).prepare(problem).solve(Stop(1e-6, 200)).iterations
-        for refinement in (False, True)
+        create("ClarabelCoulomb", memory=memory).prepare(problem).solve(Stop(1e-6, 200)).iterations for memory in (0, 5)
     ]
     assert counts[1] < counts[0]
 

@@ -54,7 +54,9 @@ def test_a_plateau_is_crossed_at_once_and_from_the_impulses_that_a_limit_returne
 
 
 @pytest.mark.parametrize("masses", [[1.0, 1e8] * 5, list(np.logspace(0, 8, 10))], ids=["in turn", "growing"])
-@pytest.mark.parametrize("solver", ["SORprox", "SafeguardedSORprox", "NSGS", "PyramidPGS", "SemismoothNewton"])
+@pytest.mark.parametrize(
+    "solver", ["SORprox", "SafeguardedSORprox", "NSGS", "PyramidPGS", "SemismoothNewton", "HybridNewton"]
+)
 def test_a_residual_that_rounding_leaves_is_a_stall(solver: str, masses: list[float]) -> None:
     """Ten blocks of mass ratio 10⁸, from the known impulses: sums of 10⁹ leave 10⁻¹¹ of c and more to rounding."""
     problem = stack(np.array(masses))

@@ -105,7 +105,7 @@ def test_a_solve_ends_at_its_time_limit_whatever_a_factorisation_takes(
 ) -> None:
     """Steps of ``whole`` seconds, and looks of some 4 ms, on a pile that is not solved in the time."""
     problem = load("pile-300")
-    prepared = create("SemismoothNewton").prepare(problem)
+    prepared = create("HybridNewton").prepare(problem)
     machine = Machine(monkeypatch, whole / problem.delassus().nnz ** 2)
     machine.reading = 2e-3
     solution = prepared.solve(Stop(1e-13, 10**7, limit))

@@ -1,14 +1,14 @@
-"""Restarts of SemismoothNewton: Newton's method from the iterates of other predictors.
+"""Restarts of HybridNewton: Newton's method from the iterates of other predictors.
 
 From the best iterate so far and from the first, block Gauss–Seidel sweeps are done, and the sweeps of the solve:
 Newton's method is tried from their 0th, 1st, 2nd, 4th, 8th, … iterate, with three dampings, with and without a search
-along its steps (``steps``). The best iterate comes first, since it is the nearest to a solution that is known; the
-first one is tried too, because the best may lie where sweeps and Newton's method both lead back. The predictors take
-turns from iterate to iterate: most successes come early. Such restarts are what there is of globalisation where the
-equations have neither a potential nor a monotone map: no merit function is free of local minima then (Acary, Brémond &
-Huber 2018).
+along its steps (``newton.steps``). The best iterate comes first, since it is the nearest to a solution that is known;
+the first one is tried too, because the best may lie where sweeps and Newton's method both lead back. The predictors
+take turns from iterate to iterate: most successes come early. Such restarts are what there is of globalisation where
+the equations have neither a potential nor a monotone map: no merit function is free of local minima then (Acary,
+Brémond & Huber 2018).
 
-They have a budget of counted work (``work``), the larger of
+They have a budget of counted work (``newton.work``), the larger of
 
     SHARE × the work of the solve so far      and      LEAST, at most LEAST_OF_LIMIT × the time limit,
 
@@ -24,11 +24,11 @@ from ...problems.arrays import FloatArray
 from ..interface import Status
 from ..iteration.loop import Iterates
 from ..iteration.stopping import LONGEST_INTERVAL
+from ..newton.steps import THOROUGH
 from ..sweeps.blocks import BlockIterates, BlockSweep
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from .attempts import Attempts
-from .steps import THOROUGH
 
 SHARE = 1.0
 """What restarts may work, relative to all work before."""

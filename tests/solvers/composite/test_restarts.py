@@ -8,12 +8,12 @@ from proxbench.problems import ContactProblem, load
 from proxbench.problems.contact.judge import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Solution, Status, Stop, create
+from proxbench.solvers.composite import restarts as restarts_module
+from proxbench.solvers.composite.attempts import Attempts
+from proxbench.solvers.composite.restarts import Restarts
 from proxbench.solvers.iteration.loop import Advance
 from proxbench.solvers.iteration.stopping import Monitor
-from proxbench.solvers.newton import restarts as restarts_module
-from proxbench.solvers.newton.attempts import Attempts
 from proxbench.solvers.newton.linearised import Equations
-from proxbench.solvers.newton.restarts import Restarts
 from proxbench.solvers.newton.work import Work
 from proxbench.solvers.sweeps.delassus import DelassusSweep
 from proxbench.solvers.sweeps.safeguarded import SafeguardedIterates
@@ -83,7 +83,7 @@ def test_they_stay_within_their_share_of_the_work(
 @pytest.mark.parametrize("name", ["hard-squeezed", "pile-100"])
 def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The clock of one machine runs a thousand times as fast as that of the other; neither comes to its limit."""
-    prepared = create("SemismoothNewton").prepare(load(name))
+    prepared = create("HybridNewton").prepare(load(name))
 
     def solved(reading: float) -> Solution:
         now = 0.0

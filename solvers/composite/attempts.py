@@ -4,10 +4,10 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Advance
-from .linear_solver import LinearSolver
-from .linearised import Equations
-from .steps import Attempt, newton_steps
-from .work import Work
+from ..newton.linear_solver import LinearSolver
+from ..newton.linearised import Equations
+from ..newton.steps import Attempt, newton_steps
+from ..newton.work import Work
 
 
 class Attempts:

@@ -1,0 +1,51 @@
+"""Names become solvers, with parts, and solvers name themselves so."""
+
+import pytest
+from proxbench.solvers import Solver, SolverError, available, create
+from proxbench.solvers.registry import composites, find, plain_names
+
+NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, iterations=10), warm_iterations=7)"
+
+
+@pytest.mark.parametrize(
+    "name", ["Refined(ClarabelCoulomb)", "Refined(CvxpyCoulomb(solver='SCS'))", "Fallback(NSGS)", NESTED]
+)
+def test_a_name_with_parts_makes_the_solver_that_has_it(name: str) -> None:
+    solver = create(name)
+    assert isinstance(solver, Solver)
+    assert solver.name == name
+    assert create(solver.name) == solver
+
+
+def test_options_may_be_given_apart_from_the_name() -> None:
+    assert create("Fallback(SORprox, NSGS)", iterations=100).name == "Fallback(SORprox, NSGS, iterations=100)"
+
+
+def test_examples_of_composites_can_be_created_and_are_not_among_the_plain_names() -> None:
+    for name, example in composites().items():
+        assert create(example).name == example
+        assert name not in available()
+
+
+def test_all_names_in_a_name_are_known() -> None:
+    assert plain_names(NESTED) == ["Fallback", "SORprox", "Fallback", "NSGS", "SemismoothNewton"]
+    assert find(NESTED) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("Fallback", r"name them as in Fallback\(SORprox, NSGS\)"),
+        ("Refined", r"name them as in Refined\(ClarabelCoulomb\)"),
+        ("Refined(ClarabelCoulomb, CvxpyCoulomb)", "name them as in"),
+        ("SORprox(NSGS)", "SORprox is not made of other solvers"),
+        ("Fallback(SORporx)", "did you mean 'SORprox'"),
+        ("Fallbak(SORprox)", "did you mean 'Fallback'"),
+        ("Fallback(SORprox, iteration=3)", "did you mean 'iterations'"),
+        ("Fallback(SORprox(relaxtion=1.2))", "did you mean 'relaxation'"),
+        ("Fallback(SORprox, 3)", "cannot read"),
+    ],
+)
+def test_a_name_that_makes_no_solver_says_why(name: str, reason: str) -> None:
+    with pytest.raises(SolverError, match=reason):
+        create(name)
