@@ -1,7 +1,7 @@
 """What a solver is: one interface for every method.
 
 ``Solver.prepare`` does once what depends on the problem alone (assemble, factorise, compile), and is timed apart;
-``Prepared.solve`` iterates until the judge's residual reaches the tolerance asked for, or says why it does not.
+``Prepared.solve`` iterates until the judge's residual reaches the tolerance, or says why it does not.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Observer = Callable[[int, FloatArray], None]
 
 
 class SolverError(ProxbenchError, ValueError):
-    """A solver or one of its options does not exist, or cannot be used as asked."""
+    """A solver or one of its options does not exist, or cannot be used in this way."""
 
 
 class Status(StrEnum):

@@ -21,7 +21,7 @@ LADDER = tuple(10.0**-digits for digits in range(3, 16))
 """The conic solver's tolerances; below the last a tolerance means nothing in double precision."""
 
 FIRST_ACCURACY = 1e-2
-"""The first try is the loosest of the ladder that is no more than this, relative to the residual asked for."""
+"""The first try is the loosest of the ladder that is no more than this, relative to the tolerance of the solve."""
 
 STRIDE = 2
 """Steps on the ladder from one try to the next."""

@@ -79,7 +79,7 @@ class ConicProgram(Protocol):
     ) -> ConicResult:
         """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``.
 
-        ``is_careful`` asks for more accurate linear algebra, where the conic solver has any.
+        ``is_careful`` is for more accurate linear algebra, where the conic solver has any.
         """
         ...
 
@@ -212,7 +212,7 @@ def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
-    settings.presolve_enable = False  # data updates ask for it
+    settings.presolve_enable = False  # data updates need it off
     if is_careful:
         settings.iterative_refinement_max_iter = REFINEMENTS
         settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = FINEST

@@ -7,7 +7,7 @@ from ..interface import Observer
 
 
 class Clock:
-    """Runs while a solver works, and stops while somebody looks at an iterate.
+    """Runs while a solver works, and stops while an observer looks at an iterate.
 
     Args:
         seconds: time limit of the solve [s], ``Stop.max_seconds``.
@@ -33,7 +33,7 @@ class Clock:
         return self.left < 0.0
 
     def show(self, observe: Observer | None, iteration: int, impulses: FloatArray) -> None:
-        """Show Λ, shape (n_rows,), which nobody writes to any more, to an observer if there is one."""
+        """Show Λ, shape (n_rows,), which is not written to any more, to an observer if there is one."""
         if observe is None:
             return
         began = time.perf_counter()

@@ -105,7 +105,7 @@ def first_impulses(problem: ContactProblem, residual: Residual, start: FloatArra
 def confirmed(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, found: float, tolerance: float
 ) -> float:
-    """Return ``found``, a residual within the tolerance, or the judge's where rounding may tell the two apart.
+    """Return ``found``, a residual within the tolerance, or the judge's where rounding may make a difference.
 
     ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones, and an
     iteration adds them in another order than the judge.
@@ -207,6 +207,6 @@ class Advance:
         return self.monitor.cycle(self.iterates.impulses(), previous, before)
 
     def arrive(self, impulses: FloatArray) -> None:
-        """Count one iteration that led to ``impulses``, an array that nobody writes to any more."""
+        """Count one iteration that led to ``impulses``, an array that is not written to any more."""
         self.iteration += 1
         self.monitor.clock.show(self.observe, self.iteration, impulses)

@@ -2,7 +2,7 @@
 
 One slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1, contacts of high friction can cycle
 even where each is solved exactly, and which contacts of a problem will slip is not known beforehand. So all begin
-with the step asked for. Every few sweeps the last two increments of each contact, d = Λ^ν − Λ^(ν−1), are compared:
+with the step of the method. Every few sweeps the last two increments of each contact, d = Λ^ν − Λ^(ν−1), are compared:
 where they point against each other without shrinking, in the norm of √α Λ (the contact's own scale of energy),
 
     dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > SHRINKS ‖d'‖,

@@ -52,7 +52,7 @@ class Monitor:
     Attributes:
         stop: the limits.
         best_residual: the lowest finite residual seen.
-        best_impulses: the iterate that has it, None before the first; nobody may write to it after ``look``.
+        best_impulses: the iterate that has it, None before the first; not to be written to after ``look``.
         clock: the time that is left.
     """
 

@@ -30,7 +30,7 @@ PIVOTS_BETWEEN_LOOKS = 20
 
 @dataclass(frozen=True)
 class Lemke:
-    """Complementary pivoting with the lexicographic rule; exact up to rounding, whatever tolerance is asked for.
+    """Complementary pivoting with the lexicographic rule; exact up to rounding, whatever the tolerance.
 
     Attributes:
         sides: k, sides of the pyramid that stands for the friction cone of a spatial contact; at least 3.

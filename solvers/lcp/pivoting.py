@@ -66,7 +66,7 @@ class Tableau:
         n = len(self.vector)
         self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
         largest = float(np.abs(self.vector).max(initial=0.0))
-        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # ties are told beside 1; no bit is lost
+        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # ties are found beside 1; no bit is lost
         self._basic = np.arange(n)
         self._nonbasic = np.arange(n, 2 * n + 1)
         self._entering = 2 * n

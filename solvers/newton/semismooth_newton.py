@@ -22,10 +22,10 @@ from ..iteration.loop import first_impulses, rounding
 from ..iteration.stopping import ROUNDING
 from .linear_solver import LinearSolver
 from .linearised import Equations
-from .steps import HOPELESS, THOROUGH, Attempt, newton_steps
+from .steps import DIVERGENCE, THOROUGH, Attempt, newton_steps
 from .work import Work
 
-PHASES = tuple(attempt for attempt in THOROUGH if attempt.is_searching)
+PHASES = tuple(attempt for attempt in THOROUGH if attempt.shortest < 1.0)
 """One after the other, with more and more damping."""
 
 
@@ -122,7 +122,7 @@ class _Solve:
             return Status.STALLED, f"the impulses no longer change at residual {self._lowest:.1e}"
         if self._repeats.status is Status.OSCILLATING:
             return Status.OSCILLATING, f"the steps repeat themselves, best residual {self._lowest:.1e}"
-        if not self._judged(self._repeats.latest) <= HOPELESS * self._lowest:
+        if not self._judged(self._repeats.latest) <= DIVERGENCE * self._lowest:
             return Status.DIVERGED, f"the residual grows, best residual {self._lowest:.1e}"
         return Status.STALLED, f"the equations have no further step at residual {self._lowest:.1e}"
 

@@ -25,14 +25,14 @@ from ...problems.arrays import FloatArray
 from .linear_solver import LinearSolver
 from .linearised import Equations
 
-HOPELESS = 1e2
+DIVERGENCE = 1e2
 """An attempt ends when the residual exceeds this many times the one it began with."""
 
 SUFFICIENT = 1e-4
 """Share of the linear decrease that a shortened step has to reach."""
 
 SHORTEST = 1.0 / 64.0
-"""The shortest part of a step that a search tries, and takes if none is better."""
+"""The shortest part of a step where there is a search."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Attempt:
     Attributes:
         damping: what δ is weighed with, relative to α.
         most_steps: number of steps.
-        is_searching: whether steps are shortened until the residual falls.
+        shortest: shortest part of a step that a search tries, and takes if none is better; 1 for full steps.
         gain: the attempt ends when a new best residual is more than this share of the residual before.
         patience: and when so many steps bring no new best residual.
     """
 
     damping: float
     most_steps: int
-    is_searching: bool = False
+    shortest: float = 1.0
     gain: float = 0.5
     patience: int = 100
 
@@ -61,9 +61,9 @@ DAMPED = Attempt(damping=1e-3, most_steps=10)
 """Full steps where undetermined impulses run away."""
 
 THOROUGH = tuple(
-    Attempt(damping, most_steps=30, is_searching=is_searching, gain=1.0, patience=10)
+    Attempt(damping, most_steps=30, shortest=shortest, gain=1.0, patience=10)
     for damping in (1e-12, 1e-6, 1e-3)
-    for is_searching in (False, True)
+    for shortest in (1.0, SHORTEST)
 )
 """What is tried where nothing else helps."""
 
@@ -98,28 +98,25 @@ def newton_steps(
         step = newton_step(equations, solver, impulses, attempt.damping)
         if step is None:
             break
-        before, present = present, measure(step)
-        if attempt.is_searching:
-            impulses, present = _shortened(measure, impulses, before, step, present)
-        else:
-            impulses = step
+        before = present
+        impulses, present = _shortened(measure, impulses, before, step, attempt.shortest)
         is_over = not goes_on(impulses)
         waited += 1
         is_new = present < lowest
         if is_new:
             best, lowest, waited = impulses, present, 0
         converged = lowest <= tolerance or (is_new and present > attempt.gain * before)
-        if is_over or converged or waited >= attempt.patience or not present <= HOPELESS * first:
+        if is_over or converged or waited >= attempt.patience or not present <= DIVERGENCE * first:
             break
     return best, lowest
 
 
 def _shortened(
-    measure: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, present: float
+    measure: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, shortest: float
 ) -> tuple[FloatArray, float]:
-    """Return the first point from ``goal`` back to ``origin`` where the residual falls, or the last one tried."""
-    part, point = 1.0, goal
-    while not present < (1.0 - SUFFICIENT * part) * before and part > SHORTEST:
+    """Return the first point on the way from ``goal`` back where the residual falls, or the last, and its residual."""
+    part, point, present = 1.0, goal, measure(goal)
+    while part > shortest and not present < (1.0 - SUFFICIENT * part) * before:
         part *= 0.5
         point = origin + part * (goal - origin)
         present = measure(point)

@@ -1,13 +1,13 @@
 """One contact with everything else held still, solved to rounding.
 
-A contact of block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and free velocity q, the rest of the impulses included, asks for
+A contact of block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and free velocity q, other impulses included, has the laws
 
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,      −ξ_T ∈ N_D(Λ_T),  D = {‖x‖ ≤ a + μΛ_N},      ξ = GΛ + q.
 
 Its states are tried in turn: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
 Λ_T against ξ_T). A contact that bore an impulse prefers to go on: stick, slip, open; one that bore none stays open if
 it can. So where several solutions exist (Painlevé) the answer depends on the past, and nowhere else. A block without
-rank leaves part of Λ_T free; that part stays as it was, or moves as little as the cone asks for.
+rank leaves part of Λ_T free; that part stays as it was, or moves as little as the cone allows.
 
 Where no state fits (a singular block may have no solution, and rounding may shut out two neighbouring states) the
 answer is the candidate that violates the laws least, by the judge's measure.

@@ -1,0 +1,53 @@
+"""A solver of a plugin may be a part of another, which then works where plugins may run."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from proxbench.bench.measure.contestants import Contestant
+from proxbench.bench.measure.describing import contestant
+from proxbench.bench.measure.plugins import sources, use_plugin_files
+from proxbench.bench.measure.remote_solver import working_solver
+from proxbench.problems import PluginError, load
+from proxbench.problems.catalog.plugins import forget, registered
+from proxbench.solvers import Status, Stop, create
+
+PART = """
+from proxbench.solvers import Model, create
+
+class Part:
+    name, model = "Part", Model.COULOMB
+
+    def supports(self, problem):
+        return None
+
+    def prepare(self, problem):
+        return create("NSGS").prepare(problem)
+
+SOLVERS = [Part]
+"""
+
+
+@pytest.fixture
+def composed(tmp_path: Path) -> Iterator[Contestant]:
+    path = tmp_path / "part.py"
+    path.write_text(PART)
+    use_plugin_files([path])
+    yield contestant("Fallback(SORprox, Part)")
+    for file, _ in registered():
+        forget(file)
+
+
+def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: Contestant) -> None:
+    assert composed.name == "Fallback(SORprox, Part)"
+    assert not composed.is_built_in
+    assert sources([composed.name], [])[0]["name"] == "Part"
+    with working_solver(composed) as solver:
+        solution = solver.prepare(load("hard-counterexample")).solve(Stop(1e-12))
+    assert solution.status is Status.SOLVED
+    assert solution.message.endswith("Part from zero: solved")
+
+
+def test_it_is_not_made_where_plugins_may_not_run(composed: Contestant) -> None:
+    with pytest.raises(PluginError):
+        create(composed.name)
