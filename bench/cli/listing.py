@@ -12,10 +12,11 @@ from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
 from ...problems.hard import CASE_GROUPS
+from ...problems.scenes.plugin_scenes import plugin_scenes
 from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, factory, plugin_solvers
 from ..errors import BenchError
-from ..measure.describing import described_solver, plugin_problem
+from ..measure.describing import described_scene, described_solver, plugin_problem
 from ..report.text import counted
 
 KINDS = ("solvers", "suites", "scenes", "problems")
@@ -131,7 +132,7 @@ def _problem_text(row: dict[str, Any], widths: Sequence[int]) -> str:
 
 
 def _scene_text(row: dict[str, Any]) -> str:
-    return f"{row['summary']}: {', '.join(row['options'])}"
+    return row["error"] or f"{row['summary']}: {', '.join(row['options'])}"
 
 
 def _solvers() -> list[dict[str, Any]]:
@@ -175,11 +176,14 @@ def _suites() -> list[dict[str, Any]]:
 def _scenes() -> list[dict[str, Any]]:
     rows = []
     for name, kind in SCENES.items():
-        options = [
-            f"{key}={'off' if option.default is None else option.default}" for key, option in kind.options.items()
-        ]
-        rows.append({"name": name, "summary": kind.summary, "options": options})
-    return rows
+        options = [f"{key}={option.default!r}" for key, option in kind.options.items()]
+        rows.append({"name": name, "summary": kind.summary, "options": options, "source": "", "error": ""})
+    return rows + [_offered(offer, _described_scene) for offer in plugin_scenes()]
+
+
+def _described_scene(offer: Offer) -> dict[str, Any]:
+    options, source = described_scene(offer.name), offer.source
+    return {"name": offer.name, "summary": f"from {source}", "options": options, "source": source, "error": ""}
 
 
 def _problems(members: Sequence[str] | None = None) -> list[dict[str, Any]]:

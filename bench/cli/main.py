@@ -19,7 +19,7 @@ from .matrix import matrix
 from .options import LIMITS, SELECTION, Charts, Json, PluginFiles, Quiet, refuse_two_prints
 from .record import record
 from .run import report_run, run
-from .simulate import simulate
+from .simulate import SceneCommand, simulate
 
 COMPARE, SIMULATE, SHOW, LOOK_UP = (
     "Compare and test solvers",
@@ -46,7 +46,9 @@ proxbench COMMAND -h       options and examples of a command""",
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def _command(topic: str, name: str, summary: str, examples: str) -> Callable[[Command], Command]:
+def _command(
+    topic: str, name: str, summary: str, examples: str, kind: type[HelpCommand] = HelpCommand
+) -> Callable[[Command], Command]:
     """Register a command.
 
     Args:
@@ -54,8 +56,9 @@ def _command(topic: str, name: str, summary: str, examples: str) -> Callable[[Co
         name: of the command.
         summary: one line about it there.
         examples: command lines that its own help ends with.
+        kind: how its help is written.
     """
-    return app.command(name, cls=HelpCommand, short_help=summary, epilog=examples, rich_help_panel=topic)
+    return app.command(name, cls=kind, short_help=summary, epilog=examples, rich_help_panel=topic)
 
 
 def main() -> None:
@@ -191,8 +194,10 @@ _command(
     "simulate",
     "Simulate a scene; every step is judged and stored.",
     """\
-proxbench simulate funnel --balls 300 --duration 0.5
-proxbench simulate woodpecker --record woodpecker.rrd""",
+proxbench simulate "funnel(balls=300, friction=None)" --duration 0.5
+proxbench simulate woodpecker --record woodpecker.rrd
+proxbench simulate funnel -h""",
+    SceneCommand,
 )(simulate)
 
 
@@ -220,7 +225,7 @@ def report(
 
         return report_study(run_dir, charts, quiet, as_json)
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
-        from .stored_simulations import report_simulation
+        from .simulation import report_simulation
 
         return report_simulation(run_dir, charts, quiet, as_json)
     from ..runs import load

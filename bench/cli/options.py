@@ -32,7 +32,7 @@ PluginFiles = Annotated[
     typer.Option(
         "--plugin",
         metavar="FILE",
-        help="Python file with solvers or problems; repeatable.",
+        help="Python file with solvers, problems or scenes; repeatable.",
         rich_help_panel=SELECTION,
         callback=_take_into_use,
     ),

@@ -44,11 +44,11 @@ def record(
 
     refuse_two_prints(quiet, as_json)
     if problem.endswith(".npz"):
-        from .stored_simulations import record_simulation
+        from .simulation import record_simulation
 
         if solver:
             raise BenchError(f"{problem} holds a simulation with its solver; leave --solver out.")
-        return record_simulation(Path(problem), output, force, as_json)
+        return record_simulation(Path(problem), output, still, force, as_json)
     for option, given in (("--solver", solver), ("--output", output)):
         if not given:
             raise BenchError(f"a recording of solvers needs {option}; see proxbench record -h.")

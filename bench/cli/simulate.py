@@ -5,107 +5,108 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import PluginFiles
+from .help import OUTPUT, HelpCommand
+from .options import Json, PluginFiles, Progress, Quiet, refuse_two_prints
 
-_NUMBER = "[default: of the scene]"
+_NUMBERS = ("stepper", "solver", "tolerance", "max_iterations", "states", "step_seconds")
 
-_EFFECTS = ("gravity", "friction", "restitution", "projection")
-"""Effects that are on by default, each with a --no-… beside it."""
+_ARGUMENTS = "proxbench.arguments"
 
-_OPTIONS = (
-    "balls",
-    "outlet",
-    "seed",
-    "gravity",
-    "friction",
-    "restitution",
-    "tangential_restitution",
-    "drag",
-    "spring",
-    "projection",
-    "start",
-)
-"""Options of scenes that the command line passes on under their own name."""
+_METHOD = "Method"
 
-_NUMBERS = ("step_size", "stepper", "solver", "tolerance", "max_iterations", "states")
+
+class SceneCommand(HelpCommand):
+    """A command whose help shows the options of the scene that is named before ``--help``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Keep the arguments for the help, which is printed before they are parsed."""
+        ctx.meta[_ARGUMENTS] = list(args)
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options of the scene with their meaning and default, else those of the command."""
+        for word in ctx.meta.get(_ARGUMENTS, ()):
+            rows = _scene_options(word)
+            if rows:
+                with formatter.section(f"Options of the scene, {word.partition('(')[0]}(option=value, …)"):
+                    formatter.write_dl(rows)
+                return
+        super().format_options(ctx, formatter)
+
+
+def _scene_options(word: str) -> list[tuple[str, str]]:
+    from ...problems.scenes.registry import SCENES
+
+    name = word.partition("(")[0]
+    if name not in SCENES:
+        return []
+    return [
+        (f"{key}={option.default!r}", option.meaning + ("; None: off" if option.can_be_off else ""))
+        for key, option in SCENES[name].options.items()
+    ]
 
 
 def simulate(
     context: typer.Context,
-    scene: Annotated[str, typer.Argument(help="funnel, pile or woodpecker; with --resume it may be left out.")] = "",
-    step_size: Annotated[float | None, typer.Option(help=f"Time step [s]. {_NUMBER}")] = None,
+    scene: Annotated[
+        str, typer.Argument(metavar="SCENE", help='Like "funnel(balls=300)"; not needed with --resume.')
+    ] = "",
+    duration: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Simulated time.", rich_help_panel=_METHOD)
+    ] = None,
     stepper: Annotated[
-        str | None, typer.Option(help="Moreau (fixed step), Extrapolated(tolerance=1e-8) or StepDoubling. " + _NUMBER)
+        str | None,
+        typer.Option(metavar="STEPPER", help='Like "Moreau(step=5e-4)" or Extrapolated.', rich_help_panel=_METHOD),
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Simulated time [s]; with --resume, a longer one.")] = None,
-    solver: Annotated[str | None, typer.Option(help="Solver with options, SORprox(relaxation=1.5).")] = None,
-    tolerance: Annotated[float | None, typer.Option(help="Judged residual that each step shall reach.")] = None,
-    max_iterations: Annotated[int | None, typer.Option(help="Iterations of the solver in one step.")] = None,
-    states: Annotated[
-        int | None, typer.Option(help="States that are kept, evenly over time, at least; twice as many at most.")
+    solver: Annotated[
+        str | None, typer.Option(metavar="SOLVER", help='Like "SORprox(relaxation=1.5)".', rich_help_panel=_METHOD)
     ] = None,
-    balls: Annotated[int | None, typer.Option(help="Number of balls.")] = None,
-    outlet: Annotated[float | None, typer.Option(help="Radius of the outlet in ball radii; 0 closes it.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of the jitter of the start.")] = None,
-    gravity: Annotated[float | None, typer.Option(help="Acceleration of weight [m/s²].")] = None,
-    no_gravity: Annotated[bool, typer.Option("--no-gravity", help="Leave weight out.")] = False,
-    friction: Annotated[float | None, typer.Option(help="Friction coefficient.")] = None,
-    no_friction: Annotated[bool, typer.Option("--no-friction", help="Leave friction and rotation out.")] = False,
-    restitution: Annotated[float | None, typer.Option(help="Normal restitution, 0 to 1.")] = None,
-    no_restitution: Annotated[bool, typer.Option("--no-restitution", help="Leave normal restitution out.")] = False,
-    tangential_restitution: Annotated[float | None, typer.Option(help="Tangential restitution, 0 to 1.")] = None,
-    drag: Annotated[float | None, typer.Option(help="Add linear drag on each centre [kg/s].")] = None,
-    spring: Annotated[float | None, typer.Option(help="Add springs to the middle of the cone's top [N/m].")] = None,
-    projection: Annotated[float | None, typer.Option(help="Penetration that may last, in ball radii.")] = None,
-    no_projection: Annotated[bool, typer.Option("--no-projection", help="Let penetrations last.")] = False,
-    planar: Annotated[bool, typer.Option("--planar", help="Discs in a vertical plane instead of balls.")] = False,
-    start: Annotated[str | None, typer.Option(help="Start of the woodpecker: published or cycle.")] = None,
-    output: Annotated[Path, typer.Option(help="Result file (.npz), or the folder for it.")] = Path("results"),
-    force: Annotated[bool, typer.Option("--force", help="Replace results, recordings and charts that exist.")] = False,
-    resume: Annotated[Path | None, typer.Option(help="Result file to go on with.")] = None,
-    record: Annotated[
-        Path | None, typer.Option(help="Recording to write, ending in .rrd: watch it with rerun.")
+    tolerance: Annotated[
+        float | None, typer.Option(help="Judged residual that each step shall reach.", rich_help_panel=_METHOD)
     ] = None,
-    chart: Annotated[Path | None, typer.Option(help="Chart to write, as CHART.svg and CHART.png.")] = None,
+    max_iterations: Annotated[
+        int | None, typer.Option(help="Iterations of the solver in one step.", rich_help_panel=_METHOD)
+    ] = None,
+    step_seconds: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Time of one answer of a plugin in a step.", rich_help_panel=_METHOD),
+    ] = None,
     study: Annotated[
-        bool, typer.Option("--study", help="Measure what accuracy costs, over steps, tolerances and solvers.")
+        bool, typer.Option("--study", help="Measure what accuracy costs instead.", rich_help_panel=_METHOD)
     ] = False,
     plugin: PluginFiles = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document, nothing else.")] = False,
-    progress: Annotated[bool, typer.Option(help="Show a live summary.")] = True,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Go on with this result.", rich_help_panel=OUTPUT)
+    ] = None,
+    output: Annotated[
+        Path, typer.Option(metavar="FILE", help="Result (.npz), or its folder.", rich_help_panel=OUTPUT)
+    ] = Path("results"),
+    states: Annotated[
+        int | None, typer.Option(help="States kept, at least; twice as many at most.", rich_help_panel=OUTPUT)
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Recording to write (.rrd).", rich_help_panel=OUTPUT)
+    ] = None,
+    chart: Annotated[
+        Path | None, typer.Option(metavar="NAME", help="Chart to write, .svg and .png.", rich_help_panel=OUTPUT)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.", rich_help_panel=OUTPUT)] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+    progress: Progress = True,
 ) -> int:
-    """Simulate a scene step by step; print a table per 0.1 s, or of the switching points where the step is variable.
-
-    Every step is stored in a file that can be resumed.
-    """
-    from ..variable.command import run_variable, wants_variable
-    from .fixed import run_fixed
-    from .request import Request
+    """Simulate a scene step by step; every step is judged and stored. SCENE -h shows the options of a scene."""
+    from .simulation import Request, run_simulation
     from .study import run_study_command, wants_study
 
-    options, numbers = _chosen(context.params)
     _refuse_contradictions(context)
-    request = Request(scene, options, numbers, duration, output, force, resume, record, chart)
+    refuse_two_prints(quiet, as_json)
+    numbers = {name: context.params[name] for name in _NUMBERS if context.params[name] is not None}
+    request = Request(scene, numbers, duration, output, force, resume, record, chart)
     if wants_study(study, resume):
         return run_study_command(request, as_json, progress)
-    if wants_variable(scene, numbers, resume):
-        return run_variable(request, as_json, progress)
-    return run_fixed(request, as_json, progress)
-
-
-def _chosen(given: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the options of the scene and the numbers of the plan that were asked for; None switches off."""
-    from ..errors import BenchError
-
-    options = {name: given[name] for name in _OPTIONS if given[name] is not None}
-    for name in _EFFECTS:
-        if given[f"no_{name}"]:
-            if name in options:
-                raise BenchError(f"--{name} and --no-{name} exclude each other; give one of them.")
-            options[name] = None
-    if given["planar"]:
-        options["planar"] = True
-    return options, {name: given[name] for name in _NUMBERS if given[name] is not None}
+    return run_simulation(request, as_json, quiet, progress)
 
 
 def _refuse_contradictions(context: typer.Context) -> None:

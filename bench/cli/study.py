@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from ...problems.scenes.registry import read_scene
 from ..errors import BenchError, InterruptedSimulationError
 from ..report.output_file import drawn, output_file, refuse_pictures, refuse_taken
 from ..report.presenting import present
@@ -14,7 +15,7 @@ from ..study.running import advance_study, points
 from ..study.study import SUFFIX, Study, read_study, write_points
 from ..study.table import print_study, study_document
 from .interrupts import deferred_interrupts
-from .request import Request
+from .simulation import Request
 
 FILE_WIDTH = 140
 """Columns of the table of points, which goes to a file or a pipe."""
@@ -89,7 +90,7 @@ def _table_file(file: Path) -> Path:
 
 
 def _begun(request: Request) -> Study:
-    for name in ("step_size", "stepper", "tolerance", "max_iterations"):
+    for name in ("stepper", "tolerance", "max_iterations"):
         if name in request.numbers:
             raise BenchError(f"a study varies --{name.replace('_', '-')} itself; leave it out.")
     if "states" in request.numbers:
@@ -106,7 +107,8 @@ def _begun(request: Request) -> Study:
         refuse_pictures(chart, request.force or request.chart is None)
         return study
     added = [request.numbers["solver"]] if "solver" in request.numbers else []
-    plan = make_study_plan(request.scene, request.options, duration=request.duration, solvers=added)
+    scene, options = read_scene(request.scene)
+    plan = make_study_plan(scene, options, duration=request.duration, solvers=added)
     if request.chart is not None:
         refuse_pictures(request.chart, request.force)
     file = output_file(request.output, f"{plan.scene}-study", SUFFIX, request.force)
@@ -117,10 +119,13 @@ def _begun(request: Request) -> Study:
 
 
 def _resumed(request: Request, file: Path) -> Study:
-    given = {**request.options, **request.numbers, **({} if request.duration is None else {"duration": 0})}
+    scene, options = read_scene(request.scene) if request.scene else ("", {})
+    given = {**options, **request.numbers, **({} if request.duration is None else {"duration": 0})}
     if given:
-        raise BenchError(f"--{next(iter(given))} makes no sense with --resume, which goes on as planned; leave it out.")
+        name = next(iter(given)).replace("_", "-")
+        name = name if name in options else f"--{name}"
+        raise BenchError(f"{name} makes no sense with --resume, which goes on as planned; leave it out.")
     study = read_study(file)
-    if request.scene not in ("", study.plan.scene):
-        raise BenchError(f"{request.scene} contradicts {file}, which is of the {study.plan.scene}; leave it out.")
+    if scene not in ("", study.plan.scene):
+        raise BenchError(f"{scene} contradicts {file}, which is of the {study.plan.scene}; leave it out.")
     return study

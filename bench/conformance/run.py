@@ -95,8 +95,10 @@ def _is_path(target: str) -> bool:
 def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
     """Return kind, name and source of all that a plugin file offers, and let children find it."""
     use_plugin_files([file.path], seconds)
-    offers = [*plugin_solvers(), *plugin_problems()]
-    return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers if offer.file == file]
+    offers = [offer for offer in (*plugin_solvers(), *plugin_problems()) if offer.file == file]
+    if not offers:
+        raise BenchError(f"{file.source} offers scenes only, which are not checked; simulate them: proxbench simulate.")
+    return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers]
 
 
 def _named(target: str) -> list[dict[str, str]]:

@@ -13,11 +13,12 @@ import numpy as np
 
 from ...problems.catalog.catalog import load, plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import Kind, Names, Offer, forget, register
+from ...problems.catalog.plugins import KINDS, Names, Offer, forget, register
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, first_line
+from ...problems.scenes.plugin_scenes import plugin_scene, plugin_scenes, scene_options
 from ...solvers import registry
 from ...solvers.contract import form_fault
 from ...solvers.interface import Solver, shows_iterates
@@ -62,8 +63,7 @@ def offered(file: PluginFile, seconds: float = SECONDS) -> Names:
             contract.
     """
     answer, _ = _ask(f"{file.source} fails to import", PluginError, "offers", file, seconds=seconds)
-    kinds: tuple[Kind, ...] = ("solver", "problem")
-    return {kind: tuple(map(str, answer["offers"][kind])) for kind in kinds}
+    return {kind: tuple(map(str, answer["offers"][kind])) for kind in KINDS}
 
 
 def described_solver(name: str) -> dict[str, Any]:
@@ -73,6 +73,16 @@ def described_solver(name: str) -> dict[str, Any]:
         PluginError: if it cannot be made, or breaks the contract.
     """
     return _ask(f"the solver {name!r} cannot be made", PluginError, "solver", name, b"")[0]
+
+
+def described_scene(name: str) -> list[str]:
+    """Return the options of a scene of a plugin, each with its default.
+
+    Raises:
+        PluginError: if the plugin fails to import, or an option has no default.
+    """
+    answer, _ = _ask(f"the scene {name!r} cannot be made", PluginError, "scene", name)
+    return [str(option) for option in answer["options"]]
 
 
 def plugin_problem(name: str) -> ContactProblem:
@@ -117,7 +127,7 @@ def _ask(
 
 @dataclass
 class Describing:
-    """The child's half: answers "offers" (plugin file), "solver" (name, pickled object) and "problem" (name)."""
+    """The child's half: answers "offers" (plugin file), "solver" (name, pickled object), "problem", "scene" (name)."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request; a mistake in words is answered as {"refused": sentence}."""
@@ -126,6 +136,8 @@ class Describing:
                 return {"offers": _offers(*arguments)}, b""
             if request == "solver":
                 return _solver(*arguments), b""
+            if request == "scene":
+                return {"options": _scene_options(*arguments)}, b""
             content = problem_bytes(load(*arguments))
             return {"length": len(content)}, content + bytes(-len(content) % np.dtype(float).itemsize)
         except ProxbenchError as error:
@@ -142,7 +154,8 @@ def file_offers(file: PluginFile) -> list[Offer]:
     forget(file)  # what is known of its names came from a run of it, which this is
     register(file)
     file.check_offers()
-    found = [offer for offer in (*registry.plugin_solvers(), *plugin_problems()) if offer.file == file]
+    offered = (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
+    found = [offer for offer in offered if offer.file == file]
     for offer in found:
         if offer.refusal:
             raise PluginError(offer.refusal)
@@ -153,7 +166,7 @@ def file_offers(file: PluginFile) -> list[Offer]:
 
 def _offers(file: PluginFile) -> dict[str, list[str]]:
     found = file_offers(file)
-    return {kind: [offer.name for offer in found if offer.kind == kind] for kind in ("solver", "problem")}
+    return {kind: [offer.name for offer in found if offer.kind == kind] for kind in KINDS}
 
 
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
@@ -168,6 +181,14 @@ def _solver(name: str, pickled: bytes) -> dict[str, Any]:
         if one.default is not one.empty
     ]
     return _form(solver, source, options)
+
+
+def _scene_options(name: str) -> list[str]:
+    offer = plugin_scene(name)
+    assert offer is not None
+    return [
+        f"{key}={value!r}" for key, value in scene_options(offer.load(), f"scene {name!r} of {offer.source}").items()
+    ]
 
 
 def _form(solver: Solver, source: str, options: list[str]) -> dict[str, Any]:

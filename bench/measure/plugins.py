@@ -7,6 +7,7 @@ from ...problems.catalog.catalog import plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugins import forget, register, registered
 from ...problems.errors import PluginError
+from ...problems.scenes.plugin_scenes import plugin_scenes
 from ...problems.spelling import either
 from ...solvers import registry
 from ..errors import BenchError
@@ -36,7 +37,7 @@ def _use(file: PluginFile, seconds: float) -> None:
     register(file, {}, runs_here=False)
     try:
         register(file, offered(file, seconds), runs_here=False)
-        for offer in (*registry.plugin_solvers(), *plugin_problems()):
+        for offer in (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes()):
             if offer.file == file and offer.refusal:
                 raise PluginError(offer.refusal)
     except PluginError:
@@ -46,17 +47,20 @@ def _use(file: PluginFile, seconds: float) -> None:
         raise
 
 
-def sources(solvers: Iterable[str], problems: Iterable[str]) -> list[PluginUse]:
+def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[str] = ()) -> list[PluginUse]:
     """Return what of plugins a run uses, for its record: each name, and the file with its SHA-256 or the package.
 
     Args:
         solvers: names of solvers, with or without options.
         problems: names of problems.
+        scenes: names of scenes, without options.
     """
     plain = {plain for name in solvers for plain in registry.plain_names(name)}
     used = [offer for offer in registry.plugin_solvers() if offer.name in plain]
     chosen = set(problems)
     used += [offer for offer in plugin_problems() if offer.name in chosen]
+    wanted = set(scenes)
+    used += [offer for offer in plugin_scenes() if offer.name in wanted]
     return [
         PluginUse(
             kind=offer.kind,

@@ -255,13 +255,17 @@ def _refuse(fault: str | None) -> None:
         raise MisbehaviourError(fault)
 
 
-def local_or_remote(name: str) -> Solver:
+def local_or_remote(name: str, seconds: float = SECONDS) -> Solver:
     """Return a solver by its name: itself if it is built in, else one that works in a process of its own.
+
+    Args:
+        name: its name, with options or without.
+        seconds: wall time that a request to such a process may take beyond the time limit of its solve [s].
 
     Raises:
         ProxbenchError: for an unknown name or option, or a plugin's solver that cannot be made.
     """
-    return _working(contestant(name))
+    return _working(contestant(name), seconds)
 
 
 @contextmanager
@@ -275,7 +279,7 @@ def working_solver(solver: Contestant) -> Iterator[Solver]:
             working.close()
 
 
-def _working(solver: Contestant) -> Solver:
+def _working(solver: Contestant, seconds: float = SECONDS) -> Solver:
     if solver.is_built_in:
         return solver.make()
-    return cast(Solver, RemoteSolver(solver))  # whose has_iterates is its own, not its class's
+    return cast(Solver, RemoteSolver(solver, seconds))  # whose has_iterates is its own, not its class's

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,12 @@ from ...problems.arrays import FloatArray
 from ...problems.mechanics.balls import BallSystem
 from ...problems.mechanics.state import State
 from ...problems.mechanics.system import System
-from ...problems.scenes.registry import Scene
-from ...problems.spelling import either
+from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import Step, step_problem
 from ..errors import BenchError
+from ..report.text import counted
 from .balls import BallRecorder
+from .coordinates import CoordinateRecorder
 from .simulation import SMALLEST, StepRecorder
 from .woodpecker import WoodpeckerRecorder
 
@@ -27,18 +29,17 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
     """Return the recorder of a scene, which draws about ``FRAMES`` of ``n_steps`` steps; curves have all of them.
 
     Raises:
-        BenchError: if the scene cannot be drawn, or the file cannot be written.
+        BenchError: if the file cannot be written.
     """
     every = max(1, math.ceil(n_steps / FRAMES))
     if scene.name == "woodpecker":
         return WoodpeckerRecorder(file, force, every)
     if isinstance(scene.system, BallSystem):
-        options = scene.options
-        title = f"{scene.name}, {options['balls']} {'discs' if options['planar'] else 'balls'}"
-        gravity = float(options["gravity"] or 0.0)
+        title = f"{scene.name}, {counted(scene.n_balls, 'disc' if scene.system.dimension == 2 else 'ball')}"
+        weight: Any = scene.options.get("gravity")
+        gravity = float(weight or 0.0)
         return BallRecorder(scene.system, file, title, gravity, force, every, scene.balls_through)
-    remedy = either("leave --record out", "leave it out")
-    raise BenchError(f"there is no recorder for the scene {scene.name!r}; {remedy}.")
+    return CoordinateRecorder(scene, file, force, every)
 
 
 def record_stored(
@@ -61,7 +62,7 @@ def record_stored(
         force: replace a file that exists.
 
     Raises:
-        BenchError: if the scene cannot be drawn, no step was taken, or the file exists or cannot be written.
+        BenchError: if no step was taken, or the file exists or cannot be written.
     """
     if not len(steps):
         raise BenchError("no step is taken yet, so there is nothing to record; go on with the simulation first.")

@@ -30,6 +30,9 @@ NOT_STARTED = "the recorder was not started; call its start with the state befor
 
 ENERGIES = ("kinetic", "potential", "total")
 
+COORDINATES = "coordinates"
+"""The group of curves of coordinates that have no body to be drawn on."""
+
 
 class StepRecorder(ABC):
     """Records a simulation: ``start`` once, then a call after each step, in a ``with`` block that ends the file.
@@ -225,4 +228,6 @@ def _colour_of(curve: str) -> tuple[int, int, int]:
         return rgb(STATE_COLOURS[ContactState[name.upper()]])
     if group == "energy":
         return rgb(PALETTE[(5, 1, 3)[ENERGIES.index(name)]])
+    if group == COORDINATES:
+        return rgb(PALETTE[sum(name.encode()) % len(PALETTE)])
     return rgb(PALETTE[1] if name == "sleeve" else PALETTE[5])

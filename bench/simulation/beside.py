@@ -42,12 +42,12 @@ def beside_from(stored: Mapping[str, Any], result: Path) -> Beside:
 
 
 def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force: bool) -> Beside:
-    """Return where chart and recording will be: where they are asked for, or else where they were.
+    """Return where chart and recording will be: where they are wanted, or else where they were.
 
     Args:
         own: those that the simulation has, which are replaced in any case.
-        chart: the chart that is asked for.
-        recording: the recording that is asked for.
+        chart: the chart that is wanted.
+        recording: the recording that is wanted.
         force: replace others.
 
     Raises:

@@ -1,53 +1,77 @@
-"""The chart of a simulation: what happens over time, one curve below the other, as SVG and PNG."""
+"""The chart of a simulation, as SVG and PNG: the motion with its switching points, what it costs, and its step size.
 
+Coordinates that have names are drawn over the last half second, with switching points as dots (figure 2 of the paper).
+Where they have none, as those of many balls, contacts, iterations, penetration and energy over all the time say what
+happens, and switching points are counted.
+"""
+
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import altair as alt
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
+from ...problems.arrays import FloatArray
+from ...problems.trajectories.limit_cycle import Incident
+from ..report.counting import counted
 from ..report.drawing import stacked, write_drawing
 from ..report.palette import PALETTE
-from .trajectory import Simulation
+from .trajectory import Simulation, switching_words
 
 POINTS = 500
 """Intervals of time that curves are gathered in, so that charts of any length stay light."""
 
-WIDTH, HEIGHT = 620, 105
+WIDTH, HEIGHT = 620, 110
+
+SHOWN_SECONDS = 0.5
+"""Simulated time up to the end in which coordinates are drawn: some periods of the woodpecker."""
+
+POINTS_PER_STEP = 8
+"""Points of a coordinate between two states."""
+
+BINS = 100
+"""Parts of the time in which switching points are counted."""
+
+NOISE = 1e-6
+"""Range of a curve, relative to its largest value, below which it is a straight line and what it does is rounding."""
+
+KINDS = {"unilateral": "contact opens or closes", "friction": "slips or sticks"}
+"""What switching points are called, by law."""
+
+Panel = alt.Chart | alt.LayerChart
 
 
-def simulation_chart(simulation: Simulation) -> alt.VConcatChart:
-    """Return balls through the outlet, active contacts, iterations, penetration and energy over simulated time.
-
-    Balls that have left fall for ever: their kinetic and potential energy, which cancel, would hide the total.
-    """
-    curves = _curves(simulation)
-    plan, scene = simulation.plan, simulation.plan.scene
-    energies = {"energy": "total"}
-    if scene.balls_through is None:
-        energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
-    panels = [
-        _panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),
-        _panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}, "sqrt", steps=True),
-        _panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
-        _panel(curves, "energy [J]", energies),
-    ]
-    if scene.balls_through is not None:
-        panels.insert(0, _panel(curves, "balls through", {"balls_through": "through the outlet"}, steps=True))
-    panels[-1].encoding.x.title = "simulated time [s]"
-    panels[-1].encoding.x.axis = alt.Axis()
-    balls = f", {scene.n_balls} balls" if scene.n_balls else ""
-    tolerance, missed = np.format_float_scientific(plan.tolerance, trim="-", exp_digits=1), simulation.unsolved.sum()
-    solver = plan.solver.name.partition("(")[0]
+def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> alt.VConcatChart:
+    """Return the chart; coordinates that have names are drawn over the last ``seconds`` [s]."""
+    scene, plan = simulation.plan.scene, simulation.plan
+    has_names, is_variable = bool(scene.coordinates), plan.stepper.locates_switches
+    steps = simulation.steps
+    shown = steps["time"] >= (simulation.state.time - seconds if has_names else -np.inf)
+    begin = -np.inf if shown.all() else float(simulation.state.time - seconds)
+    found = [incident for incident in simulation.incidents if incident.time >= begin]
+    panels: list[Panel] = _coordinate_panels(simulation, begin, found) if has_names else []
+    if not (has_names and is_variable):
+        panels += _work_panels(simulation, shown)
+    if is_variable:
+        if not has_names:
+            panels.append(_count_panel(found, steps[shown]))
+        panels.append(_step_panel(pd.DataFrame({"time": steps["time"][shown], "length": steps["length"][shown]})))
+    last = panels[-1].layer[0] if isinstance(panels[-1], alt.LayerChart) else panels[-1]
+    last.encoding.x.title = "simulated time [s]"
+    last.encoding.x.axis = alt.Axis()
     title = alt.TitleParams(
-        f"{scene.name.capitalize()}{balls}: what happens over time",
-        subtitle=f"Δt {plan.step_size:g} s, steps solved to {tolerance}, {missed} missed, by {solver}",
+        _title(simulation, begin),
+        subtitle=_subtitle(simulation, int(shown.sum()), int(steps["solves"][shown].sum()), found),
         anchor="start",
         fontSize=16,
         subtitleFontSize=12,
     )
-    return stacked(panels, title, {"color": "independent", "strokeDash": "independent", "x": "shared"}, label=44)
+    resolve: dict[str, Any] = {"x": "shared", "color": "independent", "strokeDash": "independent"}
+    return stacked(panels, title, resolve, label=44)
 
 
 def write_chart(simulation: Simulation, path: Path) -> list[Path]:
@@ -59,9 +83,48 @@ def write_chart(simulation: Simulation, path: Path) -> list[Path]:
     return write_drawing(simulation_chart(simulation), path)
 
 
-def _curves(simulation: Simulation) -> pd.DataFrame:
+def _title(simulation: Simulation, begin: float) -> str:
+    scene = simulation.plan.scene
+    name = scene.name.replace("_", " ").capitalize()
+    balls = f", {counted(scene.n_balls, 'ball')}" if scene.n_balls > 1 else ""
+    part = "" if begin == -np.inf else f" from {begin:.4g} s on"
+    return f"{name}{balls}: what happens over time{part}"
+
+
+def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Incident]) -> str:
+    plan = simulation.plan
+    tolerance, missed = np.format_float_scientific(plan.tolerance, trim="-", exp_digits=1), simulation.unsolved.sum()
+    solved = f"steps solved to {tolerance}, {missed} missed, by {plan.solver.name.partition('(')[0]}"
+    if not plan.stepper.locates_switches:
+        return f"{plan.stepper.name}, {solved}"
+    work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {switching_words(found)}"
+    return f"{plan.stepper.name}, {work}; {solved}"
+
+
+def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:
+    """Return balls through the outlet, active contacts, iterations, penetration and energy.
+
+    Balls that have left fall for ever: their kinetic and potential energy, which cancel, would hide the total.
+    """
+    curves, has_outlet = _gathered(simulation.steps[shown]), simulation.plan.scene.balls_through is not None
+    energies = {"energy": "total"}
+    if not has_outlet:
+        energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
+    panels: list[Panel] = [
+        _curve_panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),
+        _curve_panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}, "sqrt", steps=True),
+        _curve_panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
+        _curve_panel(curves, "energy [J]", energies),
+    ]
+    if has_outlet:
+        through = {"balls_through": "through the outlet"}
+        panels.insert(0, _curve_panel(curves, "balls through", through, steps=True))
+    return panels
+
+
+def _gathered(rows: NDArray[np.void]) -> pd.DataFrame:
     """Gather steps in intervals: means of contacts and iterations, the largest penetration, the last of the rest."""
-    steps = pd.DataFrame({name: simulation.steps[name] for name in simulation.steps.dtype.names or ()})
+    steps = pd.DataFrame({name: rows[name] for name in rows.dtype.names or ()})
     steps["energy"] = steps["kinetic_energy"] + steps["potential_energy"]
     steps["most_iterations"] = steps["iterations"]
     length = max(1, -(-len(steps) // POINTS))
@@ -73,7 +136,7 @@ def _curves(simulation: Simulation) -> pd.DataFrame:
     return gathered
 
 
-def _panel(
+def _curve_panel(
     curves: pd.DataFrame,
     title: str,
     names: dict[str, str],
@@ -94,6 +157,111 @@ def _panel(
             y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4),
             color=alt.Color("curve:N", sort=order, scale=colours, title=None),
             strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
+        )
+    )
+    return panel
+
+
+def _coordinate_panels(simulation: Simulation, begin: float, found: list[Incident]) -> list[Panel]:
+    """Return a panel for each coordinate with a name, switching points as dots."""
+    drawn = simulation.plan.scene.coordinates
+    times = simulation.times
+    shown = times >= begin
+    curves = _curves(times[shown], simulation.trajectory[shown], simulation, drawn)
+    dots = _dots(simulation, found, drawn)
+    return [_panel(curves, dots, name, has_legend=not number) for number, name in enumerate(drawn)]
+
+
+def _curves(time: FloatArray, trajectory: FloatArray, simulation: Simulation, drawn: Mapping[str, int]) -> pd.DataFrame:
+    """Return the coordinates over time; long steps are filled in by the cubics that have q and q̇ = u at their ends."""
+    position, velocity = np.split(trajectory, [len(simulation.plan.scene.start.position)], axis=1)
+    columns = list(drawn.values())
+    if velocity.shape != position.shape or len(time) < 2:
+        return pd.DataFrame(position[:, columns], columns=list(drawn)).assign(time=time)
+    share = np.arange(POINTS_PER_STEP) / POINTS_PER_STEP
+    dense = time[:-1, None] + np.diff(time)[:, None] * share
+    all_times = np.append(dense.ravel(), time[-1])
+    curves = CubicHermiteSpline(time, position[:, columns], velocity[:, columns])(all_times)
+    return pd.DataFrame(curves, columns=list(drawn)).assign(time=all_times)
+
+
+def _dots(simulation: Simulation, found: list[Incident], drawn: Mapping[str, int]) -> pd.DataFrame:
+    """Return one row a switching point: its time, what switches, and the coordinates there."""
+    times = np.array([incident.time for incident in found])
+    at = np.searchsorted(simulation.times, times)
+    frame = pd.DataFrame(simulation.trajectory[at][:, list(drawn.values())], columns=list(drawn))
+    frame["time"] = times
+    frame["law"] = [KINDS[incident.law] for incident in found]
+    return frame
+
+
+def _panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool) -> alt.LayerChart:
+    curve = frame[["time", name]].rename(columns={name: "value"})
+    points = dots[["time", "law", name]].rename(columns={name: "value"})
+    line = _line(curve, name)
+    colour = _colour() if has_legend else _colour().legend(None)
+    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time(), y=line.encoding.y, color=colour)
+    layer: alt.LayerChart = line + marks
+    return layer
+
+
+def _line(curve: pd.DataFrame, title: str) -> alt.Chart:
+    """Return the curve of "value" over "time"."""
+    scale = alt.Scale(zero=False)
+    low, high = curve["value"].min(), curve["value"].max()
+    size = max(abs(low), abs(high))
+    if high - low <= NOISE * size:  # an axis of that range would show rounding
+        middle, room = 0.5 * (low + high), 0.05 * size or 1.0
+        scale = alt.Scale(zero=False, domain=[middle - room, middle + room])
+    panel: alt.Chart = (
+        alt.Chart(curve, width=WIDTH, height=HEIGHT)
+        .mark_line(color="#4d4d4d", strokeWidth=1.4)
+        .encode(x=_time(), y=alt.Y("value:Q", title=title, scale=scale))
+    )
+    return panel
+
+
+def _count_panel(found: list[Incident], steps: NDArray[np.void]) -> alt.Chart:
+    """Return how many switching points there are in each part of the time, as bars."""
+    borders = np.linspace(steps["time"][0] - steps["length"][0], steps["time"][-1], BINS + 1)
+    rows = []
+    for law, kind in KINDS.items():
+        times = np.array([incident.time for incident in found if incident.law == law])
+        counts, _ = np.histogram(np.clip(times, borders[0], borders[-1]), borders)
+        rows.append(pd.DataFrame({"time": borders[:-1], "end": borders[1:], "count": counts, "law": kind}))
+    frame = pd.concat(rows)
+    axis = alt.Y("count:Q", title=["switching points", f"per {borders[1] - borders[0]:.2g} s"]).axis(
+        format="d", tickMinStep=1
+    )
+    panel: alt.Chart = (
+        alt.Chart(frame[frame["count"] > 0], width=WIDTH, height=HEIGHT)
+        .mark_bar()
+        .encode(
+            x=alt.X("time:Q", title=None).bin("binned").axis(labels=False, ticks=False).scale(nice=False),
+            x2="end:Q",
+            y=axis.scale(domainMin=0, domainMax=max(1, int(frame.groupby("time")["count"].sum().max()))),
+            color=_colour(),
+        )
+    )
+    return panel
+
+
+def _time() -> alt.X:
+    return alt.X("time:Q", title=None).axis(labels=False, ticks=False).scale(nice=False)
+
+
+def _colour() -> alt.Color:
+    kinds = list(KINDS.values())
+    return alt.Color("law:N", sort=kinds, scale=alt.Scale(domain=kinds, range=[PALETTE[3], PALETTE[0]]), title=None)
+
+
+def _step_panel(frame: pd.DataFrame) -> alt.Chart:
+    panel: alt.Chart = (
+        alt.Chart(frame, width=WIDTH, height=HEIGHT)
+        .mark_line(color=PALETTE[0], strokeWidth=1.0, interpolate="step-before", point=alt.OverlayMarkDef(size=8))
+        .encode(
+            x=_time(),
+            y=alt.Y("length:Q", title="step size [s]").scale(type="log", nice=False).axis(format=".0e", tickCount=6),
         )
     )
     return panel

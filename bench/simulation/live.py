@@ -2,12 +2,14 @@
 
 import time
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.text import Text
+
+from .trajectory import Simulation
 
 REDRAW_SECONDS = 0.2
 """Wall time between two drawings; one takes about a millisecond."""
@@ -39,7 +41,7 @@ class LiveSummary:
     ) -> None:
         self._live.stop()
 
-    def __call__(self, simulation: Any) -> None:
+    def __call__(self, simulation: Simulation) -> None:
         """Show the simulation, if the last time is long enough ago."""
         now = time.perf_counter()
         if self._hidden or now < self._next:
@@ -49,17 +51,11 @@ class LiveSummary:
         if not self._console.is_terminal:
             self._console.print(f"{first}  {second}", soft_wrap=True, highlight=False)
             return
-        bar = ProgressBar(
-            total=1.0, completed=min(self._share(simulation), 1.0), width=min(self._console.width - 1, 78)
-        )
+        bar = ProgressBar(total=1.0, completed=_share(simulation), width=min(self._console.width - 1, 78))
         style = "red" if self._unsolved else "dim"
         self._live.update(Group(Text(first, no_wrap=True), Text(second, style=style, no_wrap=True), bar), refresh=True)
 
-    def _share(self, simulation: Any) -> float:
-        """Return how much of the simulation is done, from 0 to 1."""
-        return float(simulation.n_steps / simulation.plan.n_steps)
-
-    def _lines(self, simulation: Any, now: float) -> tuple[str, str]:
+    def _lines(self, simulation: Simulation, now: float) -> tuple[str, str]:
         """Return how far and how fast it is, and what the last step looked like, each within 80 columns."""
         plan, last = simulation.plan, simulation.steps[-1]
         # only steps not counted yet are looked at: counting all would cost more from redraw to redraw
@@ -67,10 +63,18 @@ class LiveSummary:
         self._counted = simulation.n_steps
         before, self._shown = self._shown, (now, simulation.n_steps)
         speed = "" if before is None else f"  {(simulation.n_steps - before[1]) / (now - before[0]):.0f} steps/s"
-        first = f"{plan.scene.name}  {last['time']:.4f} of {plan.duration:g} s  step {simulation.n_steps}{speed}"
+        first = f"{plan.scene.name}  {last['time']:.4f} of {plan.until:g} s  step {simulation.n_steps}{speed}"
+        if plan.stepper.locates_switches:
+            first += f"  of {last['length']:.0e} s  {len(simulation.switches)} switches"
         missed = f"  unsolved {self._unsolved}" if self._unsolved else ""
         energy = last["kinetic_energy"] + last["potential_energy"]
         return first, (
             f"contacts {last['contacts']}  iterations {last['iterations']}  residual {last['residual']:.0e}  "
             f"energy {energy:.4g} J{missed}"
         )
+
+
+def _share(simulation: Simulation) -> float:
+    """Return how much of the simulated time is over, from 0 to 1."""
+    plan = simulation.plan
+    return min((simulation.state.time - plan.scene.start.time) / plan.duration, 1.0)

@@ -1,19 +1,20 @@
-"""What a simulation is: scene, step size, duration and solver, all checked before anything starts."""
+"""What a simulation is: scene, stepper, duration and solver, all checked before anything starts."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
-from ...problems.scenes.registry import SCENES, Scene, make_scene
-from ...problems.stepping.moreau import ContactSolver, Moreau
+from ...problems.scenes.registry import check_option, read_scene
+from ...problems.scenes.scene import Scene
+from ...problems.stepping.moreau import ContactSolver
+from ...problems.stepping.registry import EventDriven, Stepper, Variable, make_stepper
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
+from ..measure.remote_scene import SECONDS, local_or_remote_scene
 from ..measure.remote_solver import local_or_remote
+from .asking import Asked
 from .thinning import STATES
-
-FIXED = "Moreau"
-"""The stepper of fixed step size."""
 
 
 class _Default(NamedTuple):
@@ -28,6 +29,15 @@ _MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
 _FEW_CONTACTS = _Default("SORprox", 1e-10, 5000)
 """A few contacts afford more accuracy, and need no relaxation above 1."""
 
+_VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
+"""Switching points are found from forces, which lose as many digits as a step is shorter than the others."""
+
+_EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
+"""The laws at events are solved exactly."""
+
+REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "step_seconds")
+"""What a resumed simulation may take other values of: how steps are taken and solved, not what is simulated."""
+
 
 @dataclass(frozen=True, eq=False)
 class SimulationPlan:
@@ -35,48 +45,52 @@ class SimulationPlan:
 
     Attributes:
         scene: the scene with its options.
-        step_size: Δt [s].
+        stepper: takes the steps.
         duration: simulated time [s].
-        solver: solves the contact problem of each step.
-        tolerance: judged residual that every step shall reach.
-        max_iterations: of the solver, in one step.
-        states: how many states are kept at least, where there are more; twice as many at most.
+        solver: solves the contact problem of each one-step inclusion.
+        tolerance: judged residual that each of them shall reach.
+        max_iterations: of the solver, in one of them.
+        states: how many states are kept at least, where there are more; twice as many at most, those at switching
+            points not counted.
+        step_seconds: wall time that a plugin's scene or solver may take for one answer in a step [s].
     """
 
     scene: Scene
-    step_size: float
+    stepper: Stepper
     duration: float
     solver: Solver
     tolerance: float
     max_iterations: int
     states: int = STATES
+    step_seconds: float = SECONDS
 
     @property
-    def n_steps(self) -> int:
-        """Number of steps, the last of which reaches or passes the end of the duration."""
-        return math.ceil(self.duration / self.step_size * (1.0 - 1e-12))
+    def until(self) -> float:
+        """The end [s]."""
+        return self.scene.start.time + self.duration
 
     @property
     def stop(self) -> Stop:
         """The stop criterion of each step; a limit of time would make the motion depend on how busy the machine is."""
         return Stop(self.tolerance, self.max_iterations, math.inf)
 
-    def stepper(self, solver: ContactSolver | None = None) -> Moreau:
-        """Return what takes the steps, with ``solver`` in place of the plan's."""
-        scene = self.scene
-        return Moreau(scene.system, solver or self.solver, self.stop, self.step_size, depth=scene.depth)
+    @property
+    def step_solver(self) -> ContactSolver:
+        """The solver as steppers take it."""
+        return Asked(self.solver)
 
     def document(self) -> dict[str, Any]:
-        """Return the plan as plain values, from which ``plan_from`` makes it again."""
+        """Return the plan as plain values, from which ``make_simulation_plan`` makes it again."""
         return {
             "scene": self.scene.name,
             "options": dict(self.scene.options),
-            "step_size": self.step_size,
+            "stepper": self.stepper.name,
             "duration": self.duration,
             "solver": self.solver.name,
             "tolerance": self.tolerance,
             "max_iterations": self.max_iterations,
             "states": self.states,
+            "step_seconds": self.step_seconds,
         }
 
 
@@ -84,104 +98,135 @@ def make_simulation_plan(
     scene: str,
     options: Mapping[str, object] | None = None,
     *,
-    step_size: float | None = None,
+    stepper: str | Stepper | None = None,
     duration: float | None = None,
     solver: str | Solver | None = None,
     tolerance: float | None = None,
     max_iterations: int | None = None,
     states: int | None = None,
+    step_seconds: float | None = None,
 ) -> SimulationPlan:
-    """Return the plan of one simulation; what is None is taken from the scene.
+    """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
+
+    Args:
+        scene: the scene, with options or without.
+        options: further options of it.
+        stepper: the stepper; the scene's if None.
+        duration: simulated time [s]; the scene's if None.
+        solver: the solver; one that suits stepper and scene if None, as are its tolerance and iterations.
+        tolerance: judged residual that each one-step inclusion shall reach.
+        max_iterations: of the solver, in one of them.
+        states: how many states are kept.
+        step_seconds: wall time that a plugin's scene or solver may take for one answer in a step [s].
 
     Raises:
-        ProblemError: for an unknown scene or option, with the nearest name, or an option out of range.
+        ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
         SolverError: for an unknown solver or option of it, with the nearest name.
-        BenchError: for a step size, duration, tolerance, number of iterations or of states out of range.
+        BenchError: for a duration, tolerance, number of iterations or of states out of range.
     """
-    made = make_scene(scene, options)
-    default = _FEW_CONTACTS if SCENES[made.name].has_few_contacts else _MANY_CONTACTS
+    seconds = SECONDS if step_seconds is None else step_seconds
+    _check_seconds(seconds)
+    made = local_or_remote_scene(scene, options, seconds)
+    named = ("Extrapolated" if made.has_few_contacts else "Moreau") if stepper is None else stepper
+    taken = (make_stepper(named) if isinstance(named, str) else named).fitted(made)
+    default = _default(made, taken)
     chosen = default.solver if solver is None else solver
     plan = SimulationPlan(
         made,
-        made.step_size if step_size is None else step_size,
+        taken,
         made.duration if duration is None else duration,
-        local_or_remote(chosen) if isinstance(chosen, str) else chosen,
+        local_or_remote(chosen, seconds) if isinstance(chosen, str) else chosen,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
         STATES if states is None else states,
+        seconds,
     )
     _check_numbers(plan)
     return plan
 
 
+def _default(scene: Scene, stepper: Stepper) -> _Default:
+    if isinstance(stepper, EventDriven):
+        return _EVENT_DRIVEN
+    if isinstance(stepper, Variable):
+        return _VARIABLE_STEP
+    return _FEW_CONTACTS if scene.has_few_contacts else _MANY_CONTACTS
+
+
 def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
-    """Return ``plan`` with other values: duration [s], solver, tolerance, max_iterations.
+    """Return ``plan`` with other values: duration [s], stepper, solver, tolerance, max_iterations.
 
     Raises:
-        SolverError: for an unknown solver or option of it.
-        BenchError: if a number is out of range.
+        ProxbenchError: for an unknown stepper or solver or option of it, or a number out of range.
     """
-    solver = changes.get("solver")
-    if isinstance(solver, str):
-        changes["solver"] = local_or_remote(solver)
+    seconds = changes.get("step_seconds", plan.step_seconds)
+    _check_seconds(seconds)
+    if "step_seconds" in changes:
+        changes["scene"] = local_or_remote_scene(plan.scene.name, plan.scene.options, seconds)
+        changes.setdefault("solver", plan.solver.name)
+    if isinstance(changes.get("solver"), str):
+        changes["solver"] = local_or_remote(changes["solver"], seconds)
+    if isinstance(changes.get("stepper"), str):
+        changes["stepper"] = make_stepper(changes["stepper"])
     other = replace(plan, **changes)
     _check_numbers(other)
     return other
 
 
-REPLACEABLE = ("solver", "tolerance", "max_iterations")
-"""What a resumed simulation may take other values of: how steps are solved, not what is simulated."""
-
-
-class Planned(Protocol):
-    """A plan of a scene, whatever its step is."""
-
-    @property
-    def scene(self) -> Scene:
-        """The scene with its options."""
-
-    def document(self) -> dict[str, Any]:
-        """Return the plan as plain values."""
-
-
-def check_agreement(plan: Planned, given: Mapping[str, object], source: str) -> None:
-    """Compare what is asked for with the plan of a simulation that is resumed.
+def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str) -> None:
+    """Compare what is given with the plan of a simulation that is resumed.
 
     Args:
         plan: the plan as it was stored.
-        given: names as in ``document`` of the plan and names of options, with the values asked for.
+        given: by the names of ``document``: a scene, with options or without; a stepper, of which only a variable one
+            may be another; states; the rest may differ.
         source: what messages call the stored simulation.
 
     Raises:
         BenchError: for the first value that contradicts the plan.
         ProxbenchError: for an unknown option, or a value out of range.
     """
-    stored = {**plan.document(), **plan.scene.options}
-    for name, value in given.items():
-        asked = value
-        if name not in plan.document():
-            options = SCENES[plan.scene.name].options
-            if name in options:
-                asked = options[name].checked(name, value)
-        if name not in stored or asked != stored[name]:
+    for name, value in _values(plan, given):
+        stored = {**plan.document(), **plan.scene.options}
+        if name not in stored or value != stored[name]:
             holds = f"{name} {_word(stored[name])}" if name in stored else f"no {name}"
-            raise BenchError(f"{name} {_word(asked)} contradicts {source}, which has {holds}; leave it out to resume.")
+            raise BenchError(f"{name} {_word(value)} contradicts {source}, which has {holds}; leave it out to resume.")
+
+
+def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Return names and values that must be as they are stored."""
+    values: list[tuple[str, Any]] = []
+    if "scene" in given:
+        name, options = read_scene(given["scene"])
+        values.append(("scene", name))
+        if name == plan.scene.name:
+            values += [(option, check_option(name, option, value)) for option, value in options.items()]
+    if "stepper" in given:
+        stepper = given["stepper"]
+        other = (make_stepper(stepper) if isinstance(stepper, str) else stepper).fitted(plan.scene)
+        if not (isinstance(other, Variable) and isinstance(plan.stepper, Variable)):
+            values.append(("stepper", other.name))
+    if "states" in given:
+        values.append(("states", given["states"]))
+    return values
 
 
 def _word(value: object) -> str:
     return "off" if value is None else str(value)
 
 
+def _check_seconds(seconds: float) -> None:
+    if not 0.0 < seconds < math.inf:
+        raise BenchError(f"step_seconds must be positive and finite, got {seconds} s.")
+
+
 def _check_numbers(plan: SimulationPlan) -> None:
-    for name in ("step_size", "duration"):
-        value = getattr(plan, name)
-        if not 0.0 < value < math.inf:
-            raise BenchError(f"{name} must be positive and finite, got {value} s.")
-    if plan.step_size > plan.duration:
-        raise BenchError(f"step_size {plan.step_size} s must not be longer than the duration, {plan.duration} s.")
+    if not 0.0 < plan.duration < math.inf:
+        raise BenchError(f"duration must be positive and finite, got {plan.duration} s.")
     if not 0.0 < plan.tolerance < 1.0:
         raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
     if not plan.max_iterations >= 1:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
     if not plan.states >= 1:
         raise BenchError(f"states must be at least 1, got {plan.states}.")
+    plan.stepper.check(plan.scene, plan.solver, plan.scene.start.time, plan.until)

@@ -1,35 +1,28 @@
-"""Running a simulation: step, judge, note, store now and then, until the end or until somebody asks to stop."""
+"""Running a simulation: step, judge, note, store now and then, until the end or until it shall stop."""
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...problems.contact.judge import Residual
 from ...problems.errors import said
-from ...problems.mechanics.state import State
+from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.stepping.moreau import Step
 from ...solvers.interface import Solver
 from ..errors import BenchError, FailedSimulationError
 from ..report.output_file import output_file
-from .asking import Asked
 from .failure import Failure
-from .file import read_simulation, write_simulation
+from .file import SUFFIX, read_simulation, write_simulation
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
-from .result_file import SUFFIX
 from .trajectory import NO_CONTACT, Simulation
-from .warming import WarmClock
 
-OnStep = Callable[[int, Step], None]
+OnStep = Callable[[int, AcceptedStep], None]
 """``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
 
 OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation as far as it has come."""
-
-ENERGIES = slice(5, 7)
-"""Where a row has them."""
 
 CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file."""
@@ -53,7 +46,7 @@ def simulate(
         force: replace a result file that exists.
         on_step: called after every step, outside the time charged to it.
         on_progress: called after every step, to show how far it is.
-        stop_asked: asked after every step whether to end before the duration is over.
+        stop_asked: called after every step; whether to end before the duration is over.
         checkpoint_seconds: wall time between two writes of the result file [s].
 
     Returns:
@@ -84,12 +77,15 @@ def resume_simulation(
     stop_asked: Callable[[], bool] = lambda: False,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> Simulation:
-    """Go on with a stored simulation, in the same bits as if it had never been interrupted.
+    """Go on with a stored simulation: with a fixed step in the same bits as if it had never been interrupted.
+
+    A variable step begins anew at the last state, so that its steps differ from those of a simulation that was never
+    interrupted, within their tolerance.
 
     Args:
         file: its result file, which is written on.
-        given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance or
-            number of iterations is taken from here on, so that a simulation whose step failed can go on.
+        given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance,
+            number of iterations or variable stepper is taken from here on, so that one whose step failed can go on.
         duration: simulated time from the start [s], if it shall be another one than planned.
         solver: the solver, if ``create`` does not know it by its name.
         on_step: as in ``simulate``.
@@ -112,25 +108,26 @@ def begun_simulation(
 ) -> Simulation:
     """Return a stored simulation as far as it has come; arguments and errors as in ``resume_simulation``."""
     simulation = read_simulation(file, solver)
-    asked = dict(given or {})
-    changes: dict[str, Any] = {name: asked.pop(name) for name in REPLACEABLE if name in asked}
-    check_agreement(simulation.plan, asked, str(file))
-    simulation.plan = changed(simulation.plan, **changes)
+    known = dict(given or {})
+    check_agreement(simulation.plan, known, str(file))
+    changes: dict[str, Any] = {name: known[name] for name in REPLACEABLE if name in known}
     if duration is not None:
-        simulation.plan = changed(simulation.plan, duration=duration)
-        if simulation.n_steps > simulation.plan.n_steps:
-            raise BenchError(
-                f"{file} has come to {simulation.state.time:g} s already, past the duration of {duration:g} s; "
-                "ask for a longer one, or leave it out."
-            )
+        changes["duration"] = duration
+    plan = changed(simulation.plan, **changes)
+    if simulation.state.time - plan.until > plan.stepper.shortest(plan.scene):
+        raise BenchError(
+            f"{file} has come to {simulation.state.time:g} s already, past the duration of {plan.duration:g} s; "
+            "name a longer one, or leave it out."
+        )
+    simulation.plan = plan
     return simulation
 
 
 def advance(
     simulation: Simulation,
-    on_step: Sequence[OnStep],
-    on_progress: OnProgress,
-    stop_asked: Callable[[], bool],
+    on_step: Sequence[OnStep] = (),
+    on_progress: OnProgress = lambda simulation: None,
+    stop_asked: Callable[[], bool] = lambda: False,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> None:
     """Take the steps that are left; whatever ends them, the result file holds all that were completed.
@@ -141,15 +138,17 @@ def advance(
     if simulation.is_finished:
         return
     simulation.failure = None
-    plan = simulation.plan
-    stepper = plan.stepper(Asked(plan.solver))
-    clock, steps = time.perf_counter, WarmClock()
+    plan, clock = simulation.plan, time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
     written = clock()
+    begin = (simulation.state, plan.until, simulation.law_states)
+    steps = plan.stepper.steps(plan.scene, plan.step_solver, plan.stop, *begin)
     try:
         while not simulation.is_finished and not stop_asked():
-            _take_step(simulation, partial(steps.step, stepper), on_step)
+            taken = _next_step(simulation, steps)
+            for call in on_step:
+                call(simulation.n_steps, taken)
             now = clock()
             simulation.wall_seconds = now - began
             if now - written >= checkpoint_seconds:
@@ -165,20 +164,17 @@ def _store(simulation: Simulation) -> None:
         write_simulation(simulation, simulation.file)
 
 
-def _take_step(
-    simulation: Simulation, timed_step: Callable[[State], tuple[Step, float]], on_step: Sequence[OnStep]
-) -> None:
-    number = simulation.n_steps + 1
+def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> AcceptedStep:
+    """Take one step and note it."""
     try:
-        step, seconds = timed_step(simulation.state)
+        taken = next(steps)
+        row = _row(simulation, taken)
     except (Exception, SystemExit) as error:
         raise _failed(simulation, said(error)) from error
-    row = _row(simulation, step, seconds)
     if not all(map(math.isfinite, row[ENERGIES])):
         raise _failed(simulation, "the motion is no longer finite")
-    simulation.append(row, step.state)
-    for call in on_step:
-        call(number, step)
+    simulation.append(row, taken)
+    return taken
 
 
 def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
@@ -188,38 +184,53 @@ def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
     return simulation.failure.error(simulation.file)
 
 
-def _row(simulation: Simulation, step: Step, seconds: float) -> tuple[float, ...]:
-    """Return the values of one step in the order of ``STEP``."""
-    scene, state = simulation.plan.scene, step.state
-    contacts = step.contacts
-    depth, impact = _depths(simulation, step)
+ENERGIES = slice(9, 11)
+"""Where a row has them."""
+
+
+def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
+    """Return the values of one accepted step in the order of ``STEP``."""
+    scene, state = simulation.plan.scene, taken.end
+    solved = [step for step, _ in taken.substeps]
+    residuals = [judged_residual(step) for step in solved]
+    worst = residuals.index(max(residuals)) if residuals else None
+    status = None if worst is None else solved[worst].status
+    contacts = solved[-1].contacts if solved else None
+    depth, impact = _depths(simulation, taken)
     return (
         state.time,
+        state.time - taken.begin.time,
+        taken.error,
+        taken.solves,
+        taken.rejected,
         0 if contacts is None else len(contacts.keys),
-        step.iterations,
-        judged_residual(step),
-        simulation.statuses.index(NO_CONTACT if step.status is None else step.status),
+        sum(step.iterations for step in solved),
+        max(residuals, default=0.0),
+        simulation.statuses.index(NO_CONTACT if status is None else status),
         scene.kinetic_energy(state.velocity),
         scene.potential_energy(state.position),
         depth / scene.length,
         impact / scene.length,
         -1 if scene.balls_through is None else scene.balls_through(state.position),
         0.0 if scene.agitation is None else scene.agitation(state.position, state.velocity),
-        seconds,
+        taken.seconds,
     )
 
 
-def _depths(simulation: Simulation, step: Step) -> tuple[float, float]:
-    """Return the deepest penetration [m] of the state in which the step began, and that at its midpoint.
+def _depths(simulation: Simulation, taken: AcceptedStep) -> tuple[float, float]:
+    """Return the deepest penetration [m] of the states in which one-step solves begin, and that at their midpoints.
 
-    What is in contact at the midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
+    What is in contact at a midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
     """
-    contacts = step.contacts
-    if contacts is None:
-        return 0.0, 0.0
-    way = 0.5 * simulation.plan.step_size * contacts.directions.transposed_times(simulation.state.velocity)
-    before = contacts.gap - way[:: contacts.rows_per_contact]
-    return max(0.0, -float(before.min())), -float(contacts.gap.min())
+    begin, depth, impact = taken.begin, 0.0, 0.0
+    for step, length in taken.substeps:
+        contacts = step.contacts
+        if contacts is not None:
+            way = 0.5 * length * contacts.directions.transposed_times(begin.velocity)
+            before = contacts.gap - way[:: contacts.rows_per_contact]
+            depth, impact = max(depth, -float(before.min())), max(impact, -float(contacts.gap.min()))
+        begin = step.state
+    return depth, impact
 
 
 def judged_residual(step: Step) -> float:

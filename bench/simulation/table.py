@@ -1,4 +1,4 @@
-"""The table of a simulation: one row per 0.1 s of simulated time, and what it came to over all."""
+"""What a simulation came to: a row per 0.1 s of simulated time, its switching points, periods, and what is over all."""
 
 import math
 from collections.abc import Iterator
@@ -13,7 +13,8 @@ from rich.text import Text
 
 from ...problems.contact.model import Model
 from ..report.text import counted, unsolved_words
-from .trajectory import Ending, Simulation
+from .switching_table import period_lines, periods_document, print_switches
+from .trajectory import Ending, Simulation, switching_words
 
 WINDOW_SECONDS = 0.1
 """Simulated time that one row of the table is about."""
@@ -54,7 +55,7 @@ def windows(simulation: Simulation) -> Iterator[Window]:
     """Yield a window for each ``WINDOW_SECONDS`` in which a step ends; step sizes need not be equal."""
     steps = simulation.steps
     # a step that ends on the border of two windows up to rounding belongs to the earlier one
-    number = np.ceil(steps["time"] / WINDOW_SECONDS - 1e-6).astype(np.int64)
+    number = np.maximum(np.ceil(steps["time"] / WINDOW_SECONDS - 1e-6), 1.0).astype(np.int64)
     borders = np.flatnonzero(np.diff(number)) + 1
     missed = simulation.unsolved
     for first, last in zip([0, *borders], [*borders, len(steps)], strict=True):
@@ -82,21 +83,44 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "refuted_steps": int(simulation.refuted.sum()),
         "largest_residual": finite(whole.residual) if whole else 0.0,
         "largest_residual_time": float(steps["time"][worst]) if whole else None,
+        "solves": int(steps["solves"].sum()),
+        "rejected": int(steps["rejected"].sum()),
+        "incidents": len(simulation.switches),
+        "shortest_step": float(steps["length"].min()) if len(steps) else None,
+        "longest_step": float(steps["length"].max()) if len(steps) else None,
         "deepest_penetration": whole.penetration if whole else 0.0,
         "deepest_impact": whole.impact_depth if whole else 0.0,
         "largest_contacts": int(steps["contacts"].max(initial=0)),
         "balls_through": whole.balls_through if whole else None,
+        **_off_the_exact_motion(simulation),
+    }
+
+
+def _off_the_exact_motion(simulation: Simulation) -> dict[str, float]:
+    """Return the largest errors of a coordinate and of a velocity at the end, where the motion is known."""
+    exact, state = simulation.plan.scene.exact, simulation.state
+    if exact is None or not simulation.n_steps:
+        return {}
+    known = exact(state.time)
+    return {
+        "position_error": float(np.abs(state.position - known.position).max()),
+        "velocity_error": float(np.abs(state.velocity - known.velocity).max()),
     }
 
 
 def document(simulation: Simulation) -> dict[str, Any]:
-    """Return plan, summary and windows as values that JSON can write."""
+    """Return plan, summary, windows, switching points and periods as values that JSON can write."""
     rows = [{key: finite(value) for key, value in asdict(window).items()} for window in windows(simulation)]
     return {
         "file": None if simulation.file is None else str(simulation.file),
         "plan": simulation.plan.document(),
         "summary": summary(simulation),
         "windows": rows,
+        "incidents": [
+            {"begin": float(row["begin"]), "end": float(row["end"]), **asdict(incident)}
+            for row, incident in zip(simulation.switches, simulation.incidents, strict=True)
+        ],
+        "periods": periods_document(simulation),
     }
 
 
@@ -106,17 +130,40 @@ def finite(value: Any) -> Any:
 
 
 def print_simulation(simulation: Simulation, console: Console) -> None:
-    """Print the table of windows, the total, and in words what was not solved."""
-    scene, plan = simulation.plan.scene, simulation.plan
-    console.print(Text(f"{scene.name} · {plan.solver.name} · Δt {plan.step_size:g} s", style="bold"))
+    """Print the table of windows, that of switching points, the total, and in words what was not solved."""
+    plan = simulation.plan
+    console.print(Text(f"{plan.scene.name} · {plan.stepper.name} · {plan.solver.name}", style="bold"))
+    _print_windows(simulation, console)
+    if plan.stepper.locates_switches:
+        print_switches(simulation, console)
+        console.print(Text(switching_words(simulation.incidents)))
+    for line, style in (*period_lines(simulation), *_closing_lines(simulation)):
+        console.print(Text(line, style=style))
+
+
+def _print_windows(simulation: Simulation, console: Console) -> None:
+    scene = simulation.plan.scene
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
     has_outlet = scene.balls_through is not None
-    heads = ["t [s]", "contacts", "iter.", "ms/step", "residual", "missed", "depth/r", "mid/r", "E [J]"]
+    is_variable = simulation.plan.stepper.locates_switches
+    heads = [
+        "t [s]",
+        *(["steps"] if is_variable else []),
+        "contacts",
+        "iter.",
+        "ms/step",
+        "residual",
+        "missed",
+        "depth/r",
+        "mid/r",
+        "E [J]",
+    ]
     for head in [*heads, *(["through"] if has_outlet else [])]:
         table.add_column(Text(head), justify="right", no_wrap=True)  # a string would be read as markup
     for window in windows(simulation):
         cells = [
             Text(f"{window.time:.3g}" if window.time < 100 else f"{window.time:.1f}"),
+            *([Text(str(window.steps))] if is_variable else []),
             Text(f"{window.contacts:.4g}" if window.contacts < 1e4 else f"{window.contacts:.0f}"),
             Text(f"{window.iterations:.1f}"),
             Text(
@@ -134,8 +181,6 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     if console.measure(table, options=console.options.update(width=500)).maximum > console.width:
         table.padding = (0, 0, 0, 0)  # closer columns, rather than numbers that are cut
     console.print(table)
-    for line, style in _closing_lines(simulation):
-        console.print(Text(line, style=style))
 
 
 def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
@@ -150,9 +195,21 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         f"{total['wall_seconds']:.3g} s wall: {total['wall_per_simulated_second']:.3g} s per simulated second",
         "bold",
     )
+    if simulation.plan.stepper.locates_switches:
+        yield (
+            f"steps from {total['shortest_step']:.1e} to {total['longest_step']:.1e} s, {total['rejected']} rejected; "
+            f"{counted(total['solves'], 'one-step solve')}",
+            "",
+        )
+    if "position_error" in total:
+        errors = f"{total['position_error']:.1e} in a coordinate and {total['velocity_error']:.1e} in a velocity"
+        yield f"off the exact motion at the end by at most {errors} (SI units)", "bold"
     if ending:
         yield ending
     tolerance = simulation.plan.tolerance
+    if not simulation.plan.stepper.shows_solves:
+        yield "impulses and forces at events are solved to 1e-09 or better, by the judge", "green"
+        return
     if not total["unsolved_steps"]:
         yield f"every step is solved to {tolerance:.0e}, by the judge", "green"
         return

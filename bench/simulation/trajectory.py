@@ -1,14 +1,21 @@
-"""A simulation as far as it has come: one row of numbers for each step, and the last state."""
+"""A simulation as far as it has come: one row of numbers for each accepted step, switching points, and states."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.arrays import FloatArray
 from ...problems.mechanics.state import State
+from ...problems.stepping.accepted_step import AcceptedStep, SwitchingPoint
+from ...problems.stepping.contact_states import LawStates
+from ...problems.trajectories.limit_cycle import Incident
 from ...solvers.interface import Status
+from ..report.counting import counted
 from ..store.outcome import ROUNDING
 from .beside import Beside
 from .failure import Failure
@@ -18,6 +25,10 @@ from .thinning import Thinning
 STEP = np.dtype(
     [
         ("time", "<f8"),
+        ("length", "<f8"),
+        ("error", "<f8"),
+        ("solves", "<i4"),
+        ("rejected", "<i4"),
         ("contacts", "<i4"),
         ("iterations", "<i4"),
         ("residual", "<f8"),
@@ -31,10 +42,21 @@ STEP = np.dtype(
         ("seconds", "<f8"),
     ]
 )
-"""One step: its end [s]; active contacts; iterations of the solver; the judge's residual; an index into the statuses;
-energies [J] at its end; deepest penetration over the length of the scene, in the state where it begins and at its
-midpoint, where contacts are found; balls that have left through the outlet, −1 where there is none; mean kinetic energy
-of the others over m g r; wall time of the step [s]."""
+"""One accepted step: its end and length [s]; estimated relative error, 0 where none is estimated; one-step inclusions
+solved for it and attempts rejected before it; active contacts at its end; iterations of the solver behind it; the
+largest residual that the judge finds there, and an index into the statuses, that of the solve with this residual;
+energies [J] at its end; deepest penetration over the length of the scene, in the states where one-step solves begin and
+at their midpoints, where contacts are found; balls that have left through the outlet, −1 where there is none; mean
+kinetic energy of the others over m g r; wall time [s]."""
+
+SWITCH = np.dtype(
+    [("begin", "<f8"), ("end", "<f8"), ("law", "u1"), ("contact", "<i8"), ("before", "u1"), ("after", "u1")]
+)
+"""One switching point: not before, not after [s]; an index into ``LAWS``; contact; indices into ``LAW_STATES``."""
+
+LAWS = ("unilateral", "friction")
+
+LAW_STATES = ("open", "closed", "stick", "slip")
 
 JAM_SECONDS = 0.25
 """Simulated time of rest after which a funnel counts as jammed; a ball falls through thirty radii in it."""
@@ -43,7 +65,7 @@ JAM_AGITATION = 1e-4
 """A pile rests while its balls move with less than this kinetic energy over m g r, on average."""
 
 NO_CONTACT = "no contact"
-"""Status of a step in which no solver was asked."""
+"""Status of a step without an active contact, in which nothing is solved."""
 
 STATUSES = (NO_CONTACT, *(status.value for status in Status))
 """What the status of a step is an index into."""
@@ -62,6 +84,47 @@ class Ending(StrEnum):
     FAILED = "failed"
 
 
+class Rows:
+    """Rows that are appended one by one, kept in one array that doubles when it is full.
+
+    Args:
+        begun: the rows so far, of the shape and type of all.
+    """
+
+    def __init__(self, begun: NDArray[Any]) -> None:
+        self._array, self._count = begun, len(begun)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, row: Any) -> None:
+        """Add one row."""
+        if self._count == len(self._array):
+            more = np.zeros((max(256, self._count), *self._array.shape[1:]), dtype=self._array.dtype)
+            self._array = np.concatenate([self._array, more])
+        self._array[self._count] = row
+        self._count += 1
+
+    def cut(self, count: int) -> None:
+        """Forget all but the first ``count`` rows."""
+        self._count = min(self._count, count)
+
+    @property
+    def all(self) -> NDArray[Any]:
+        """All rows."""
+        return self._array[: self._count]
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """Where a simulation has come; replaced as a whole, so that an interruption leaves it as it was or as it is."""
+
+    n_steps: int
+    n_switches: int
+    state: State
+    law_states: LawStates | None = None
+
+
 @dataclass(eq=False)
 class Simulation:
     """A simulation as far as it has come.
@@ -73,7 +136,7 @@ class Simulation:
         file: the result file, None if nothing is stored.
         failure: why the next step could not be taken, None if nothing failed since the simulation last went on.
         beside: where its chart and its recording are.
-        thinning: keeps states evenly over simulated time.
+        thinning: keeps states evenly over simulated time, and those at switching points.
     """
 
     plan: SimulationPlan
@@ -82,33 +145,70 @@ class Simulation:
     file: Path | None = None
     failure: Failure | None = None
     beside: Beside = field(default_factory=Beside)
-    _rows: NDArray[np.void] = field(default_factory=lambda: np.zeros(1024, dtype=STEP), repr=False)
     thinning: Thinning = field(init=False, repr=False)
-    _reached: tuple[int, State] = field(init=False, repr=False)
+    _rows: Rows = field(init=False, repr=False)
+    _switches: Rows = field(init=False, repr=False)
+    _reached: _Reached = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.thinning = Thinning(self.plan.states, self.plan.scene.start, self.plan.step_size)
-        self._reached = (0, self.plan.scene.start)
+        scene = self.plan.scene
+        self.thinning = Thinning(self.plan.states, scene.start, self.plan.stepper.resolution(scene))
+        self._rows, self._switches = Rows(np.zeros(0, dtype=STEP)), Rows(np.zeros(0, dtype=SWITCH))
+        self._reached = _Reached(0, 0, scene.start)
 
     @property
     def n_steps(self) -> int:
-        """Number of steps taken."""
-        return self._reached[0]
+        """Number of accepted steps."""
+        return self._reached.n_steps
 
     @property
     def state(self) -> State:
         """The last state."""
-        return self._reached[1]
+        return self._reached.state
+
+    @property
+    def law_states(self) -> LawStates | None:
+        """States of the laws in the step that led there, None at the start."""
+        return self._reached.law_states
 
     @property
     def states(self) -> list[State]:
-        """States from the first to the last, evenly over simulated time."""
+        """States from the first to the last, evenly over simulated time and at switching points."""
         return self.thinning.states
 
     @property
+    def times(self) -> FloatArray:
+        """When ``states`` are [s], shape (n_states,)."""
+        return np.array([state.time for state in self.states])
+
+    @property
+    def trajectory(self) -> FloatArray:
+        """(q, u) of ``states``, shape (n_states, n_coordinates + n_dofs)."""
+        return np.array([np.concatenate([state.position, state.velocity]) for state in self.states])
+
+    @property
     def steps(self) -> NDArray[np.void]:
-        """The steps taken, a structured array of dtype ``STEP``, shape (n_steps,)."""
-        return self._rows[: self._reached[0]]
+        """The accepted steps, a structured array of dtype ``STEP``, shape (n_steps,)."""
+        return self._rows.all[: self._reached.n_steps]
+
+    @property
+    def switches(self) -> NDArray[np.void]:
+        """The switching points, a structured array of dtype ``SWITCH``."""
+        return self._switches.all[: self._reached.n_switches]
+
+    @property
+    def incidents(self) -> list[Incident]:
+        """The switching points in order of time, in words."""
+        return [
+            Incident(
+                0.5 * float(row["begin"] + row["end"]),
+                LAWS[row["law"]],
+                int(row["contact"]),
+                LAW_STATES[row["before"]],
+                LAW_STATES[row["after"]],
+            )
+            for row in self.switches
+        ]
 
     @property
     def is_finished(self) -> bool:
@@ -122,7 +222,7 @@ class Simulation:
             return Ending.EMPTIED
         if self._is_jammed:
             return Ending.JAMMED
-        if self.n_steps >= self.plan.n_steps:
+        if self.plan.stepper.ends(self.plan.scene, self.state, self.plan.until):
             return Ending.DURATION
         return Ending.STOPPED if self.failure is None else Ending.FAILED
 
@@ -158,17 +258,47 @@ class Simulation:
         claimed: NDArray[np.bool_] = self.steps["status"] == self.statuses.index(Status.SOLVED.value)
         return self.unsolved & claimed
 
-    def append(self, row: tuple[float, ...], state: State) -> None:
-        """Add one step with its values in the order of ``STEP``; an interruption in between leaves the step out."""
-        count = self.n_steps
-        if count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        self._rows[count] = row
-        self._reached = (count + 1, state)
+    def append(self, row: tuple[float, ...], taken: AcceptedStep) -> None:
+        """Add one accepted step with its values in the order of ``STEP``; an interruption in between leaves it out."""
+        reached = self._reached
+        self._rows.cut(reached.n_steps)
+        self._switches.cut(reached.n_switches)
+        self._rows.append(row)
+        for switch in taken.switches:
+            self._switches.append(_switch_row(switch))
+        self._reached = _Reached(reached.n_steps + 1, reached.n_switches + len(taken.switches), taken.end, taken.states)
+        if taken.switches:
+            self.thinning.offer(taken.begin, True)
+        self.thinning.offer(taken.end, bool(taken.switches))
+
+    def restore(
+        self,
+        steps: NDArray[np.void],
+        state: State,
+        switches: NDArray[np.void] | None = None,
+        states: LawStates | None = None,
+    ) -> None:
+        """Put stored steps, the state they led to, switching points and the last states of laws in place of all."""
+        known = np.zeros(0, dtype=SWITCH) if switches is None else switches
+        self._rows, self._switches = Rows(steps), Rows(known)
+        self._reached = _Reached(len(steps), len(known), state, states if len(steps) else None)
         self.thinning.offer(state)
 
-    def restore(self, steps: NDArray[np.void], state: State) -> None:
-        """Put stored steps and the state they led to in place of everything."""
-        self._rows = np.concatenate([steps, np.zeros(1024, dtype=STEP)])
-        self._reached = (len(steps), state)
-        self.thinning.offer(state)
+
+def switching_words(found: Sequence[Incident]) -> str:
+    """Say how many switching points there are, one for each law that switches, and how many instants they share."""
+    if not found:
+        return "no switching points"
+    instants = len({incident.time for incident in found})
+    return f"{counted(len(found), 'switching point')} at {counted(instants, 'instant')}"
+
+
+def _switch_row(switch: SwitchingPoint) -> tuple[float, ...]:
+    return (
+        switch.begin,
+        switch.end,
+        LAWS.index(switch.law),
+        switch.contact,
+        LAW_STATES.index(switch.before),
+        LAW_STATES.index(switch.after),
+    )

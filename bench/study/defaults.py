@@ -7,7 +7,6 @@ from ...problems.errors import suggestion
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import PERIOD
 from ..errors import BenchError
-from ..simulation.plan import FIXED
 from .plan import REFERENCE, Case, StudyPlan, check_plan
 
 NEIGHBOURS = (0.98, 0.99, 1.0, 1.01, 1.02)
@@ -80,8 +79,8 @@ def make_study_plan(
     given = dict(options or {})
     if scene == "woodpecker":
         if given or duration is not None:
-            name = next(iter(given), "duration")
-            raise BenchError(f"the study of the woodpecker is over its limit cycle, once; leave --{name} out.")
+            name = next(iter(given), "--duration")
+            raise BenchError(f"the study of the woodpecker is over its limit cycle, once; leave {name} out.")
         plan = StudyPlan(scene, {"start": "cycle"}, PERIOD, tuple(_woodpecker_cases(solvers)))
     elif scene in ("funnel", "pile"):
         if seeds < 2:
@@ -103,13 +102,13 @@ def _woodpecker_cases(added: Sequence[str]) -> list[Case]:
         return Case(part, series, stepper, size, solver, tolerance, ITERATIONS, members)
 
     sizes = [PERIOD / n for n in STEPS_PER_PERIOD]
-    cases = [case("steppers", "Moreau, fixed step", FIXED, size, "SORprox", 1e-10) for size in sizes]
+    cases = [case("steppers", "Moreau, fixed step", "Moreau", size, "SORprox", 1e-10) for size in sizes]
     for series, (written, exponents) in STEPPERS.items():
         for exponent in exponents:
             stepper = written.format(_numbers(exponent))
             cases.append(case("steppers", series, stepper, None, "SORprox", 1e-12))
     fixed = "SORprox, fixed step"
-    cases += [case("solvers", fixed, FIXED, FIXED_SIZE, "SORprox", tolerance) for tolerance in FIXED_TOLERANCES]
+    cases += [case("solvers", fixed, "Moreau", FIXED_SIZE, "SORprox", tolerance) for tolerance in FIXED_TOLERANCES]
     for solver in (*TINY_SOLVERS, *added):
         stepper = f"Extrapolated({_numbers(7)})"
         cases.extend(case("solvers", solver, stepper, None, solver, tolerance) for tolerance in TINY_TOLERANCES)
@@ -118,7 +117,7 @@ def _woodpecker_cases(added: Sequence[str]) -> list[Case]:
 
 def _pour_cases(added: Sequence[str], seeds: Sequence[int]) -> list[Case]:
     def case(part: str, series: str, size: float, solver: str, tolerance: float) -> Case:
-        return Case(part, series, FIXED, size, solver, tolerance, ITERATIONS, tuple(seeds))
+        return Case(part, series, "Moreau", size, solver, tolerance, ITERATIONS, tuple(seeds))
 
     usual = 1e-4
     cases = [case(REFERENCE, REFERENCE, 0.5 * LARGE_STEPS[-1], LARGE_SOLVER, usual)]

@@ -3,18 +3,15 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from ...problems.errors import said
 from ...problems.scenes.woodpecker import OVERLAP, section_start
+from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.trajectories.limit_cycle import section_error
 from ...problems.trajectories.pour import Watch
 from ..simulation.plan import SimulationPlan
 from ..simulation.run import simulate
-from ..simulation.trajectory import SLACK
-from ..variable.plan import VariablePlan
-from ..variable.running import simulate_variable
-from .plan import Case, StudyPlan, fixed_plan, variable_plan
+from .plan import Case, StudyPlan, case_plan
 
 ERROR = "error"
 """What the error of one trajectory is called among the values."""
@@ -74,41 +71,31 @@ def warm_up(plan: StudyPlan, case: Case, stop_asked: StopAsked = lambda: False) 
     measure(replace(plan, duration=WARM_SHARE * plan.duration), case, case.members[0], stop_asked)
 
 
-def _made(plan: StudyPlan, case: Case, member: float) -> SimulationPlan | VariablePlan:
+def _made(plan: StudyPlan, case: Case, member: float) -> SimulationPlan:
     """Return the simulation of one member: a seed of a pour, a factor on the steps of the woodpecker."""
     if plan.scene != "woodpecker":
-        options = {**plan.options, "seed": int(member)}
-        return fixed_plan(plan, case, options) if case.is_fixed else variable_plan(plan, case, options)
-    made: Any
+        return case_plan(plan, case, {**plan.options, "seed": int(member)})
     if case.step_size is not None:
         # a whole number of steps reaches the end exactly
         steps = max(1, round(plan.duration / case.step_size * member))
-        made = fixed_plan(plan, case, plan.options, plan.duration / steps)
+        made = case_plan(plan, case, plan.options, plan.duration / steps)
     else:
-        made = variable_plan(plan, case, plan.options, member)
-    start: SimulationPlan | VariablePlan = replace(made, scene=replace(made.scene, start=section_start(OVERLAP)))
-    return start
+        made = case_plan(plan, case, plan.options, factor=member)
+    return replace(made, scene=replace(made.scene, start=section_start(OVERLAP)))
 
 
-def _run(plan: SimulationPlan | VariablePlan, watch: Watch, stop_asked: StopAsked) -> Measured:
-    if isinstance(plan, SimulationPlan):
-        fixed = simulate(plan, on_step=[lambda number, step: watch.note(step.state)], stop_asked=stop_asked)
-        return Measured(float(fixed.steps["seconds"].sum()), fixed.n_steps, int(fixed.unsolved.sum()))
-    solves = 0
+def _run(plan: SimulationPlan, watch: Watch, stop_asked: StopAsked) -> Measured:
+    solves, most = 0, MOST_SOLVES if plan.stepper.locates_switches else math.inf
 
-    def note(taken: Any) -> None:
+    def note(number: int, taken: AcceptedStep) -> None:
         nonlocal solves
-        solves = taken.solves
+        solves += taken.solves
         watch.note(taken.end)
 
-    def is_over() -> bool:
-        return solves > MOST_SOLVES or stop_asked()
-
-    variable = simulate_variable(plan, on_step=[note], stop_asked=is_over)
-    steps = variable.steps
-    missed = int((steps["residual"] > SLACK * plan.tolerance).sum())
-    cost = Measured(float(steps["seconds"].sum()), int(steps["solves"].sum()), missed)
-    if not variable.is_finished and solves > MOST_SOLVES:
-        at = f"at {variable.state.time:.4g} of {plan.until:.4g} s"
-        return replace(cost, failure=f"given up after {MOST_SOLVES} one-step solves, {at}")
+    done = simulate(plan, on_step=[note], stop_asked=lambda: solves > most or stop_asked())
+    steps = done.steps
+    cost = Measured(float(steps["seconds"].sum()), int(steps["solves"].sum()), int(done.unsolved.sum()))
+    if not done.is_finished and solves > most:
+        at = f"at {done.state.time:.4g} of {plan.until:.4g} s"
+        return replace(cost, failure=f"given up after {most} one-step solves, {at}")
     return cost

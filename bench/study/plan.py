@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from ..simulation.plan import FIXED, SimulationPlan, make_simulation_plan
-from ..variable.plan import VariablePlan, make_variable_plan
-from ..variable.steppers import make_stepper
+from ...problems.stepping.registry import make_stepper
+from ..simulation.plan import SimulationPlan, make_simulation_plan
+
+FIXED = "Moreau"
+"""The stepper of fixed step size, whose size stands beside it."""
 
 REFERENCE = "reference"
 """The part of a study that others are compared with."""
@@ -100,40 +102,35 @@ def check_plan(plan: StudyPlan) -> None:
         ProxbenchError: for a scene, solver, stepper or number that cannot be.
     """
     for case in {replace(case, part="", series="", members=()) for case in plan.cases}:
-        if case.is_fixed:
-            fixed_plan(plan, case, plan.options)
-        else:
-            variable_plan(plan, case, plan.options)
+        case_plan(plan, case, plan.options)
 
 
-def fixed_plan(
-    plan: StudyPlan, case: Case, options: Mapping[str, Any], step_size: float | None = None
+def case_plan(
+    plan: StudyPlan, case: Case, options: Mapping[str, Any], step_size: float | None = None, factor: float = 1.0
 ) -> SimulationPlan:
-    """Return the simulation of a case with fixed steps, of its own size or of ``step_size`` [s]."""
+    """Return the simulation of a case.
+
+    Args:
+        plan: the study.
+        case: the case.
+        options: of the scene.
+        step_size: of a fixed step [s], the case's own if None.
+        factor: on the tolerance of a variable stepper.
+    """
+    stepper: Any = make_stepper(case.stepper)
+    if case.is_fixed:
+        stepper = replace(stepper, step=step_size or case.step_size)
+    else:
+        stepper = replace(stepper, tolerance=stepper.tolerance * factor)
     return make_simulation_plan(
         plan.scene,
         options,
-        step_size=step_size or case.step_size,
+        stepper=stepper,
         duration=plan.duration,
         solver=case.solver,
         tolerance=case.tolerance,
         max_iterations=case.max_iterations,
         states=1,  # what it comes to is noted while it runs
-    )
-
-
-def variable_plan(plan: StudyPlan, case: Case, options: Mapping[str, Any], factor: float = 1.0) -> VariablePlan:
-    """Return the simulation of a case with variable steps, the tolerance of its stepper times ``factor``."""
-    stepper: Any = make_stepper(case.stepper)
-    return make_variable_plan(
-        plan.scene,
-        options,
-        stepper=replace(stepper, tolerance=stepper.tolerance * factor),
-        duration=plan.duration,
-        solver=case.solver,
-        tolerance=case.tolerance,
-        max_iterations=case.max_iterations,
-        states=1,
     )
 
 

@@ -1,7 +1,8 @@
 """Plugins that are a single Python file, named on the command line instead of being installed.
 
-A file says what it offers in two lists, ``SOLVERS = [MySolver]`` and ``PROBLEMS = {"my-problem": my_problem}``. It is
-read once, and what was read is what every process runs: a file that is edited meanwhile does not change a run.
+A file says what it offers, ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
+``SCENES = {"my_scene": my_scene}``. It is read once, and what was read is what every process runs: a file that is
+edited meanwhile does not change a run.
 """
 
 import hashlib
@@ -99,18 +100,27 @@ class PluginFile:
         Raises:
             PluginError: if PROBLEMS is no dictionary of functions.
         """
-        offered = getattr(self.module(), "PROBLEMS", {})
+        return self._functions("PROBLEMS", '{"my-problem": my_problem}')
+
+    def scenes(self) -> dict[str, Callable[..., Any]]:
+        """Return what it offers as scenes, by name.
+
+        Raises:
+            PluginError: if SCENES is no dictionary of functions.
+        """
+        return self._functions("SCENES", '{"my_scene": my_scene}')
+
+    def _functions(self, variable: str, example: str) -> dict[str, Callable[..., Any]]:
+        offered = getattr(self.module(), variable, {})
         if not isinstance(offered, dict) or not all(
             isinstance(name, str) and callable(make) for name, make in offered.items()
         ):
-            raise PluginError(
-                f'{self.source}: PROBLEMS must map names to functions, PROBLEMS = {{"my-problem": my_problem}}.'
-            )
+            raise PluginError(f"{self.source}: {variable} must map names to functions, {variable} = {example}.")
         return dict(offered)
 
     def check_offers(self) -> None:
         """Raise ``PluginError`` if it offers nothing, and name what it may have meant to offer."""
-        if self.solvers() or self.problems():
+        if self.solvers() or self.problems() or self.scenes():
             return
         candidates = [
             name
@@ -119,7 +129,7 @@ class PluginFile:
         ]
         raise PluginError(
             f"{self.source} offers nothing; list its solver classes, SOLVERS = [{', '.join(candidates) or 'MySolver'}]"
-            ', or its problems, PROBLEMS = {"my-problem": my_problem}.'
+            ', its problems, PROBLEMS = {"my-problem": my_problem}, or its scenes, SCENES = {"my_scene": my_scene}.'
         )
 
 

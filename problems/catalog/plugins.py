@@ -1,8 +1,8 @@
-"""What plugins offer: solvers and problems of installed packages, and of files named by the user.
+"""What plugins offer: solvers, problems and scenes of installed packages, and of files named by the user.
 
-A package offers them as entry points of the groups ``proxbench.solvers`` and ``proxbench.problems``. Nothing of a
-plugin runs before it is needed by name. A name that is not free is refused, and so is one that two plugins share:
-which of them a table shows must not depend on the order of installation.
+A package offers them as entry points of the groups ``proxbench.solvers``, ``proxbench.problems`` and
+``proxbench.scenes``. Nothing of a plugin runs before it is named. A name that is not free is refused, and so is one
+that two plugins share: which of them a table shows must not depend on the order of installation.
 """
 
 import re
@@ -18,12 +18,15 @@ from typing import Any, Literal
 from ..errors import PluginError, first_line
 from .plugin_files import PluginFile, make_importable
 
-Kind = Literal["solver", "problem"]
+Kind = Literal["solver", "problem", "scene"]
 
-_GROUPS: dict[Kind, str] = {"solver": "proxbench.solvers", "problem": "proxbench.problems"}
+KINDS: tuple[Kind, ...] = ("solver", "problem", "scene")
+
+_GROUPS: dict[Kind, str] = {kind: f"proxbench.{kind}s" for kind in KINDS}
 
 _NAMES: dict[Kind, tuple[str, str]] = {
     "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a class"),
+    "scene": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a function"),
     "problem": (r"[A-Za-z0-9][A-Za-z0-9._-]*", "made of letters, digits, '.', '_' and '-'"),
 }
 
@@ -82,7 +85,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
     """Return all that plugins offer of one kind, the refused with their reason.
 
     Args:
-        kind: solvers or problems.
+        kind: solvers, problems or scenes.
         taken: the names of Proxbench itself.
     """
     found = [*_from_files(kind), *_from_packages(kind)]
@@ -135,7 +138,7 @@ def _get(file: PluginFile, kind: Kind, name: str) -> Any:
 
 
 def _offered(file: PluginFile, kind: Kind) -> dict[str, Callable[..., Any]]:
-    return file.solvers() if kind == "solver" else file.problems()
+    return {"solver": file.solvers, "problem": file.problems, "scene": file.scenes}[kind]()
 
 
 def _from_packages(kind: Kind) -> Iterator[Offer]:

@@ -134,6 +134,14 @@ class BlockOnIncline:
         """Return the block on the incline with its initial speed."""
         return self.exact(0.0)
 
+    def kinetic(self, velocity: FloatArray) -> float:
+        """Return ½ m u² [J] of u, shape (2,)."""
+        return 0.5 * self.mass * float(velocity @ velocity)
+
+    def potential(self, position: FloatArray) -> float:
+        """Return the energy [J] of weight at q, shape (2,); 0 where the block starts to touch."""
+        return self.mass * self.gravity * float(cos(self.slope) * position[1] - sin(self.slope) * position[0])
+
     @property
     def holds(self) -> bool:
         """Whether a block at rest stays: tan θ ≤ μ."""

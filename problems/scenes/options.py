@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ProblemError, suggestion
 from ..names import check_options
 
-OptionValue = int | float | bool | str | None
+OptionValue = int | float | bool | str | tuple[float, ...] | None
 """What an option may hold; None switches an effect off."""
 
 
@@ -45,6 +45,10 @@ class Option:
             if value in self.choices and isinstance(value, str):
                 return value
             raise ProblemError(f"{name} has no choice {value!r}{suggestion(str(value), self.choices)}")
+        if isinstance(self.default, tuple):
+            if isinstance(value, list | tuple):
+                return tuple(float(self._checked_number(name, part)) for part in value)
+            raise ProblemError(f"{name} must be numbers in brackets, (1.0, 2.0), got {value!r}.")
         if isinstance(self.default, bool):
             if isinstance(value, bool):
                 return value
@@ -64,7 +68,7 @@ class Option:
 
     def _range(self) -> str:
         if self.highest == math.inf:
-            return f"of at least {self.lowest:g}"
+            return "that is finite" if self.lowest == -math.inf else f"of at least {self.lowest:g}"
         return f"between {self.lowest:g} and {self.highest:,.10g}"
 
 

@@ -3,17 +3,16 @@
 A scene of another kind is one more entry of ``SCENES``: what it is, its options, and a function that builds it.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from typing import Any
 
-from ..arrays import FloatArray
 from ..errors import ProblemError, suggestion
-from ..mechanics.state import State
-from ..mechanics.system import System
+from ..names import check_options, read_name
 from .effects import Drag, Effect, Friction, Gravity, Planar, Restitution, Spring
 from .funnel import CONE_HEIGHT, RADIUS, TIME_STEP, Funnel
-from .options import Option, OptionValue, complete
+from .known_motions import KNOWN_MOTIONS
+from .options import Option, complete
+from .scene import LONGEST_STEP, Scene, SceneKind
 from .woodpecker import (
     FRICTION,
     GRAVITY,
@@ -27,76 +26,48 @@ from .woodpecker import (
     woodpecker,
 )
 
+EXAMPLE = "funnel(balls=300)"
+
 POUR_SECONDS = 5.0
 """Time that a thousand balls have to leave through the outlet [s]; a pour ends earlier when all are through."""
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """A scene with its options chosen, ready to be simulated.
-
-    Attributes:
-        name: its name in the registry.
-        options: the value of every option.
-        system: what moves.
-        start: the first state.
-        length: what penetrations are related to [m], the radius of a ball or of the pole.
-        step_size: Δt [s] if nobody says otherwise.
-        duration: how long it is simulated [s] if nobody says otherwise.
-        kinetic_energy: u ↦ T [J].
-        potential_energy: q ↦ V [J].
-        balls_through: q ↦ how many balls have left through the outlet, None where there is no outlet.
-        agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
-        n_balls: number of balls, 0 where there are none.
-        depth: penetration [m] to which positions are projected, None where they are not.
-        longest_step: Δt_max [s] of a variable step if nobody says otherwise: nothing is jumped over in it.
-        coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
-    """
-
-    name: str
-    options: Mapping[str, OptionValue]
-    system: System
-    start: State
-    length: float
-    step_size: float
-    duration: float
-    kinetic_energy: Callable[[FloatArray], float]
-    potential_energy: Callable[[FloatArray], float]
-    balls_through: Callable[[FloatArray], int] | None = None
-    agitation: Callable[[FloatArray, FloatArray], float] | None = None
-    n_balls: int = 0
-    depth: float | None = None
-    longest_step: float = 4.0 * TIME_STEP
-    coordinates: Mapping[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class SceneKind:
-    """An entry of the registry.
-
-    Attributes:
-        summary: what it is, for people.
-        options: its options by name.
-        build: makes the scene from its name and the value of every option.
-        has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
-    """
-
-    summary: str
-    options: Mapping[str, Option]
-    build: Callable[[str, Mapping[str, Any]], Scene]
-    has_few_contacts: bool = False
-
-
 def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
-    """Return the scene called ``name``: ``make_scene("funnel", {"balls": 100, "friction": None})``.
+    """Return a scene: ``make_scene("funnel(balls=100, friction=None)")``, or ``make_scene("funnel", {"balls": 100})``.
 
     Raises:
         ProblemError: for an unknown scene or option, with the nearest name, or a value out of range.
     """
-    if name not in SCENES:
-        raise ProblemError(f"there is no scene {name!r}{suggestion(name, SCENES)}")
-    kind = SCENES[name]
-    return kind.build(name, complete(name, kind.options, options or {}))
+    plain, written = read_scene(name)
+    if plain not in SCENES:
+        raise ProblemError(f"there is no scene {plain!r}{suggestion(plain, SCENES)}")
+    kind = SCENES[plain]
+    return kind.build(plain, complete(plain, kind.options, {**written, **(options or {})}))
+
+
+def read_scene(text: str) -> tuple[str, dict[str, Any]]:
+    """Return the plain name of a scene and the options that are written with it, whether there is such a scene or not.
+
+    Raises:
+        ProblemError: if the text is no name, or no name with options.
+    """
+    written = read_name(text, "scene", EXAMPLE, ProblemError)
+    if written.parts:
+        raise ProblemError(f"cannot read {text!r:.200} as a scene; name its options: {EXAMPLE}.")
+    return written.plain, dict(written.options)
+
+
+def check_option(scene: str, name: str, value: object) -> object:
+    """Return a value as the option ``name`` of a scene holds it; scenes of plugins check theirs when they are built.
+
+    Raises:
+        ProblemError: for an unknown option, or a value out of range.
+    """
+    if scene not in SCENES:
+        return value
+    options = SCENES[scene].options
+    check_options(f"the scene {scene!r}", [name], options, ProblemError)
+    return options[name].checked(name, value)
 
 
 def _funnel(name: str, options: Mapping[str, Any]) -> Scene:
@@ -149,8 +120,9 @@ def _woodpecker(name: str, options: Mapping[str, Any]) -> Scene:
         duration=1.0,
         kinetic_energy=kinetic_energy,
         potential_energy=lambda position: potential_energy(position, gravity),
-        longest_step=0.02,
+        longest_step=LONGEST_STEP,
         coordinates={"sleeve angle [rad]": 1, "bird angle [rad]": 2, "sleeve height [m]": 0},
+        has_few_contacts=True,
     )
 
 
@@ -188,7 +160,7 @@ SCENES: Mapping[str, SceneKind] = {
             "start": Option("published", "first state", choices=("published", "cycle")),
         },
         _woodpecker,
-        has_few_contacts=True,
     ),
+    **KNOWN_MOTIONS,
 }
 """Scenes by name."""

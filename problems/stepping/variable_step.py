@@ -12,7 +12,7 @@ it depends on no unit and vanishes only where nothing moves. M⁻¹h Δt_max cou
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, Protocol
 
@@ -22,7 +22,8 @@ from ..arrays import FloatArray
 from ..errors import ProblemError, said
 from ..mechanics.state import State
 from ..mechanics.system import System
-from .contact_states import LawName, LawState, LawStates, law_states
+from .accepted_step import AcceptedStep, SwitchingPoint
+from .contact_states import LawStates, law_states
 from .extrapolation import Acceptance, Attempt, Extrapolation, OneStep, UnsolvedStepError
 from .moreau import ContactSolver, Step, StepError, check_finite
 from .switching import Anticipating, Search
@@ -41,54 +42,6 @@ LEAST_ULPS = 64.0
 
 SLACK = 1.0 + 1e-9
 """Lengths that differ by less are equal."""
-
-
-@dataclass(frozen=True)
-class SwitchingPoint:
-    """A law that switches.
-
-    Attributes:
-        begin: the switch is not before this time [s].
-        end: and not after this one [s].
-        law: which law of the contact.
-        contact: key of the contact.
-        before: the state of the law before.
-        after: its state after.
-    """
-
-    begin: float
-    end: float
-    law: LawName
-    contact: int
-    before: LawState
-    after: LawState
-
-
-@dataclass(frozen=True, eq=False)
-class VariableStepTaken:
-    """One accepted step.
-
-    Attributes:
-        begin: the state at its begin.
-        end: the state at its end.
-        error: estimated relative error, 0 where a law switches and nothing is estimated.
-        states: states of the laws in its last one-step inclusion.
-        switches: switching points in it.
-        substeps: the one-step solves behind its last sequence, each with its length [s].
-        solves: one-step inclusions solved since the start, those of rejected attempts included.
-        rejected: attempts rejected since the start.
-        seconds: wall time of all attempts since the start [s], until this step was accepted.
-    """
-
-    begin: State
-    end: State
-    error: float
-    states: LawStates
-    switches: tuple[SwitchingPoint, ...]
-    substeps: tuple[tuple[Step, float], ...]
-    solves: int
-    rejected: int
-    seconds: float
 
 
 class Scheme(Protocol):
@@ -161,7 +114,7 @@ class VariableStep:
                 f"{shortest:.1g} s."
             )
 
-    def steps(self, start: State, until: float, states: LawStates | None = None) -> Iterator[VariableStepTaken]:
+    def steps(self, start: State, until: float, states: LawStates | None = None) -> Iterator[AcceptedStep]:
         """Yield the accepted steps from ``start`` to the time ``until`` [s].
 
         Args:
@@ -179,7 +132,7 @@ class VariableStep:
         except Exception as failure:
             what = said(failure)
             raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
-        return course.steps()
+        return _with_own_costs(course.steps())
 
 
 class _Course:
@@ -199,9 +152,9 @@ class _Course:
         self._spent = self._began = 0.0
         self._saw_switch = False
 
-    def steps(self) -> Iterator[VariableStepTaken]:
-        """Yield accepted steps; those that a search takes back are never shown."""
-        held: VariableStepTaken | None = None  # accepted, but a search may still take it back
+    def steps(self) -> Iterator[AcceptedStep]:
+        """Yield accepted steps, with their costs since the start; those that a search takes back are never shown."""
+        held: AcceptedStep | None = None  # accepted, but a search may still take it back
         while self._until - self._state.time > 1e-3 * self._plan.min_step:
             try:
                 taken = self._tried()
@@ -223,12 +176,12 @@ class _Course:
         if held is not None:
             yield held
 
-    def _takes_back(self, held: VariableStepTaken) -> bool:
+    def _takes_back(self, held: AcceptedStep) -> bool:
         """Whether the step before a rejected one has to be redone too: it is as suspect, and can still be shortened."""
         is_longer = held.end.time - held.begin.time > self._plan.min_step * SLACK
         return self._saw_switch and self._search.takes_back and is_longer
 
-    def _tried(self) -> VariableStepTaken | None:
+    def _tried(self) -> AcceptedStep | None:
         """Try one step; say when it was, whatever fails in it."""
         self._began = perf_counter()
         try:
@@ -243,7 +196,7 @@ class _Course:
         finally:
             self._spent += perf_counter() - self._began
 
-    def _next(self) -> VariableStepTaken | None:
+    def _next(self) -> AcceptedStep | None:
         """Try one step; return it if it was accepted."""
         plan, state = self._plan, self._state
         self._saw_switch = False
@@ -282,7 +235,7 @@ class _Course:
         self._rejected += 1
         self._length = self._search.after_switch(self._state.time, length, attempt)
 
-    def _switched(self, length: float) -> VariableStepTaken | None:
+    def _switched(self, length: float) -> AcceptedStep | None:
         """Take the minimal step that contains a switching point as it is."""
         begin = self._state
         try:
@@ -324,16 +277,14 @@ class _Course:
         states: LawStates,
         substeps: tuple[tuple[Step, float], ...],
         switches: tuple[SwitchingPoint, ...],
-    ) -> VariableStepTaken:
+    ) -> AcceptedStep:
         begin = self._state
         self._search.passed(end, substeps, states)
         self._states_before = self._states
         self._state, self._states = end, states
         self._scale.note(end)
         seconds = self._spent + perf_counter() - self._began
-        return VariableStepTaken(
-            begin, end, error, states, switches, substeps, self._rule.solves, self._rejected, seconds
-        )
+        return AcceptedStep(begin, end, substeps, error, states, switches, self._rule.solves, self._rejected, seconds)
 
     def _order(self, levels: int) -> int:
         return self._plan.scheme.order(levels, self._plan.system)
@@ -354,6 +305,15 @@ class _Course:
     def _promising(self, length: float, error: float, levels: int) -> float:
         wanted: float = SAFETY * (self._plan.tolerance / max(error, 1e-300)) ** (1.0 / self._order(levels))
         return length * min(MOST_GROWTH, max(LEAST_SHRINKING, wanted))
+
+
+def _with_own_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
+    """Yield steps that hold their costs since the start with what each of them cost."""
+    solves, rejected, seconds = 0, 0, 0.0
+    for step in steps:
+        own = (step.solves - solves, step.rejected - rejected, step.seconds - seconds)
+        solves, rejected, seconds = step.solves, step.rejected, step.seconds
+        yield replace(step, solves=own[0], rejected=own[1], seconds=own[2])
 
 
 class _Scale:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..mechanics.state import State
-from ..scenes.registry import Scene
+from ..scenes.scene import Scene
 
 FLOW, HEIGHT, ENERGY = "flow rate", "mean height", "energy lost"
 

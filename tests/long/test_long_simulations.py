@@ -12,12 +12,10 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Ending, Simulation
-from proxbench.bench.variable.incidents import cycles, relative_deviations
-from proxbench.bench.variable.plan import make_variable_plan
-from proxbench.bench.variable.running import simulate_variable
 from proxbench.problems.scenes.resting import Stack
 from proxbench.problems.scenes.woodpecker import PERIOD
 from proxbench.problems.stepping.moreau import Moreau
+from proxbench.problems.trajectories.limit_cycle import Cycles, cycles, relative_deviations
 from proxbench.solvers import Status, Stop, create
 
 FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
@@ -29,6 +27,10 @@ POURED = 1000 if FULL else 60
 
 FEW_MEGABYTES = 40 * 2**20
 """What a simulation may add to memory: its rows, and what numba and the allocator keep."""
+
+
+def periods_of(simulation: Simulation) -> Cycles:
+    return cycles(simulation.incidents, simulation.times, simulation.trajectory[:, 0])
 
 
 def memory() -> int:
@@ -64,11 +66,11 @@ def test_a_pile_at_rest_stays_as_it_is() -> None:
 
 
 def test_the_woodpecker_keeps_its_cycle() -> None:
-    simulate_variable(make_variable_plan("woodpecker", {"start": "cycle"}, duration=0.3))
+    simulate(make_simulation_plan("woodpecker", {"start": "cycle"}, duration=0.3))
     before = memory()
-    toy = simulate_variable(make_variable_plan("woodpecker", {"start": "cycle"}, duration=(PERIODS + 0.5) * PERIOD))
+    toy = simulate(make_simulation_plan("woodpecker", {"start": "cycle"}, duration=(PERIODS + 0.5) * PERIOD))
     grown = memory() - before
-    motion = cycles(toy)
+    motion = periods_of(toy)
     periods = np.diff(motion.sections)
     print(
         f"woodpecker: {motion.count + 1} periods, {toy.steps['solves'].sum()} solves, {toy.wall_seconds:.0f} s wall, "
@@ -84,8 +86,8 @@ def test_the_woodpecker_keeps_its_cycle() -> None:
 
 @pytest.mark.skipif(not FULL, reason="needs ninety periods")
 def test_the_woodpecker_comes_to_its_cycle_from_the_published_start() -> None:
-    toy = simulate_variable(make_variable_plan("woodpecker", {"start": "published"}, duration=91.0 * PERIOD))
-    motion = cycles(toy)
+    toy = simulate(make_simulation_plan("woodpecker", {"start": "published"}, duration=91.0 * PERIOD))
+    motion = periods_of(toy)
     assert motion.count == 90
     period, descent = relative_deviations(motion, 30)
     print(f"woodpecker from the published start, periods 61 to 90: period {period:+.1e}, descent {descent:+.1e}")

@@ -148,3 +148,11 @@ def _rows(modes: Modes, width: int) -> tuple[IntArray, IntArray]:
             rows.append(2 * contact + 1)
             normal.append(-1)
     return np.array(rows, dtype=np.int64), np.array(normal, dtype=np.int64)
+
+
+def least_change(mass: FloatArray, directions: FloatArray, violation: FloatArray) -> FloatArray:
+    """Return the change of least kinetic norm with Wᵀ change = violation."""
+    responses: FloatArray = np.linalg.solve(mass, directions).astype(np.float64)
+    multipliers = np.linalg.lstsq(directions.T @ responses, violation, rcond=SINGULAR)[0].astype(np.float64)
+    change: FloatArray = responses @ multipliers
+    return change

@@ -27,6 +27,7 @@ the instant at which one of several sticking contacts begins to slip.
 """
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,7 +42,7 @@ from ...errors import ProblemError, ProxbenchError, said
 from ...mechanics.state import State
 from ...mechanics.system import MechanicalSystem
 from ..moreau import ContactSolver
-from .acceleration import SINGULAR, AccelerationLaws, DirectionRates, Modes
+from .acceleration import AccelerationLaws, DirectionRates, Modes, least_change
 from .events import Trigger, Watch
 from .motion import AccumulationError, ContactState, Event, LawName, Motion, MotionError, Phase
 
@@ -106,21 +107,37 @@ class EventDriven:
                 solution, or no mode is consistent; like AccumulationError it holds the motion found up to there.
             ProblemError: if ``until`` is before the start, or W depends on q while ``direction_rates`` is None.
         """
-        if not start.time <= until < np.inf:
-            raise ProblemError(f"until must be a time from the start ({start.time} s) on, got {until}.")
         run = _Run(self, start)
+        for _ in self._phases(run, until):
+            pass
+        return run.motion()
+
+    def phases(self, start: State, until: float) -> Iterator[Motion]:
+        """Yield the same motion in pieces: one phase, the events at its end, and the state after them.
+
+        Raises:
+            AccumulationError, MotionError, ProblemError: as ``simulate`` does.
+        """
+        run = _Run(self, start)
+        n_events = n_phases = 0
+        for _ in self._phases(run, until):
+            if len(run.phases) > n_phases:  # an event that is due at once has none
+                yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
+                n_events, n_phases = len(run.events), len(run.phases)
+
+    def _phases(self, run: "_Run", until: float) -> Iterator[None]:
+        """Advance phase by phase."""
+        if not run.time <= until < np.inf:
+            raise ProblemError(f"until must be a time from the start ({run.time} s) on, got {until}.")
         try:
-            self._run_until(until, run)
+            yield from self._advanced(run, until)
         except ProxbenchError:
             raise
         except Exception as failure:
-            raise MotionError(
-                f"after t = {run.time:.9g} s the motion cannot be continued: {said(failure)}.",
-                run.motion(),
-            ) from failure
-        return run.motion()
+            what = f"after t = {run.time:.9g} s the motion cannot be continued: {said(failure)}."
+            raise MotionError(what, run.motion()) from failure
 
-    def _run_until(self, until: float, run: "_Run") -> None:
+    def _advanced(self, run: "_Run", until: float) -> Iterator[None]:
         run.begin()
         begins = deque([-np.inf], maxlen=EVENTS_AT_ONCE)
         while run.time < until:
@@ -132,6 +149,7 @@ class EventDriven:
                 )
             begins.append(run.time)
             run.advance(until)
+            yield
 
 
 @dataclass(eq=False)
@@ -307,10 +325,10 @@ class _Run:
             return
         mass = self.system.mass(self.position)
         gap = self.system.gap(self.position)[candidates.closed]
-        self.position = self.position - _least_change(mass, directions[:, normal], gap)
+        self.position = self.position - least_change(mass, directions[:, normal], gap)
         rows = self.laws.constraints(self.position, self.velocity, candidates).rows
         kept = self.system.directions(self.position)[:, rows]
-        self.velocity = self.velocity - _least_change(mass, kept, kept.T @ self.velocity)
+        self.velocity = self.velocity - least_change(mass, kept, kept.T @ self.velocity)
 
     def _check_directions(self) -> None:
         """Raise ``ProblemError`` if W has changed while nobody says how."""
@@ -375,14 +393,6 @@ class _Run:
             return np.zeros(len(closed))
         tangential = velocity[:, 1]
         return np.where(closed & (np.abs(tangential) > margin), np.sign(tangential), 0.0)
-
-
-def _least_change(mass: FloatArray, directions: FloatArray, violation: FloatArray) -> FloatArray:
-    """Return the change of least kinetic norm with Wᵀ change = violation."""
-    responses: FloatArray = np.linalg.solve(mass, directions).astype(np.float64)
-    multipliers = np.linalg.lstsq(directions.T @ responses, violation, rcond=SINGULAR)[0].astype(np.float64)
-    change: FloatArray = responses @ multipliers
-    return change
 
 
 def _symmetric(matrix: FloatArray) -> FloatArray:

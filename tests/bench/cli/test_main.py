@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.main import run_command
+from proxbench.problems.scenes.registry import SCENES
 
 
 @pytest.mark.parametrize(
@@ -133,7 +134,7 @@ def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFix
     listed = json.loads(capsys.readouterr().out)
     assert {"SORprox", "Jprox", "JORprox", "ClarabelSOCP"} <= {row["name"] for row in listed["solvers"]}
     assert {"quick", "funnel", "woodpecker", "hard", "all"} == {row["name"] for row in listed["suites"]}
-    assert {"funnel", "pile", "woodpecker"} == {row["name"] for row in listed["scenes"]}
+    assert list(SCENES) == [row["name"] for row in listed["scenes"]]
     slider = next(row for row in listed["problems"] if row["name"] == "hard-duplicated-slider")
     assert (slider["contacts"], slider["rows"]) == (10, 30)
     assert slider["laws"] == ["unilateral", "spatial friction"]
@@ -155,3 +156,16 @@ def test_help_loads_neither_numba_nor_pandas() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
     assert "generate" in done.stdout
+
+
+@pytest.mark.parametrize("word", ["funnel", "stack(masses=(1.0,))", "woodpecker"])
+def test_the_help_of_simulate_ends_with_the_options_of_the_scene(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["simulate", "--help"]) == 0
+    general = capsys.readouterr().out
+    assert run_command(["simulate", word, "--help"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith(general.rstrip())
+    added = " ".join(printed[len(general.rstrip()) :].split())
+    for name, option in SCENES[word.partition("(")[0]].options.items():
+        assert f"{name}={option.default!r}" in added
+        assert option.meaning in added

@@ -26,6 +26,18 @@ def test_a_still_has_the_size_of_the_viewer_and_shows_something(
     assert len(picture) > 10_000  # an empty picture of this size compresses to less
 
 
+@pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
+def test_a_still_of_a_stored_simulation_is_drawn_from_its_result_alone(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file, still = tmp_path / "a.npz", tmp_path / "a.png"
+    line = f"simulate block_on_incline(speed=1.0) --duration 0.1 --output {file} --no-progress"
+    assert run_command(line.split()) == 0
+    assert run_command(["record", str(file), "--still", str(still)]) == 0
+    assert f"still: {still}" in capsys.readouterr().out
+    assert struct.unpack(">II", still.read_bytes()[16:24]) == SIZE
+
+
 @pytest.mark.parametrize(
     ("still", "words"),
     [("new.jpg", "must end in .png"), ("old.png", "--force"), ("old.png/new.png", "cannot write")],

@@ -25,7 +25,7 @@ def mask(request: pytest.FixtureRequest) -> Iterator[int]:
 
 
 def written_simulation(file: Path) -> None:
-    simulate(make_simulation_plan("woodpecker", step_size=1e-3, duration=1e-3), file)
+    simulate(make_simulation_plan("woodpecker", stepper="Moreau(step=1e-3)", duration=1e-3), file)
 
 
 def written_study(file: Path) -> None:

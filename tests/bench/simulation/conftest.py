@@ -13,6 +13,6 @@ def pour() -> Callable[..., SimulationPlan]:
 
     def make(steps: int = 200, **numbers: Any) -> SimulationPlan:
         options = {"balls": 30, **numbers.pop("options", {})}
-        return make_simulation_plan("pile", options, step_size=1e-3, duration=steps * 1e-3, **numbers)
+        return make_simulation_plan("pile", options, stepper="Moreau(step=1e-3)", duration=steps * 1e-3, **numbers)
 
     return make

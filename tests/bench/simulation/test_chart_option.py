@@ -6,8 +6,8 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.report import drawing
 
-FIXED = "simulate pile --balls 5 --duration 0.01 --step-size 1e-3 --no-progress"
-VARIABLE = "simulate woodpecker --start cycle --duration 0.005 --no-progress"
+FIXED = "simulate pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3) --no-progress"
+VARIABLE = "simulate woodpecker(start='cycle') --duration 0.005 --no-progress"
 both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variable"])
 
 

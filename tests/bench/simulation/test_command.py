@@ -13,27 +13,30 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.file import read_simulation
 
-LITTLE = "pile --balls 5 --duration 0.01 --step-size 1e-3"
+LITTLE = "pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3)"
 
 
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("", "name a scene (funnel, pile, woodpecker)"),
+        ("", "name a scene (funnel, pile, woodpecker, bouncing_ball,"),
         ("funel", "'funnel'"),
-        ("funnel --bals 3", "'--balls'"),
-        ("funnel --balls 0", "balls must be a whole number between 1 and"),
-        ("funnel --balls many", "--balls"),
-        ("funnel --outlet -1", "outlet"),
-        ("funnel --friction nan", "friction"),
-        ("funnel --restitution 2", "between 0 and 1"),
-        ("funnel --friction 0.1 --no-friction", "--friction and --no-friction exclude each other"),
-        ("funnel --start cycle", "no option 'start'"),
-        ("woodpecker --balls 3", "no option 'balls'"),
-        ("woodpecker --planar", "no option 'planar'"),
-        ("woodpecker --start cylce", "'cycle'"),
-        ("pile --outlet 3", "no option 'outlet'"),
-        ("pile --step-size 0", "step_size"),
+        ("funnel(bals=3)", "did you mean 'balls'"),
+        ("funnel(3)", "cannot read"),
+        ("funnel(pile)", "cannot read"),
+        ("funnel --stepper", "--stepper"),
+        ("funnel --stepper Moreu", "did you mean 'Moreau'?"),
+        ("funnel(balls=0)", "balls must be a whole number between 1 and"),
+        ("funnel(balls='many')", "balls"),
+        ("funnel(outlet=-1)", "outlet"),
+        ("funnel(friction=1e999)", "friction"),
+        ("funnel(restitution=2)", "between 0 and 1"),
+        ("funnel(start='cycle')", "no option 'start'"),
+        ("woodpecker(balls=3)", "no option 'balls'"),
+        ("woodpecker(planar=True)", "no option 'planar'"),
+        ("woodpecker(start='cylce')", "'cycle'"),
+        ("pile(outlet=3)", "no option 'outlet'"),
+        ("pile --stepper Moreau(step=0)", "step of Moreau must be positive"),
         ("pile --duration -1", "duration"),
         ("pile --solver SORprx", "'SORprox'"),
         ("pile --tolerance 2", "between 0 and 1"),
@@ -60,7 +63,7 @@ def test_a_simulation_prints_its_table_and_says_where_the_result_is(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "a.npz"
-    line = f"simulate {LITTLE} --output {file} --no-friction --drag 0.1"
+    line = f"simulate pile(balls=5,friction=None,drag=0.1) --duration 0.01 --stepper Moreau(step=1e-3) --output {file}"
     assert run_command(line.split()) == 0
     printed = capsys.readouterr().out
     for words in ("t [s]", "total  0.01 s in 10 steps", "per simulated second", f"result  {file}"):
@@ -83,8 +86,8 @@ def test_json_is_one_document_and_nothing_else(capsys: pytest.CaptureFixture[str
 
 
 def test_a_step_that_is_not_solved_makes_the_exit_code_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    line = f"simulate pile --balls 30 --duration 0.2 --step-size 1e-3 --max-iterations 1 --output {tmp_path}/a.npz"
-    assert run_command([*line.split(), "--tolerance", "1e-10"]) == 1
+    line = "simulate pile(balls=30) --duration 0.2 --stepper Moreau(step=1e-3) --max-iterations 1 --tolerance 1e-10"
+    assert run_command([*line.split(), "--output", f"{tmp_path}/a.npz"]) == 1
     assert "steps are not solved to 1e-10" in capsys.readouterr().out
 
 
@@ -95,13 +98,20 @@ def test_resuming_takes_what_agrees_and_refuses_what_contradicts(
     assert run_command(f"simulate {LITTLE} --output {file}".split()) == 0
     before = file.read_bytes()
     capsys.readouterr()
-    for wrong in ("--balls 6", "--no-gravity", "--planar", "funnel", "--step-size 2e-3", "--outlet 3"):
+    for wrong in (
+        "pile(balls=6)",
+        "pile(gravity=None)",
+        "pile(planar=True)",
+        "funnel",
+        "--stepper Moreau(step=2e-3)",
+        "--states 3",
+    ):
         assert run_command(f"simulate {wrong} --resume {file}".split()) == 2
         printed = capsys.readouterr()
         assert printed.err.count("\n") == 1
         assert "leave it out to resume" in printed.err
     assert file.read_bytes() == before
-    assert run_command(f"simulate pile --balls 5 --resume {file} --duration 0.02".split()) == 0
+    assert run_command(f"simulate pile(balls=5) --resume {file} --duration 0.02".split()) == 0
     assert read_simulation(file).n_steps == 20
 
 
@@ -119,7 +129,7 @@ def long_simulation(file: Path) -> subprocess.Popen[str]:
         "from proxbench.bench.cli.main import run_command\n"
         "sys.exit(run_command(sys.argv[1:]))"
     )
-    line = f"simulate pile --balls 30 --duration 1000 --no-progress --output {file}"
+    line = f"simulate pile(balls=30) --duration 1000 --no-progress --output {file}"
     process = subprocess.Popen(
         [sys.executable, "-c", code, *line.split()], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

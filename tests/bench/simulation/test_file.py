@@ -3,7 +3,6 @@
 import json
 import zipfile
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,8 @@ import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.file import read_simulation
-from proxbench.bench.simulation.plan import SimulationPlan
-from proxbench.bench.simulation.result_file import READERS
+from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.variable.file import read_variable, write_variable
-from proxbench.bench.variable.plan import make_variable_plan
-from proxbench.bench.variable.simulation import VariableSimulation
 from proxbench.problems import load
 from proxbench.problems.catalog.storage import save_problem
 
@@ -56,7 +51,14 @@ def test_a_file_holds_plan_steps_and_state_without_pickle(pour: Pour, tmp_path: 
         assert archive.testzip() is None
     with np.load(tmp_path / "a.npz", allow_pickle=False) as arrays:
         states = {"times", "marks", "positions", "velocities", "contacts", "keys", "impulses"}
-        assert set(arrays.files) == {"about", "steps", *(f"state_{name}" for name in states)}
+        assert set(arrays.files) == {
+            "about",
+            "steps",
+            "switches",
+            "closed",
+            "sticking",
+            *(f"state_{name}" for name in states),
+        }
         assert not any(arrays[name].dtype.hasobject for name in arrays.files)
 
 
@@ -105,16 +107,23 @@ def test_arrays_that_do_not_go_together_are_noticed(stored: Path, changes: dict[
     assert_refused(stored, "is damaged")
 
 
-def test_a_simulation_with_another_kind_of_step_names_what_reads_it(stored: Path, tmp_path: Path) -> None:
-    variable = tmp_path / "variable.npz"
-    write_variable(VariableSimulation(make_variable_plan("woodpecker")), variable)
-    with pytest.raises(BenchError, match=r"holds a simulation with a variable step; read it with .*\.read_variable"):
-        read_simulation(variable)
-    with pytest.raises(BenchError, match=r"holds a simulation with a fixed step; read it with .*\.read_simulation"):
-        read_variable(stored)
-    for _, reader in READERS.values():
-        module, _, name = reader.rpartition(".")
-        assert callable(getattr(import_module(module), name))
+def test_a_variable_step_is_stored_in_the_same_file_with_its_switching_points(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    simulation = simulate(make_simulation_plan("woodpecker(start='cycle')", duration=0.01), file)
+    again = read_simulation(file)
+    assert len(again.switches) > 0
+    assert again.switches.tobytes() == simulation.switches.tobytes()
+    assert again.law_states is not None
+    assert simulation.law_states is not None
+    assert again.law_states.closed == simulation.law_states.closed
+
+
+def test_a_switching_point_of_no_law_is_noticed(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    switches = simulate(make_simulation_plan("woodpecker(start='cycle')", duration=0.01), file).switches.copy()
+    switches["after"] = 99
+    rewritten(file, switches=switches)
+    assert_refused(file, "is damaged")
 
 
 def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
@@ -128,7 +137,11 @@ def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
     ("change", "words"),
     [
         ({"format": 99}, "has format 99"),
-        ({"format": 2}, "has format 2, this version reads format 3; simulate anew"),
+        ({"format": 3}, "has format 3, this version reads format 4; simulate anew"),
+        (
+            {"kind": "proxbench simulation with variable steps", "format": 2},
+            "has format 2, this version reads format 4",
+        ),
         ({"plan": {"scene": "avalanche"}}, "is damaged"),
         ({"statuses": []}, "is damaged"),
     ],

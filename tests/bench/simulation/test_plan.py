@@ -5,7 +5,9 @@ from collections.abc import Callable
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.plan import SimulationPlan, check_agreement, make_simulation_plan
+from proxbench.bench.simulation.run import simulate
 from proxbench.problems import ProxbenchError
+from proxbench.problems.stepping.registry import Moreau
 
 Pour = Callable[..., SimulationPlan]
 
@@ -13,11 +15,11 @@ Pour = Callable[..., SimulationPlan]
 @pytest.mark.parametrize(
     ("numbers", "words"),
     [
-        ({"step_size": 0.0}, "step_size must be positive"),
-        ({"step_size": float("nan")}, "step_size must be positive"),
+        ({"stepper": "Moreau(step=0.0)"}, "step of Moreau must be positive"),
+        ({"stepper": Moreau(float("nan"))}, "step of Moreau must be positive"),
         ({"duration": -1.0}, "duration must be positive"),
         ({"duration": float("inf")}, "duration must be positive and finite, got inf s"),
-        ({"step_size": 0.2, "duration": 0.1}, "must not be longer than the duration"),
+        ({"stepper": "Moreau(step=0.2)", "duration": 0.1}, "must not be longer than the duration"),
         ({"tolerance": 1.0}, "between 0 and 1"),
         ({"tolerance": float("nan")}, "between 0 and 1"),
         ({"max_iterations": 0}, "max_iterations"),
@@ -33,7 +35,8 @@ def test_a_number_out_of_range_is_named(numbers: dict[str, float], words: str) -
     ("duration", "step_size", "steps"), [(0.3, 1e-4, 3000), (0.7, 1e-4, 7000), (1.0, 0.3, 4), (0.1, 0.1, 1)]
 )
 def test_the_last_step_reaches_the_end_of_the_duration(duration: float, step_size: float, steps: int) -> None:
-    assert make_simulation_plan("woodpecker", duration=duration, step_size=step_size).n_steps == steps
+    plan = make_simulation_plan("oblique_impact(distance=2.0)", duration=duration, stepper=Moreau(step_size))
+    assert simulate(plan).n_steps == steps
 
 
 def test_a_plan_made_again_from_its_document_is_the_same(pour: Pour) -> None:
@@ -45,10 +48,12 @@ def test_a_plan_made_again_from_its_document_is_the_same(pour: Pour) -> None:
     ("given", "words"),
     [
         ({"scene": "funnel"}, "scene funnel contradicts old.npz, which has scene pile"),
-        ({"friction": 0.4}, "friction 0.4 contradicts old.npz, which has friction 0.3"),
-        ({"friction": None}, "friction off contradicts"),
-        ({"balls": 31}, "balls 31 contradicts"),
-        ({"outlet": 3.0}, "which has no outlet"),
+        ({"scene": "pile(friction=0.4)"}, "friction 0.4 contradicts old.npz, which has friction 0.3"),
+        ({"scene": "pile(friction=None)"}, "friction off contradicts"),
+        ({"scene": "pile(balls=31)"}, "balls 31 contradicts"),
+        ({"states": 3}, "states 3 contradicts"),
+        ({"stepper": "Moreau(step=2e-3)"}, "stepper Moreau(step=0.002) contradicts old.npz, which has stepper"),
+        ({"stepper": "Extrapolated"}, "stepper Extrapolated contradicts"),
     ],
 )
 def test_what_contradicts_a_stored_plan_is_named(pour: Pour, given: dict[str, object], words: str) -> None:
@@ -60,4 +65,4 @@ def test_what_contradicts_a_stored_plan_is_named(pour: Pour, given: dict[str, ob
 
 def test_what_agrees_with_a_stored_plan_may_be_said_again(pour: Pour) -> None:
     plan = pour()
-    check_agreement(plan, {"scene": "pile", "balls": 30, "friction": 0.3}, "old.npz")
+    check_agreement(plan, {"scene": "pile(balls=30, friction=0.3)", "stepper": "Moreau(step=1e-3)"}, "old.npz")

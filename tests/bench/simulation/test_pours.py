@@ -12,13 +12,14 @@ from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.bench.simulation.table import print_simulation, summary
 from proxbench.bench.simulation.trajectory import JAM_SECONDS, Ending, Simulation
+from proxbench.problems.stepping.registry import Moreau
 from rich.console import Console
 
 SMALL = {"balls": 60}
 
 
 def pour(duration: float = 3.0, **options: object) -> SimulationPlan:
-    return make_simulation_plan("funnel", {**SMALL, **options}, step_size=1e-3, duration=duration)
+    return make_simulation_plan("funnel", {**SMALL, **options}, stepper="Moreau(step=1e-3)", duration=duration)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +52,9 @@ def test_a_narrow_outlet_jams_and_says_so(jam: Simulation) -> None:
 
 def test_a_jam_is_no_false_alarm_the_pile_stays_as_it_is(jam: Simulation) -> None:
     """Half a second more from the same state: nothing passes, and no ball moves by a hundredth of its radius."""
-    state, stepper = jam.state, jam.plan.stepper()
-    for step in stepper.steps(state, 500):
+    plan, state = jam.plan, jam.state
+    assert isinstance(plan.stepper, Moreau)
+    for step in plan.stepper.rule(plan.scene, plan.solver, plan.stop).steps(state, 500):
         last = step.state
     through = jam.plan.scene.balls_through
     assert through is not None
@@ -77,7 +79,7 @@ def test_the_count_through_the_outlet_is_that_of_balls_below_it(flow: Simulation
 def test_a_pile_that_comes_to_rest_later_than_the_window_is_not_jammed_before_it(jam: Simulation) -> None:
     resting = jam.steps["agitation"] <= 1e-4
     rest = jam.steps["time"][-1] - jam.steps["time"][~resting].max()
-    assert rest == pytest.approx(JAM_SECONDS, abs=2.1 * jam.plan.step_size)
+    assert rest == pytest.approx(JAM_SECONDS, abs=2.1 * jam.plan.stepper.shortest(jam.plan.scene))
 
 
 def test_every_step_of_a_pour_is_solved_to_the_tolerance(flow: Simulation) -> None:
@@ -99,7 +101,7 @@ def test_penetrations_do_not_last(flow: Simulation, jam: Simulation) -> None:
     assert jam.steps["penetration"][jam.steps["time"] > 0.4].max() <= 0.03
     # fresh impacts are moved apart too; depths of states are extrapolated over half a step, here of less than 3 m/s,
     # along normals of balls that turn about each other meanwhile: s²/2 over the distance of 2 radii
-    way = 0.5 * flow.plan.step_size * 3.0 / flow.plan.scene.length
+    way = 0.5 * flow.plan.stepper.shortest(flow.plan.scene) * 3.0 / flow.plan.scene.length
     assert flow.steps["penetration"].max() <= 1.11 * allowed + way**2 / 4.0
 
 
@@ -115,7 +117,7 @@ def test_energy_never_grows_where_the_law_forbids_it(options: dict[str, object])
     steps, balls = simulation.steps, SMALL["balls"]
     growth = np.diff(steps["kinetic_energy"] + steps["potential_energy"])
     mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.01**3
-    bound = balls * mass * (9.81 * simulation.plan.step_size) ** 2
+    bound = balls * mass * (9.81 * simulation.plan.stepper.shortest(simulation.plan.scene)) ** 2
     assert steps["contacts"].max() > 50
     assert growth.max() <= bound
     assert growth.sum() < 0.0
@@ -133,7 +135,7 @@ def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
 
 def test_a_jammed_simulation_stays_jammed_when_it_is_resumed(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
-    plan = make_simulation_plan("funnel", {"balls": 20, "outlet": 0.8}, step_size=1e-3, duration=4.0)
+    plan = make_simulation_plan("funnel", {"balls": 20, "outlet": 0.8}, stepper="Moreau(step=1e-3)", duration=4.0)
     simulation = simulate(plan, file)
     assert simulation.ending is Ending.JAMMED
     before = simulation.n_steps
@@ -148,7 +150,7 @@ def test_the_chart_shows_every_column(flow: Simulation) -> None:
 
 
 def test_the_command_writes_the_chart_beside_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    line = f"simulate funnel --balls 5 --duration 0.02 --output {tmp_path}/a.npz --chart {tmp_path}/b.svg --no-progress"
+    line = f"simulate funnel(balls=5) --duration 0.02 --output {tmp_path}/a.npz --chart {tmp_path}/b.svg --no-progress"
     assert run_command(line.split()) == 0
     assert f"chart   {tmp_path}/b.svg" in capsys.readouterr().out
     assert (tmp_path / "b.svg").read_text().startswith("<svg")

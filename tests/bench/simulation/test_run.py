@@ -13,7 +13,9 @@ from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.bench.simulation.trajectory import STEP, Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
-from proxbench.problems.stepping.moreau import Step
+from proxbench.problems.stepping.accepted_step import AcceptedStep
+from proxbench.problems.stepping.moreau import Moreau as MidpointRule
+from proxbench.problems.stepping.registry import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
 
 Pour = Callable[..., SimulationPlan]
@@ -32,15 +34,20 @@ def assert_same_bits(one: Simulation, other: Simulation) -> None:
             assert getattr(mine, name).tobytes() == getattr(its, name).tobytes(), name
 
 
+def bare_rule(plan: SimulationPlan) -> MidpointRule:
+    """Moreau's rule as the plan has it, without anything else."""
+    assert isinstance(plan.stepper, Moreau)
+    return plan.stepper.rule(plan.scene, plan.solver, plan.stop)
+
+
 def stop_after(steps: int) -> Callable[[], bool]:
     asked = iter(range(steps + 1))
     return lambda: next(asked) == steps
 
 
-@pytest.mark.parametrize("scene", ["pile", "woodpecker"])
-def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: str, tmp_path: Path) -> None:
-    numbers: dict[str, Any] = {"options": {"balls": 30}, "step_size": 1e-3} if scene == "pile" else {"step_size": 1e-4}
-    plan = make_simulation_plan(scene, duration=200 * numbers["step_size"], states=7, **numbers)
+@pytest.mark.parametrize(("scene", "step"), [("pile(balls=30)", 1e-3), ("woodpecker", 1e-4)])
+def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: str, step: float, tmp_path: Path) -> None:
+    plan = make_simulation_plan(scene, stepper=Moreau(step), duration=200 * step, states=7)
     whole = simulate(plan)
     assert whole.n_steps == 200
     assert whole.steps["contacts"][120:].any()
@@ -59,17 +66,20 @@ def test_without_the_stored_impulses_the_bits_would_differ(pour: Pour, tmp_path:
     assert len(part.state.keys)
     cold = Simulation(pour())
     cold.restore(part.steps, type(part.state)(part.state.time, part.state.position, part.state.velocity))
-    stepper = cold.plan.stepper()
+    stepper = bare_rule(cold.plan)
     assert stepper.step(cold.state).state.velocity.tobytes() != stepper.step(part.state).state.velocity.tobytes()
     assert whole.n_steps == 200
 
 
 def test_a_simulation_takes_the_steps_of_the_bare_stepper(pour: Pour) -> None:
-    plan, seen = pour(), list[tuple[int, Step]]()
+    plan, seen = pour(), list[tuple[int, AcceptedStep]]()
     simulation = simulate(plan, on_step=[lambda number, step: seen.append((number, step))])
-    bare = list(plan.stepper().steps(plan.scene.start, 200))
+    bare = list(bare_rule(plan).steps(plan.scene.start, 200))
     assert [number for number, _ in seen] == list(range(1, 201))
-    for row, (_, step), expected in zip(simulation.steps, seen, bare, strict=True):
+    for row, (_, taken), expected in zip(simulation.steps, seen, bare, strict=True):
+        ((step, length),) = taken.substeps
+        assert length == 1e-3 == pytest.approx(row["length"], rel=1e-9)
+        assert taken.end.time == row["time"]
         assert step.state.velocity.tobytes() == expected.state.velocity.tobytes()
         assert row["contacts"] == (0 if step.contacts is None else len(step.contacts.keys))
         if step.problem is not None:
@@ -173,7 +183,7 @@ def test_another_solver_goes_on_from_where_the_first_one_was_stopped(pour: Pour,
 
 
 def test_an_interruption_in_a_recorder_leaves_whole_steps_in_the_file(pour: Pour, tmp_path: Path) -> None:
-    def interrupt(number: int, step: Step) -> None:
+    def interrupt(number: int, step: AcceptedStep) -> None:
         if number == 7:
             raise KeyboardInterrupt
 
@@ -226,7 +236,7 @@ def test_a_folder_gets_a_file_named_after_the_scene(pour: Pour, tmp_path: Path) 
 def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None:
     state = simulate(pour(160)).state
     plan = pour()
-    problem = plan.stepper().step(state).problem
+    problem = bare_rule(plan).step(state).problem
     assert problem is not None
     solution = create(solver).prepare(problem).solve(Stop(1e-4, 2000, float("inf")))
     assert solution.status is Status.SOLVED

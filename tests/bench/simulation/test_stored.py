@@ -15,8 +15,8 @@ from proxbench.problems.mechanics.state import State
 from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
 
-FIXED = "simulate pile --balls 20 --duration 0.16 --step-size 1e-3 --no-progress --states 20"
-VARIABLE = "simulate woodpecker --start cycle --duration 0.02 --no-progress"
+FIXED = "simulate pile(balls=20) --duration 0.16 --stepper Moreau(step=1e-3) --no-progress --states 20"
+VARIABLE = "simulate woodpecker(start='cycle') --duration 0.02 --no-progress"
 SOLVERS = {FIXED: "MomentumFallback", VARIABLE: "SORprox"}
 """What treats the steps of each where no other is given."""
 
@@ -143,16 +143,19 @@ def test_a_recording_has_curves_of_all_steps_and_bodies_where_states_are_kept(
 
 def test_the_step_that_led_to_a_state_has_its_contacts_and_impulses(pour: Callable[..., Any]) -> None:
     plan = pour(160)
-    stepper = Moreau(plan.scene.system, create("SORprox"), Stop(1e-6, 5000), plan.step_size)
+    length = plan.stepper.shortest(plan.scene)
+    stepper = Moreau(plan.scene.system, create("SORprox"), Stop(1e-6, 5000), length)
     *_, last = stepper.steps(plan.scene.start, 160)
     assert last.contacts is not None
-    again = step_to(plan.scene.system, last.state, plan.step_size)
+    again = step_to(plan.scene.system, last.state, length)
     assert again.contacts is not None
     np.testing.assert_array_equal(again.contacts.keys, last.contacts.keys)
     np.testing.assert_array_equal(again.impulses, last.impulses)
     np.testing.assert_allclose(again.contacts.gap, last.contacts.gap, atol=1e-12)
     forces = State(last.state.time, last.state.position, last.state.velocity, last.state.keys, last.state.impulses / 5)
-    np.testing.assert_allclose(step_to(plan.scene.system, forces, plan.step_size, 5.0).impulses, last.impulses)
+    np.testing.assert_allclose(
+        step_to(plan.scene.system, forces, plan.stepper.shortest(plan.scene), 5.0).impulses, last.impulses
+    )
 
 
 @pytest.mark.parametrize("line", ["report none.npz", "record none.npz"])

@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation import warming
-from proxbench.bench.simulation.plan import SimulationPlan
+from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.variable.plan import make_variable_plan
-from proxbench.bench.variable.running import simulate_variable
 from proxbench.problems import ContactProblem, Model
 from proxbench.problems.stepping import variable_step as adaptive
+from proxbench.problems.stepping import warming
 from proxbench.problems.stepping.moreau import Moreau, Step
 from proxbench.solvers import create
 
@@ -61,5 +59,5 @@ def test_a_first_step_that_is_free_is_not_charged_either(pour: Pour, monkeypatch
 def test_no_variable_step_is_charged_with_what_happens_once(start: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = Compiled()
     monkeypatch.setattr(adaptive, "perf_counter", lambda: solver.now)
-    steps = simulate_variable(make_variable_plan("woodpecker", {"start": start}, duration=0.01, solver=solver)).steps
+    steps = simulate(make_simulation_plan("woodpecker", {"start": start}, duration=0.01, solver=solver)).steps
     assert 0.0 < steps["seconds"].max() < 1000.0

@@ -3,8 +3,7 @@
 from typing import Any
 
 import pytest
-from proxbench.bench.simulation.plan import FIXED
-from proxbench.bench.study.plan import REFERENCE, Case, StudyPlan
+from proxbench.bench.study.plan import FIXED, REFERENCE, Case, StudyPlan
 from proxbench.problems.scenes.woodpecker import PERIOD
 
 

@@ -78,7 +78,7 @@ def test_a_solver_that_raises_anything_is_a_failure_too(monkeypatch: pytest.Monk
     def burst(*given: object, **named: object) -> None:
         raise RuntimeError("it burst")
 
-    monkeypatch.setattr(measuring, "simulate_variable", burst)
+    monkeypatch.setattr(measuring, "simulate", burst)
     one = measure(toy_plan(toy_case()), toy_case(), 1.0)
     assert one is not None
     assert one.failure == "RuntimeError: it burst"

@@ -9,7 +9,8 @@ from proxbench.bench.study.plan import StudyPlan
 from proxbench.bench.study.points import aggregate_points, seed_spreads
 from proxbench.bench.study.running import points, run_study, spreads
 from proxbench.problems.mechanics.state import State
-from proxbench.problems.scenes.registry import Scene, make_scene
+from proxbench.problems.scenes.registry import make_scene
+from proxbench.problems.scenes.scene import Scene
 from proxbench.problems.trajectories.pour import ENERGY, FLOW, HEIGHT, Watch
 
 from .conftest import pour_case

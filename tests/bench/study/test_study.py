@@ -77,7 +77,7 @@ def test_a_solver_that_is_asked_for_is_compared_too() -> None:
     ("scene", "options", "words"),
     [
         ("funel", {}, "there is no study of 'funel'"),
-        ("woodpecker", {"options": {"gravity": 1.0}}, "leave --gravity out"),
+        ("woodpecker", {"options": {"gravity": 1.0}}, "leave gravity out"),
         ("woodpecker", {"duration": 1.0}, "leave --duration out"),
         ("funnel", {"seeds": 1}, "at least 2"),
         ("funnel", {"options": {"balls": 0}}, "balls"),

@@ -6,10 +6,10 @@ from time import perf_counter
 
 import numpy as np
 
-from ...problems.mechanics.state import State
-from ...problems.stepping.contact_states import LawStates
-from ...problems.stepping.moreau import Moreau, Step
-from ...problems.stepping.variable_step import VariableStep
+from ..mechanics.state import State
+from .contact_states import LawStates
+from .moreau import Moreau, Step
+from .variable_step import VariableStep
 
 MOST_STEPS = 200
 """Accepted steps that a variable stepper takes at most to warm up: balls have fallen on each other by then."""

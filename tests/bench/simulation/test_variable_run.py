@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError, FailedSimulationError
-from proxbench.bench.variable.file import is_variable, read_variable
-from proxbench.bench.variable.plan import VariablePlan, make_variable_plan
-from proxbench.bench.variable.running import advance_variable, begun_variable, simulate_variable
+from proxbench.bench.simulation.file import read_simulation
+from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
+from proxbench.bench.simulation.run import advance, begun_simulation, simulate
 from proxbench.problems import ContactProblem, Model
 from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
 from proxbench.problems.stepping import variable_step as adaptive
+from proxbench.problems.stepping.accepted_step import AcceptedStep
 from proxbench.problems.stepping.extrapolation import OneStep
 from proxbench.problems.stepping.moreau import Step
 from proxbench.solvers import create
@@ -21,19 +22,19 @@ from proxbench.solvers.interface import Prepared
 QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
 
 
-def plan(duration: float = 0.03, **options: object) -> VariablePlan:
-    return make_variable_plan("woodpecker", {"start": "cycle"}, duration=duration, stepper=QUICK, **options)  # type: ignore[arg-type]
+def plan(duration: float = 0.03, **options: object) -> SimulationPlan:
+    return make_simulation_plan("woodpecker", {"start": "cycle"}, duration=duration, stepper=QUICK, **options)  # type: ignore[arg-type]
 
 
 def test_rows_describe_the_accepted_steps() -> None:
-    taken = []
-    simulation = simulate_variable(plan(), on_step=[taken.append])
+    taken: list[AcceptedStep] = []
+    simulation = simulate(plan(), on_step=[lambda number, step: taken.append(step)])
     steps = simulation.steps
     assert len(steps) == len(taken) == simulation.n_steps
     assert steps["time"] == pytest.approx([step.end.time for step in taken])
     assert np.cumsum(steps["length"])[-1] == pytest.approx(0.03, abs=1e-9)
-    assert steps["solves"].sum() == taken[-1].solves
-    assert steps["rejected"].sum() == taken[-1].rejected
+    assert steps["solves"].tolist() == [step.solves for step in taken]
+    assert steps["rejected"].tolist() == [step.rejected for step in taken]
     assert (steps["residual"] <= 1.001e-12).all()
     assert len(simulation.switches) == sum(len(step.switches) for step in taken)
     last = simulation.trajectory[-1]
@@ -53,14 +54,14 @@ def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(OneStep, "take", timed)
     monkeypatch.setattr(adaptive, "perf_counter", lambda: now[0])
-    steps = simulate_variable(plan()).steps
+    steps = simulate(plan()).steps
     assert len(set(steps["solves"])) > 3  # of equal rows, one could have the time of another
     assert (steps["rejected"] > 0).any()
     np.testing.assert_array_equal(steps["seconds"], steps["solves"])
 
 
 def test_no_energy_is_gained(tmp_path: Path) -> None:
-    steps = simulate_variable(plan(PERIOD)).steps
+    steps = simulate(plan(PERIOD)).steps
     energy = steps["kinetic_energy"] + steps["potential_energy"]
     assert np.diff(energy).max() <= 1e-4 * np.abs(energy).max()
     assert energy[-1] < energy[0]
@@ -68,9 +69,8 @@ def test_no_energy_is_gained(tmp_path: Path) -> None:
 
 def test_what_is_stored_is_what_was_simulated(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
-    simulation = simulate_variable(plan(), file)
-    stored = read_variable(file)
-    assert is_variable(file)
+    simulation = simulate(plan(), file)
+    stored = read_simulation(file)
     assert stored.is_finished
     assert stored.plan.document() == simulation.plan.document()
     for name in ("steps", "switches", "trajectory"):
@@ -78,12 +78,12 @@ def test_what_is_stored_is_what_was_simulated(tmp_path: Path) -> None:
 
 
 def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_path: Path) -> None:
-    whole = simulate_variable(plan())
+    whole = simulate(plan())
     file = tmp_path / "toy.npz"
-    part = simulate_variable(plan(), file, stop_asked=iter([False] * 30 + [True]).__next__)
-    assert part.n_steps == 31
-    again = begun_variable(file)
-    advance_variable(again)
+    part = simulate(plan(), file, stop_asked=iter([False] * 30 + [True]).__next__)
+    assert part.n_steps == 30
+    again = begun_simulation(file)
+    advance(again)
     assert again.is_finished
     assert again.trajectory[-1] == pytest.approx(whole.trajectory[-1], rel=2e-3, abs=2e-3)
     assert [tuple(row)[2:] for row in again.switches] == [tuple(row)[2:] for row in whole.switches]
@@ -115,39 +115,39 @@ def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_anothe
     with pytest.raises(
         FailedSimulationError, match=r"step \d+, from t = .*, failed with SORprox: .* --resume .*toy\.npz --solver"
     ):
-        simulate_variable(replace(plan(), solver=Tiring(failure)), file)
-    kept = read_variable(file)
+        simulate(replace(plan(), solver=Tiring(failure)), file)
+    kept = read_simulation(file)
     assert kept.n_steps > 0
     assert kept.failure is not None
     assert kept.failure.time == kept.state.time
-    again = begun_variable(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
-    advance_variable(again)
+    again = begun_simulation(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
+    advance(again)
     assert again.is_finished
     assert again.steps["time"][kept.n_steps - 1] == kept.state.time
 
 
 def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
-    simulate_variable(plan(0.01), file)
-    longer = begun_variable(file, duration=0.02)
-    advance_variable(longer)
+    simulate(plan(0.01), file)
+    longer = begun_simulation(file, duration=0.02)
+    advance(longer)
     assert longer.steps["time"][-1] == pytest.approx(0.02)
     with pytest.raises(BenchError, match="scene funnel contradicts"):
-        begun_variable(file, {"scene": "funnel"})
+        begun_simulation(file, {"scene": "funnel"})
     with pytest.raises(BenchError, match="has come to"):
-        begun_variable(file, duration=0.005)
+        begun_simulation(file, duration=0.005)
 
 
 def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
-    simulate_variable(plan(0.01), file)
+    simulate(plan(0.01), file)
     cut = tmp_path / "cut.npz"
     cut.write_bytes(file.read_bytes()[:-200])
     with pytest.raises(BenchError, match=r"cut\.npz is damaged"):
-        read_variable(cut)
+        read_simulation(cut)
     other = tmp_path / "other.npz"
     np.savez(other, about=np.zeros(3, dtype=np.uint8))
-    with pytest.raises(BenchError, match="holds no simulation with variable steps"):
-        read_variable(other)
+    with pytest.raises(BenchError, match="is no result file of a simulation"):
+        read_simulation(other)
     with pytest.raises(BenchError, match="there is no result file"):
-        is_variable(tmp_path / "none.npz")
+        read_simulation(tmp_path / "none.npz")

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.variable.file import read_variable, write_variable
-from proxbench.bench.variable.plan import make_variable_plan
-from proxbench.bench.variable.simulation import VariableSimulation
+from proxbench.bench.simulation.file import read_simulation, write_simulation
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.trajectory import Simulation
 
-TOY = "simulate woodpecker --start cycle --no-progress"
+TOY = "simulate woodpecker(start='cycle') --no-progress"
 
 
 def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
@@ -40,54 +40,63 @@ def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.Captu
     file = tmp_path / "toy.npz"
     assert run_command(f"{TOY} --duration 0.005 --output {file}".split()) == 0
     assert run_command(f"simulate --resume {file} --duration 0.01 --no-progress".split()) == 0
-    assert read_variable(file).state.time == pytest.approx(0.01)
+    assert read_simulation(file).state.time == pytest.approx(0.01)
 
 
 def test_balls_can_have_a_variable_step_too(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     stepper = "Extrapolated(tolerance=1e-4,min_step=1e-6)"
-    line = f"simulate pile --balls 2 --duration 0.25 --no-progress --output {tmp_path}/balls.npz --stepper {stepper}"
+    line = f"simulate pile(balls=2) --duration 0.25 --no-progress --output {tmp_path}/balls.npz --stepper {stepper}"
     assert run_command(line.split()) == 0
     assert "unilateral" in capsys.readouterr().out
 
 
 def test_a_fixed_step_is_taken_where_its_size_is_given(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert run_command(f"{TOY} --duration 0.01 --step-size 1e-4 --output {tmp_path}/toy.npz".split()) == 0
-    assert "Δt 0.0001 s" in capsys.readouterr().out
+    assert run_command(f"{TOY} --duration 0.01 --stepper Moreau(step=1e-4) --output {tmp_path}/toy.npz".split()) == 0
+    assert "Moreau(step=0.0001)" in capsys.readouterr().out
 
 
 def test_the_figure_of_many_short_steps_is_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     stepper = "StepDoubling(tolerance=1e-4,min_step=1e-6,max_step=2e-5)"
     assert run_command(f"{TOY} --duration 0.02 --stepper {stepper} --output {tmp_path}/toy.npz".split()) == 0
-    assert read_variable(tmp_path / "toy.npz").n_steps > 700
+    assert read_simulation(tmp_path / "toy.npz").n_steps > 700
     assert (tmp_path / "toy.png").is_file()
 
 
 def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
-    assert run_command(f"{TOY} --duration 0.01 --step-size 1e-4 --output {file}".split()) == 0
+    assert run_command(f"{TOY} --duration 0.01 --stepper Moreau(step=1e-4) --output {file}".split()) == 0
     assert run_command(f"simulate --resume {file} --stepper Extrapolated --duration 0.02".split()) == 2
-    assert "has a fixed step; leave it out to resume" in capsys.readouterr().err
+    assert "stepper Extrapolated contradicts" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
         (
-            "woodpecker --friction 0.2",
+            "woodpecker(friction=0.2)",
             "friction 0.2 contradicts {file}, which has friction 0.3; leave it out to resume.",
         ),
-        ("--balls 3", "balls 3 contradicts {file}, which has no balls; leave it out to resume."),
+        (
+            "woodpecker(balls=3)",
+            "the scene 'woodpecker' has no option 'balls'; known are friction, gravity, restitution, start.",
+        ),
         ("pile", "scene pile contradicts {file}, which has scene woodpecker; leave it out to resume."),
-        ("--no-friction", "friction off contradicts {file}, which has friction 0.3; leave it out to resume."),
+        (
+            "woodpecker(friction=None)",
+            "friction off contradicts {file}, which has friction 0.3; leave it out to resume.",
+        ),
     ],
 )
 def test_what_contradicts_a_stored_variable_step_is_named_beside_what_is_stored(
     asked: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "toy.npz"
-    write_variable(VariableSimulation(make_variable_plan("woodpecker")), file)
+    write_simulation(Simulation(make_simulation_plan("woodpecker")), file)
     assert run_command(f"simulate --resume {file} {asked}".split()) == 2
-    assert capsys.readouterr().err == f"proxbench: {words.format(file=file)}\n"
+    assert (
+        capsys.readouterr().err
+        == f"proxbench: {words.format(file=file, options='friction, gravity, restitution, start')}\n"
+    )
 
 
 @pytest.mark.parametrize("name", ["there", "there.json"])
@@ -103,18 +112,18 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
     before = file.read_bytes()
     capsys.readouterr()
     assert run_command(f"simulate --resume {file} --stepper Moreau --duration 0.02".split()) == 2
-    said = "has a variable step and cannot go on with a fixed one; leave --stepper out, or simulate anew."
-    assert capsys.readouterr().err == f"proxbench: {file} {said}\n"
+    said = f"stepper Moreau(step=2e-05) contradicts {file}, which has stepper Extrapolated; leave it out to resume."
+    assert capsys.readouterr().err == f"proxbench: {said}\n"
     assert file.read_bytes() == before
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("--stepper nonsense", "known are Extrapolated, Moreau, StepDoubling"),
+        ("--stepper nonsense", "known are EventDriven, Extrapolated, Moreau, StepDoubling"),
         ("--stepper moreau", "did you mean 'Moreau'?"),
         ("--stepper Extrapolatde", "there is no stepper 'Extrapolatde'"),
-        ("--stepper Extrapolated --step-size 1e-3", "--step-size belongs to --stepper Moreau"),
+        ("--stepper Moreau(step_size=1e-3)", "Moreau has no option 'step_size'; did you mean 'step'?"),
         ("--stepper Extrapolated(max_step=0.0)", "max_step must be finite and at least min_step"),
         ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
         ("--duration -1", "duration must be positive and finite, got -1.0 s"),

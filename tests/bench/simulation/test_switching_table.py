@@ -4,38 +4,38 @@ import io
 
 import numpy as np
 import pytest
-from proxbench.bench.variable.plan import make_variable_plan
-from proxbench.bench.variable.simulation import LAWS, STATES, STEP, SWITCH, VariableSimulation
-from proxbench.bench.variable.table import print_variable
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.table import print_simulation
+from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
 from proxbench.problems.mechanics.state import State
 from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from proxbench.problems.stepping.contact_states import LawStates
 from rich.console import Console
 
 
-def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[int, ...] = ()) -> VariableSimulation:
+def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[int, ...] = ()) -> Simulation:
     """A motion along the limit cycle from row ``first`` + 1 on; periods in ``extra`` have an additional switch."""
-    simulation = VariableSimulation(make_variable_plan("woodpecker", duration=(periods + 2.0) * PERIOD))
+    simulation = Simulation(make_simulation_plan("woodpecker", duration=(periods + 2.0) * PERIOD))
     rows = []
     count = round(periods * len(INCIDENTS))
     for number in range(first, first + count):
         period, row = divmod(number, len(INCIDENTS))
         time, law, contact, before, after = INCIDENTS[row]
         time += 0.05 + period * PERIOD
-        switch = (time, time, LAWS.index(law), contact, STATES.index(before), STATES.index(after))
+        switch = (time, time, LAWS.index(law), contact, LAW_STATES.index(before), LAW_STATES.index(after))
         rows += [switch] * (2 if period in extra and row == 6 else 1)
     steps = np.zeros(len(rows) + 1, dtype=STEP)
     steps["time"], steps["length"] = [*(row[0] for row in rows), simulation.plan.until], 1e-3
     steps["residual"][0] = residual
     states = [State(time, np.array([-DESCENT / PERIOD * time, 0.0, 0.0]), np.zeros(3)) for time in steps["time"]]
     simulation.thinning.restore(states, [True] * len(states), 0)
-    simulation.restore(steps, np.array(rows, dtype=SWITCH), LawStates())
+    simulation.restore(steps, states[-1], np.array(rows, dtype=SWITCH), LawStates())
     return simulation
 
 
-def printed(simulation: VariableSimulation) -> str:
+def printed(simulation: Simulation) -> str:
     console = Console(file=io.StringIO(), width=120)
-    print_variable(simulation, console)
+    print_simulation(simulation, console)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert isinstance(text, str)
     return text

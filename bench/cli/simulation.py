@@ -1,0 +1,167 @@
+"""A simulation as the command line carries it out, shows it, and makes its files from the result alone."""
+
+import contextlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from ..errors import FailedSimulationError, InterruptedSimulationError
+from ..report.output_file import drawn, output_file
+from ..report.presenting import present, simulation_files
+from ..simulation.beside import Beside, chosen_beside, recorded
+from ..simulation.file import SUFFIX, read_simulation, write_simulation
+from ..simulation.live import LiveSummary
+from ..simulation.plan import make_simulation_plan
+from ..simulation.run import advance, begun_simulation
+from ..simulation.table import document, print_simulation
+from ..simulation.trajectory import Simulation
+from .interrupts import deferred_interrupts
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line wants of a simulation or a study.
+
+    Attributes:
+        scene: the scene with its options, empty if none is named.
+        numbers: what of a plan was given: stepper, solver, tolerance, max_iterations, states, step_seconds.
+        duration: simulated time [s].
+        output: result file, or the folder for it.
+        force: replace files that exist.
+        resume: result file to go on with.
+        record: recording to write.
+        chart: chart to write; None for where charts of the kind are written, if they are.
+    """
+
+    scene: str
+    numbers: Mapping[str, Any]
+    duration: float | None
+    output: Path
+    force: bool
+    resume: Path | None
+    record: Path | None
+    chart: Path | None
+
+
+def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool) -> int:
+    """Carry out the simulation, print what it came to, and draw it; return 1 if the judge found a step unsolved.
+
+    Raises:
+        BenchError: if the request makes no simulation, or something cannot be written.
+        FailedSimulationError: if a step failed, when everything else is printed and drawn.
+        InterruptedSimulationError: if it was stopped.
+    """
+    simulation = _begun(request)
+    live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
+    # a failure is raised again when everything is shown
+    with deferred_interrupts() as stop_asked, live, contextlib.suppress(FailedSimulationError):
+        advance(simulation, (), live, stop_asked)
+    code = show_simulation(simulation, as_json, quiet)
+    if not simulation.is_finished and simulation.file is not None:
+        raise InterruptedSimulationError(simulation.file)
+    return code
+
+
+def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
+    """Print what a stored simulation came to, and draw and record it; return 1 if the judge found a step unsolved.
+
+    Raises:
+        FailedSimulationError: if a step failed.
+    """
+    file = simulation.file
+    assert file is not None
+    files = simulation_files(file, lambda: _drawn(simulation, file), lambda: _recorded(simulation, file))
+    present(
+        lambda: document(simulation), lambda console: print_simulation(simulation, console), files, as_json, quiet=quiet
+    )
+    if simulation.failure is not None:
+        raise simulation.failure.error(file)
+    return int(simulation.unsolved.any())
+
+
+def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
+    """Print the table of a stored simulation, and draw its chart and recording again; return 1 if a step is unsolved.
+
+    Args:
+        file: of the simulation.
+        charts: draw the chart.
+        quiet: print the places of the files alone.
+        as_json: print one JSON document instead.
+
+    Raises:
+        BenchError: if the file is missing, damaged or foreign.
+        FailedSimulationError: if a step of it failed.
+    """
+    simulation = read_simulation(file)
+    if not charts:
+        simulation.beside = replace(simulation.beside, chart=None)
+    return show_simulation(simulation, as_json, quiet)
+
+
+def record_simulation(file: Path, output: Path | None, still: Path | None, force: bool, as_json: bool) -> int:
+    """Write the recording of a stored simulation, beside it if ``output`` is None, and a picture of its end; return 0.
+
+    Raises:
+        BenchError: if the file is missing, damaged or foreign, or a file exists or cannot be written.
+    """
+    from ..recordings.blueprints import STEP  # rerun takes a second to import
+    from ..recordings.still import refuse_still, write_still
+
+    recording = file.with_suffix(".rrd") if output is None else output
+    if still is not None:
+        refuse_still(still, force)
+    _record(read_simulation(file), recording, force)
+    if still is not None:
+        write_still(recording, still, STEP)
+    if as_json:
+        written = {"file": str(recording)} | ({} if still is None else {"still": str(still)})
+        print(json.dumps(written, ensure_ascii=False))
+        return 0
+    print(f"watch it with: rerun {recording}")
+    if still is not None:
+        print(f"still: {still}")
+    return 0
+
+
+def _begun(request: Request) -> Simulation:
+    if request.resume is not None:
+        given = {**({"scene": request.scene} if request.scene else {}), **request.numbers}
+        simulation = begun_simulation(request.resume, given, request.duration)
+        own = simulation.beside
+        simulation.beside = chosen_beside(own, request.chart, request.record, request.force)
+        if simulation.beside != own:  # nothing else would be written where no step is left
+            write_simulation(simulation, request.resume)
+        return simulation
+    plan = make_simulation_plan(request.scene, duration=request.duration, **request.numbers)
+    beside = chosen_beside(Beside(), request.chart, request.record, request.force)
+    file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
+    if beside.chart is None and plan.scene.coordinates:  # coordinates say more than any table
+        beside = chosen_beside(replace(beside, chart=None), file.with_suffix(".svg"), beside.recording, request.force)
+    return Simulation(plan, file=file, beside=beside)
+
+
+def _record(simulation: Simulation, file: Path, force: bool = False) -> None:
+    from ..recordings.replay import record_stored  # rerun takes a second to import
+
+    scene = simulation.plan.scene
+    seconds = scene.step_size if simulation.plan.stepper.holds_forces else None
+    record_stored(scene, simulation.steps, simulation.states, file, impulse_seconds=seconds, force=force)
+
+
+def _recorded(simulation: Simulation, file: Path) -> Iterable[Path]:
+    recording = simulation.beside.recording if simulation.n_steps else None
+    return recorded(lambda path: _record(simulation, path, force=True), recording, file)
+
+
+def _drawn(simulation: Simulation, file: Path) -> Iterable[Path]:
+    chart = simulation.beside.chart
+    if chart is None or not simulation.n_steps:
+        return []
+    from ..simulation.chart import write_chart  # altair and pandas take a second to import
+
+    return drawn(lambda: write_chart(simulation, chart), file)

@@ -1,1 +1,0 @@
-"""Simulations with a variable step: every accepted step and every switching point, stored, tabled and drawn."""

@@ -1,0 +1,71 @@
+"""A scene that is ready to be simulated, and what the registry knows of one that is not built yet."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..arrays import FloatArray
+from ..mechanics.state import State
+from ..mechanics.system import System
+from .options import Option, OptionValue
+
+LONGEST_STEP = 0.02
+"""Δt_max [s] of a variable step through the motion of a few bodies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene with its options chosen, ready to be simulated.
+
+    Attributes:
+        name: its name in the registry.
+        options: the value of every option.
+        system: what moves.
+        start: the first state.
+        length: what penetrations are related to [m], the radius of a ball or of the pole.
+        step_size: Δt [s] of a fixed step that has none of its own.
+        duration: how long it is simulated [s] by default.
+        kinetic_energy: u ↦ T [J].
+        potential_energy: q ↦ V [J].
+        balls_through: q ↦ how many balls have left through the outlet, None where there is no outlet.
+        agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
+        n_balls: number of balls, 0 where there are none.
+        depth: penetration [m] to which positions are projected, None where they are not.
+        longest_step: Δt_max [s] of a variable step if it has none of its own: nothing is jumped over in it.
+        coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
+        has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
+        exact: t [s] ↦ the state in closed form, None where there is none.
+    """
+
+    name: str
+    options: Mapping[str, OptionValue]
+    system: System
+    start: State
+    length: float
+    step_size: float
+    duration: float
+    kinetic_energy: Callable[[FloatArray], float]
+    potential_energy: Callable[[FloatArray], float]
+    balls_through: Callable[[FloatArray], int] | None = None
+    agitation: Callable[[FloatArray, FloatArray], float] | None = None
+    n_balls: int = 0
+    depth: float | None = None
+    longest_step: float = LONGEST_STEP
+    coordinates: Mapping[str, int] = field(default_factory=dict)
+    has_few_contacts: bool = False
+    exact: Callable[[float], State] | None = None
+
+
+@dataclass(frozen=True)
+class SceneKind:
+    """An entry of the registry.
+
+    Attributes:
+        summary: what it is, for people.
+        options: its options by name.
+        build: makes the scene from its name and the value of every option.
+    """
+
+    summary: str
+    options: Mapping[str, Option]
+    build: Callable[[str, Mapping[str, Any]], Scene]

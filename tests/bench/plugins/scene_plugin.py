@@ -1,0 +1,97 @@
+"""Scenes of a plugin: a tower of balls, one with faults, a block given by functions, and scenes of our own again."""
+
+import os
+import time
+from typing import Any
+
+import numpy as np
+from proxbench.problems.mechanics.balls import BallSystem
+from proxbench.problems.mechanics.state import State
+from proxbench.problems.mechanics.surfaces import Plane
+from proxbench.problems.mechanics.system import MechanicalSystem, System
+from proxbench.problems.scenes.effects import Friction, Gravity, ball_system
+from proxbench.problems.scenes.registry import make_scene
+from proxbench.problems.scenes.scene import Scene
+
+FAULTY_FROM = 60
+"""The call from which a faulty tower is at fault."""
+
+
+def tower(balls: int = 4, friction: float = 0.3) -> tuple[BallSystem, State]:
+    ground = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    system = ball_system(np.full(balls, 0.1), np.ones(balls), [ground], [Gravity(), Friction(friction)])
+    centres = np.zeros((balls, 3))
+    centres[:, 2] = 0.11 + 0.205 * np.arange(balls)
+    return system, State(0.0, centres.ravel(), system.at_rest(np.zeros((balls, 3))))
+
+
+class Faulty:
+    """A system that goes wrong in one of several ways."""
+
+    def __init__(self, system: BallSystem, fault: str) -> None:
+        self._system, self._fault, self._calls = system, fault, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._system, name)
+
+    def assemble(self, *arguments: Any) -> Any:
+        self._calls += 1
+        if self._calls > FAULTY_FROM:
+            faults = {"raise": self._raise, "exit": lambda: os._exit(3), "hang": lambda: time.sleep(60), "eat": _eat}
+            faults[self._fault]()
+        return self._system.assemble(*arguments)
+
+    def _raise(self) -> None:
+        raise RuntimeError("oh no")
+
+
+def _eat() -> None:
+    np.ones(10**10)
+
+
+def faulty(fault: str = "raise") -> tuple[System, State]:
+    system, start = tower(2)
+    return Faulty(system, fault), start
+
+
+def block(mass: float = 1.0) -> tuple[MechanicalSystem, State]:
+    masses, weight = mass * np.eye(2), np.array([0.0, -9.81 * mass])
+    directions = np.array([[0.0, 1.0], [1.0, 0.0]])
+    system = MechanicalSystem(
+        mass=lambda position: masses,
+        force=lambda position, velocity: weight,
+        gap=lambda position: position[1:],
+        directions=lambda position: directions,
+        friction=[0.5],
+        restitution_normal=[0.5],
+        restitution_tangential=[0.0],
+        is_reversible=True,
+    )
+    return system, State(0.0, np.array([0.0, 0.05]), np.array([1.0, 0.0]))
+
+
+def twin(balls: int = 20) -> Scene:
+    return make_scene("funnel", {"balls": balls})
+
+
+def bouncing() -> Scene:
+    return make_scene("bouncing_ball")
+
+
+def needy(balls: int) -> Scene:
+    return twin(balls)
+
+
+def nothing() -> str:
+    return "no scene"
+
+
+SCENES = {
+    "tower": tower,
+    "faulty": faulty,
+    "block": block,
+    "twin": twin,
+    "bouncing": bouncing,
+    "needy": needy,
+    "nothing": nothing,
+}

@@ -1,0 +1,44 @@
+"""The woodpecker's incidents in the order of the published table, and its period and descent."""
+
+import numpy as np
+import pytest
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.problems.scenes.woodpecker import INCIDENTS, PERIOD
+from proxbench.problems.trajectories.limit_cycle import Cycles, cycles, relative_deviations
+
+
+def periods(simulation: Simulation) -> Cycles:
+    return cycles(simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+
+
+@pytest.fixture(scope="module")
+def pecking() -> Simulation:
+    return simulate(make_simulation_plan("woodpecker", {"start": "cycle"}, duration=2.8 * PERIOD))
+
+
+def test_complete_periods_have_the_incidents_of_the_published_table(pecking: Simulation) -> None:
+    motion = periods(pecking)
+    assert len(motion.cycles) == 2
+    assert all(cycle.is_published for cycle in motion.cycles)
+    for cycle in motion.cycles:
+        assert np.abs(cycle.deviations).max() < 1e-6
+
+
+def test_period_and_descent_are_those_of_the_limit_cycle(pecking: Simulation) -> None:
+    motion = periods(pecking)
+    assert motion.count == 1
+    assert np.abs(relative_deviations(motion, 1)) == pytest.approx([0.0, 0.0], abs=1e-5)
+
+
+def test_a_period_with_an_incident_too_many_is_not_the_published_one(pecking: Simulation) -> None:
+    first = periods(pecking).cycles[0]
+    doubled = type(first)((*first.incidents, first.incidents[-1]), first.section, first.height)
+    assert not doubled.is_published
+
+
+def test_incidents_are_in_order_of_time(pecking: Simulation) -> None:
+    times = [incident.time for incident in pecking.incidents]
+    assert times == sorted(times)
+    assert len(times) >= 2 * len(INCIDENTS)

@@ -1,0 +1,153 @@
+"""A scene of a plugin moves as the same scene would here, in a process of its own, and its faults cost one step."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proxbench.bench.cli.listing import listed
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.errors import BenchError, FailedSimulationError
+from proxbench.bench.measure.plugins import use_plugin_files
+from proxbench.bench.measure.remote_scene import RemoteSystem, local_or_remote_scene
+from proxbench.bench.simulation.file import read_simulation
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.problems import ProblemError
+from proxbench.problems.catalog.plugin_files import PluginFile
+from proxbench.problems.catalog.plugins import forget
+from proxbench.problems.scenes.registry import make_scene
+
+PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
+
+
+@pytest.fixture(autouse=True)
+def in_use() -> Iterator[None]:
+    """Take the plugin into use for one test."""
+    use_plugin_files([PLUGIN])
+    yield
+    forget(PluginFile.read(PLUGIN))
+
+
+@pytest.mark.parametrize("stepper", ["Moreau(step=1e-3)", "Extrapolated(tolerance=1e-4, min_step=1e-6)"])
+def test_a_scene_of_a_plugin_moves_in_the_bits_of_the_same_scene_here(stepper: str) -> None:
+    def state(scene: str) -> bytes:
+        reached = simulate(make_simulation_plan(scene, stepper=stepper, duration=0.13)).state
+        return reached.position.tobytes() + reached.velocity.tobytes() + reached.impulses.tobytes()
+
+    assert state("twin(balls=5)") == state("funnel(balls=5)")
+
+
+def test_a_scene_says_of_itself_what_the_same_scene_says_here() -> None:
+    remote, here = local_or_remote_scene("twin(balls=5)"), make_scene("funnel(balls=5)")
+    for name in ("length", "step_size", "duration", "longest_step", "n_balls", "depth", "has_few_contacts"):
+        assert getattr(remote, name) == getattr(here, name)
+    q, u = here.start.position, here.start.velocity
+    assert (remote.kinetic_energy(u), remote.potential_energy(q)) == (here.kinetic_energy(u), here.potential_energy(q))
+    assert remote.balls_through is not None
+    assert here.balls_through is not None
+    assert remote.balls_through(-q) == here.balls_through(-q) == 5
+    assert remote.exact is None
+
+
+def test_an_exact_motion_of_a_plugin_is_one_to_compare_with() -> None:
+    remote, here = local_or_remote_scene("bouncing"), make_scene("bouncing_ball")
+    assert remote.exact is not None
+    assert here.exact is not None
+    np.testing.assert_array_equal(remote.exact(0.7).position, here.exact(0.7).position)
+
+
+def test_a_block_given_by_functions_falls_bounces_and_is_stopped_by_friction() -> None:
+    """v_T is lost to friction 0.5 · 1.5 · v_N in the first impact, v_N = √(2 g h)."""
+    reached = simulate(make_simulation_plan("block(mass=2.0)", stepper="Moreau(step=1e-4)", duration=0.12))
+    fall = np.sqrt(2.0 * 9.81 * 0.05)
+    assert reached.state.velocity[0] == pytest.approx(1.0 - 0.5 * 1.5 * fall, abs=1e-3)
+    assert reached.steps["kinetic_energy"][0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_no_code_of_the_scene_runs_here() -> None:
+    simulate(make_simulation_plan("tower(balls=2)", duration=0.01))
+    assert PluginFile.read(PLUGIN).module_name not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("raise", "RuntimeError: oh no"),
+        ("exit", "exit code 3"),
+        ("hang", "it took longer than 2 s"),
+        ("eat", "MB of memory"),
+    ],
+)
+def test_a_fault_of_the_scene_ends_the_simulation_at_its_step_and_keeps_all_before(
+    fault: str, words: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.npz"
+    plan = make_simulation_plan(f"faulty(fault={fault!r})", duration=1.0, step_seconds=2.0)
+    with pytest.raises(FailedSimulationError) as caught:
+        simulate(plan, file)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    kept = read_simulation(file)
+    assert kept.failure is not None
+    assert kept.n_steps > 50
+    with pytest.raises(FailedSimulationError):
+        resume_simulation(file)  # a fresh process is at fault later
+    assert read_simulation(file).n_steps > kept.n_steps
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("towr", "did you mean 'tower'?"),
+        ("tower(bals=3)", "the scene 'tower' has no option 'bals'; did you mean 'balls'?"),
+        ("tower(balls='x')", "cannot be built"),
+        ("needy", "takes 'balls' without a default"),
+        ("nothing", "must return a Scene, or a system and its first State, got str"),
+    ],
+)
+def test_a_scene_that_cannot_be_built_is_named(name: str, words: str) -> None:
+    with pytest.raises((ProblemError, BenchError)) as caught:
+        make_simulation_plan(name)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_listing_has_the_scenes_of_plugins_with_their_options_or_what_is_wrong() -> None:
+    rows = {row["name"]: row for row in listed("scenes")["scenes"]}
+    assert rows["tower"]["options"] == ["balls=4", "friction=0.3"]
+    assert rows["tower"]["source"] == f"plugin file {PLUGIN}"
+    assert "without a default" in rows["needy"]["error"]
+
+
+def test_a_plugin_that_offers_scenes_only_has_nothing_to_check(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["check", str(PLUGIN)]) == 2
+    assert "offers scenes only" in capsys.readouterr().err
+
+
+def test_the_process_of_a_scene_ends_with_it() -> None:
+    system = RemoteSystem("tower", {}, 60.0)
+    system.scene()
+    worker = system._worker
+    assert worker._worker is not None
+    del system
+    assert worker._worker is None
+
+
+def test_the_command_simulates_reports_and_resumes_scenes_of_plugins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forget(PluginFile.read(PLUGIN))
+    file, plugin = tmp_path / "a.npz", ["--plugin", str(PLUGIN)]
+    line = ["simulate", "tower(balls=2)", "--duration", "0.01", "--no-progress", "--output", str(file)]
+    assert run_command([*line, *plugin]) == 0
+    printed = capsys.readouterr().out
+    assert run_command(["report", str(file), *plugin]) == 0
+    assert capsys.readouterr().out == printed
+    assert run_command(["simulate", "--resume", str(file), "--duration", "0.02", "--no-progress", *plugin]) == 0
+    assert read_simulation(file).state.time == pytest.approx(0.02)
+    forget(PluginFile.read(PLUGIN))
+    capsys.readouterr()
+    assert run_command(["report", str(file)]) == 2
+    assert f"add --plugin {PLUGIN}" in capsys.readouterr().err
