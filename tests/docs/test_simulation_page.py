@@ -9,9 +9,9 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.table import print_simulation
 from proxbench.bench.simulation.trajectory import Simulation
-from proxbench.bench.variable.steppers import SEARCHES, STEPPERS
 from proxbench.problems.scenes.registry import make_scene
 from proxbench.problems.scenes.woodpecker import INCIDENTS
+from proxbench.problems.stepping.registry import SEARCHES, STEPPERS
 from rich.console import Console
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "simulate-a-scene.md").read_text(encoding="utf-8")
@@ -23,12 +23,21 @@ def options_table() -> dict[str, list[str]]:
     return {name: cells for name, *cells in found}
 
 
-@pytest.mark.parametrize("column", range(len(STEPPERS)), ids=list(STEPPERS))
-def test_every_option_of_a_stepper_is_listed_with_its_default(column: int) -> None:
-    kind = list(STEPPERS.values())[column]
+VARIABLE = ("Extrapolated", "StepDoubling")
+
+
+@pytest.mark.parametrize("column", range(len(VARIABLE)), ids=VARIABLE)
+def test_every_option_of_a_variable_stepper_is_listed_with_its_default(column: int) -> None:
+    kind = STEPPERS[VARIABLE[column]]
     defaults = {name: repr(option.default) for name, option in inspect.signature(kind).parameters.items()}
     shown = {name: cells[1 + column] for name, cells in options_table().items()}
     assert {name: default for name, default in shown.items() if default != "–"} == defaults
+
+
+@pytest.mark.parametrize("name", [name for name in STEPPERS if name not in VARIABLE])
+def test_every_other_stepper_and_its_options_are_named(name: str) -> None:
+    assert f"| `{name}" in PAGE
+    assert all(option in PAGE for option in inspect.signature(STEPPERS[name]).parameters)
 
 
 def test_every_search_and_the_longest_steps_are_named() -> None:
@@ -55,5 +64,5 @@ def test_the_sample_of_the_woodpecker_is_its_limit_cycle() -> None:
         (int(number), law, int(contact) - 1, before, after, time) for number, law, contact, before, after, time in rows
     ]
     assert shown == [(number, *what, f"{time:+.9f}") for number, (time, *what) in enumerate(INCIDENTS, 1)]
-    assert "--start cycle --duration 0.35" in PAGE
+    assert """"woodpecker(start='cycle')" --duration 0.35""" in PAGE
     assert "\ntotal  0.35 s in " in PAGE

@@ -58,7 +58,7 @@ def nothing_registered() -> Iterator[None]:
         "generate noted --output {folder}",
         "record noted --solver Noted --output {folder}/noted.rrd",
         "matrix --problem noted --solver Noted",
-        "simulate funnel --balls 20 --duration 0.05 --solver Noted --output {folder}/funnel.npz --no-progress",
+        "simulate funnel(balls=20) --duration 0.05 --solver Noted --output {folder}/funnel.npz --no-progress",
         "simulate woodpecker --duration 0.002 --solver Noted --output {folder}/toy.npz --no-progress",
         "check Noted",
         "check noted",
