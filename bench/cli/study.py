@@ -93,6 +93,8 @@ def _begun(request: Request) -> Study:
     for name in ("stepper", "tolerance", "max_iterations"):
         if name in request.numbers:
             raise BenchError(f"a study varies --{name.replace('_', '-')} itself; leave it out.")
+    if "step_seconds" in request.numbers:
+        raise BenchError("a study limits no single answers of plugins; leave --step-seconds out.")
     if "states" in request.numbers:
         raise BenchError("a study keeps no states of its simulations; leave --states out.")
     if request.record is not None:

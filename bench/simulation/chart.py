@@ -169,7 +169,8 @@ def _coordinate_panels(simulation: Simulation, begin: float, found: list[Inciden
     shown = times >= begin
     curves = _curves(times[shown], simulation.trajectory[shown], simulation, drawn)
     dots = _dots(simulation, found, drawn)
-    return [_panel(curves, dots, name, has_legend=not number) for number, name in enumerate(drawn)]
+    has_dots = simulation.plan.stepper.locates_switches
+    return [_panel(curves, dots, name, has_legend=has_dots and not number) for number, name in enumerate(drawn)]
 
 
 def _curves(time: FloatArray, trajectory: FloatArray, simulation: Simulation, drawn: Mapping[str, int]) -> pd.DataFrame:

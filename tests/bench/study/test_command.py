@@ -26,6 +26,7 @@ from .conftest import fixed_case, toy_case, toy_plan
         ("funnel(balls=0) --study", "balls"),
         ("funnel --study --duration 1e-9", "step of Moreau"),
         ("funnel --study --record a.rrd", "--record"),
+        ("funnel --study --step-seconds 3", "leave --step-seconds out"),
         ("funnel --study --solver SORprx", "'SORprox'"),
         ("--study --resume nowhere.npz", "holds no study"),
         ("--resume nowhere.json", "there is no study nowhere.json"),
