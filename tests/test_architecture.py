@@ -16,7 +16,6 @@ RECORDED_WITH_RERUN = (
     "balls",
     "blueprints",
     "contact_states",
-    "coordinates",
     "file",
     "simulation",
     "solves",

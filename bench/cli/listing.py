@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...problems.catalog.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
+from ...problems.catalog.plugin_scenes import plugin_scenes
 from ...problems.catalog.plugins import Offer
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
 from ...problems.hard import CASE_GROUPS
-from ...problems.scenes.plugin_scenes import plugin_scenes
 from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, factory, plugin_solvers
 from ..errors import BenchError

@@ -8,18 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .help import OUTPUT
-from .options import (
-    LIMITS,
-    SELECTION,
-    Charts,
-    Json,
-    PluginFiles,
-    Problems,
-    Progress,
-    Quiet,
-    Solvers,
-    refuse_two_prints,
-)
+from .options import LIMITS, SELECTION, Charts, Json, PluginFiles, Problems, Progress, Quiet, Solvers, refuse_two_prints
 
 if TYPE_CHECKING:
     from ..runs import Run

@@ -13,12 +13,12 @@ import numpy as np
 
 from ...problems.catalog.catalog import load, plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
+from ...problems.catalog.plugin_scenes import plugin_scene, plugin_scenes, scene_options
 from ...problems.catalog.plugins import KINDS, Names, Offer, forget, register
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, first_line
-from ...problems.scenes.plugin_scenes import plugin_scene, plugin_scenes, scene_options
 from ...solvers import registry
 from ...solvers.contract import form_fault
 from ...solvers.interface import Solver, shows_iterates

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from ...problems.catalog.catalog import plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
+from ...problems.catalog.plugin_scenes import plugin_scenes
 from ...problems.catalog.plugins import forget, register, registered
 from ...problems.errors import PluginError
-from ...problems.scenes.plugin_scenes import plugin_scenes
 from ...problems.spelling import either
 from ...solvers import registry
+from ...solvers.interface import SolverError
 from ..errors import BenchError
 from ..store.records import PluginUse
 from .describing import SECONDS, offered
@@ -55,7 +56,7 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
         problems: names of problems.
         scenes: names of scenes, without options.
     """
-    plain = {plain for name in solvers for plain in registry.plain_names(name)}
+    plain = {plain for name in solvers for plain in _plain_names(name)}
     used = [offer for offer in registry.plugin_solvers() if offer.name in plain]
     chosen = set(problems)
     used += [offer for offer in plugin_problems() if offer.name in chosen]
@@ -98,3 +99,11 @@ def check_again(recorded: Iterable[PluginUse]) -> None:
 
 def _named(path: str) -> str:
     return either(f"add --plugin {path}", f"give plugins=[{path!r}]")
+
+
+def _plain_names(solver: str) -> list[str]:
+    """Return the plain names of a solver and its parts, none where an object of the caller's has a name of its own."""
+    try:
+        return registry.plain_names(solver)
+    except SolverError:
+        return []

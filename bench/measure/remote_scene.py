@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.catalog.archive import ArchiveError, read_arrays
+from ...problems.catalog.plugin_scenes import build_plugin_scene, plugin_scene
 from ...problems.contact.factors import InverseMass
 from ...problems.contact.laws import Laws
 from ...problems.contact.pieces import Pieces
 from ...problems.errors import ProxbenchError
 from ...problems.mechanics.state import State
 from ...problems.mechanics.system import ActiveContacts, Overlaps, StepAssembly
-from ...problems.scenes.plugin_scenes import build_plugin_scene, plugin_scene
 from ...problems.scenes.registry import make_scene, read_scene
 from ...problems.scenes.scene import Scene
 from ...problems.stepping.extrapolation import is_reversible

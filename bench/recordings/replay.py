@@ -17,8 +17,7 @@ from ...problems.stepping.moreau import Step, step_problem
 from ..errors import BenchError
 from ..report.text import counted
 from .balls import BallRecorder
-from .coordinates import CoordinateRecorder
-from .simulation import SMALLEST, StepRecorder
+from .simulation import SMALLEST, CoordinateRecorder, StepRecorder
 from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000

@@ -1,4 +1,7 @@
-"""What recordings of all simulations share: the timelines ``step`` and ``time``, and the curves of the steps."""
+"""What recordings of all simulations share: the timelines ``step`` and ``time``, and the curves of the steps.
+
+A scene whose bodies cannot be drawn is recorded by its coordinates.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
@@ -13,10 +16,11 @@ import rerun.blueprint as rrb
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.mechanics.state import State
+from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import Step
 from ..errors import BenchError
 from ..report.palette import PALETTE, rgb
-from .blueprints import STEP, TIME, plot
+from .blueprints import STEP, TIME, plot, simulation_blueprint
 from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
 from .file import RecordingFile
 
@@ -25,6 +29,9 @@ SMALLEST = 1e-16
 
 BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
+
+MOST_COORDINATES = 12
+"""Coordinates that are drawn, the first ones of scenes that name none."""
 
 NOT_STARTED = "the recorder was not started; call its start with the state before the first step."
 
@@ -231,3 +238,44 @@ def _colour_of(curve: str) -> tuple[int, int, int]:
     if group == COORDINATES:
         return rgb(PALETTE[sum(name.encode()) % len(PALETTE)])
     return rgb(PALETTE[1] if name == "sleeve" else PALETTE[5])
+
+
+class CoordinateRecorder(StepRecorder):
+    """Records the coordinates of a scene; see ``StepRecorder``.
+
+    Args:
+        scene: the scene.
+        file: the recording.
+        force: replace an existing file.
+        every: draw coordinates at each such step.
+    """
+
+    def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
+        about = f"**{scene.name}**\n\nThe bodies of this scene are not known; its coordinates are drawn over time."
+        super().__init__(file, scene.name, about, force, every)
+        count = min(len(scene.start.position), MOST_COORDINATES)
+        self._scene = scene
+        self._names = scene.coordinates or {f"q{index}": index for index in range(count)}
+
+    def _blueprint(self, state: State) -> rrb.Blueprint:
+        plots = [
+            plot("coordinates", f"/curves/{COORDINATES}"),
+            *self._plots(),
+            plot("log₁₀ step size [s]", "/curves/step_size", legend=False),
+        ]
+        return simulation_blueprint([], plots, self._every)
+
+    def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
+        """There is nothing that does not change."""
+
+    def _draw(self, stream: rr.RecordingStream, state: State) -> None:
+        """There are no bodies."""
+
+    def _draw_impulses(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
+        """There are no places for them."""
+
+    def _energies(self, state: State) -> tuple[float, float]:
+        return self._scene.kinetic_energy(state.velocity), self._scene.potential_energy(state.position)
+
+    def _own_curves(self, state: State) -> dict[str, float]:
+        return {f"{COORDINATES}/{name}": float(state.position[index]) for name, index in self._names.items()}

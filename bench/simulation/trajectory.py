@@ -15,7 +15,7 @@ from ...problems.stepping.accepted_step import AcceptedStep, SwitchingPoint
 from ...problems.stepping.contact_states import LawStates
 from ...problems.trajectories.limit_cycle import Incident
 from ...solvers.interface import Status
-from ..report.counting import counted
+from ..report.text import counted
 from ..store.outcome import ROUNDING
 from .beside import Beside
 from .failure import Failure

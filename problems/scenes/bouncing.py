@@ -10,8 +10,8 @@ from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
 from ..mechanics.system import MechanicalSystem
-from .closed_form import check_positive
 from .effects import Gravity, Restitution, ball_system
+from .scene import check_positive
 
 
 @dataclass(frozen=True)

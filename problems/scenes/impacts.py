@@ -8,8 +8,8 @@ from ..errors import ProblemError
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
 from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
-from .closed_form import OVERLAP, check_positive
 from .effects import Friction, Restitution, ball_system
+from .scene import OVERLAP, check_positive
 
 
 @dataclass(frozen=True)

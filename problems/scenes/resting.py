@@ -11,8 +11,8 @@ from ..errors import ProblemError
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
 from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
-from .closed_form import OVERLAP
 from .effects import Effect, Friction, Gravity, ball_system
+from .scene import OVERLAP
 
 
 @dataclass(frozen=True)

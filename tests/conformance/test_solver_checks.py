@@ -31,7 +31,7 @@ def _forgotten() -> Iterator[None]:
         ("supports nothing", "useful", "refuses all 20 small problems, the first because it is Monday"),
         ("supports True", "supports", "its supports returned True"),
         ("supports without words", "supports", "its supports returned ' '; return None"),
-        ("supports at random", "supports", "it says otherwise; let nothing but the problem decide"),
+        ("supports at random", "supports", "answers otherwise the second time"),
         ("unsupported", "supports", "let supports say why"),
         ("None", "finite", "returned NoneType, not a Solution"),
         ("shape", "finite", "of shape"),

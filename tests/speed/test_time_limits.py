@@ -54,7 +54,7 @@ def test_semismooth_newton_ends_in_time(
     """On 21 000 contacts a factorisation takes most of a minute; one is wanted whenever sweeps are called slow."""
     solver = create("HybridNewton")
     if pace == "always slow":
-        monkeypatch.setattr("proxbench.solvers.newton.semismooth_newton.SLOW", -1.0)
+        monkeypatch.setattr("proxbench.solvers.composite.hybrid_newton.SLOW", -1.0)
     solver.prepare(packed_balls(3)).solve(Stop(1e-10, max_seconds=10.0))  # compiles
     prepared = solver.prepare(packed_balls(side))
     seconds: list[float] = []

@@ -41,7 +41,7 @@ def composed(tmp_path: Path) -> Iterator[Contestant]:
 def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: Contestant) -> None:
     assert composed.name == "Fallback(SORprox, Part)"
     assert not composed.is_built_in
-    assert sources([composed.name], [])[0]["name"] == "Part"
+    assert sources([composed.name], [])[0].name == "Part"
     with working_solver(composed) as solver:
         solution = solver.prepare(load("hard-counterexample")).solve(Stop(1e-12))
     assert solution.status is Status.SOLVED

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from proxbench.bench.recordings.scenes import scene_recorder
+from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.problems.scenes.registry import make_scene
 from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from proxbench.problems.scenes.closed_form import ClosedFormScene
+from proxbench.problems.scenes.scene import ClosedFormScene
 from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Status, Stop, create
 

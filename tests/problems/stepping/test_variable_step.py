@@ -10,12 +10,12 @@ from proxbench.problems import ContactProblem, ProblemError
 from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.system import MechanicalSystem
 from proxbench.problems.scenes.bouncing import BouncingBall
-from proxbench.problems.scenes.closed_form import ClosedFormScene
 from proxbench.problems.scenes.impacts import NewtonsCradle, ObliqueImpact
 from proxbench.problems.scenes.inclines import BlockOnIncline, SphereOnIncline
 from proxbench.problems.scenes.registry import make_scene
 from proxbench.problems.scenes.resting import Stack, VGroove
 from proxbench.problems.scenes.rolling import SlidingSphere
+from proxbench.problems.scenes.scene import ClosedFormScene
 from proxbench.problems.scenes.woodpecker import DESCENT, OVERLAP, PERIOD, section_start, woodpecker
 from proxbench.problems.stepping.accepted_step import AcceptedStep, SwitchingPoint
 from proxbench.problems.stepping.extrapolation import Extrapolation, StepDoubling

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from ..arrays import FloatArray
-from ..catalog.plugins import Offer, offers
 from ..errors import PluginError, ProblemError, first_line, suggestion
 from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
 from ..mechanics.system import MechanicalSystem, System
 from ..names import check_options
-from .funnel import TIME_STEP
-from .registry import SCENES, read_scene
-from .scene import Scene
+from ..scenes.funnel import TIME_STEP
+from ..scenes.registry import SCENES, read_scene
+from ..scenes.scene import Scene
+from .plugins import Offer, offers
 
 LENGTH = 1.0
 """What penetrations are related to [m] where a plugin names nothing and nothing has a radius."""
