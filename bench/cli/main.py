@@ -195,8 +195,7 @@ _command(
     "Simulate a scene; every step is judged and stored.",
     """\
 proxbench simulate "funnel(balls=300, friction=None)" --duration 0.5
-proxbench simulate woodpecker --record woodpecker.rrd
-proxbench simulate funnel -h""",
+proxbench simulate woodpecker --record woodpecker.rrd""",
     SceneCommand,
 )(simulate)
 

@@ -26,6 +26,7 @@ from ...problems.stepping.contact_states import LawStates
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..measure.plugins import check_again, sources
+from ..store.records import content_of, plugin_uses
 from .beside import beside_from
 from .failure import failure_from
 from .plan import SimulationPlan, make_simulation_plan
@@ -54,12 +55,13 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         BenchError: if the file cannot be written.
     """
     simulation.thinning.offer(simulation.state)  # an interruption may have come between a step and this
+    plan = simulation.plan
     about = {
         "kind": KIND,
         "format": FORMAT,
         "version": metadata.version("proxbench"),
         "plan": simulation.plan.document(),
-        "plugins": sources([simulation.plan.solver.name], [], [simulation.plan.scene.name]),
+        "plugins": [content_of(use) for use in sources([plan.solver.name], [], [plan.scene.name])],
         "statuses": list(simulation.statuses),
         "wall_seconds": simulation.wall_seconds,
         "failure": None if simulation.failure is None else simulation.failure.document(),
@@ -95,7 +97,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     content = _stored_arrays(path)
     about = _about(content, path)
     try:
-        check_again(about["plugins"])
+        check_again(plugin_uses(about["plugins"]))
         simulation = Simulation(
             _plan(about["plan"], solver), tuple(about["statuses"]), float(about["wall_seconds"]), path
         )
@@ -105,7 +107,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         restore_kept(simulation.thinning, content, int(about["doublings"]), steps["time"])
         simulation.restore(steps, simulation.states[-1], switches, _law_states(content))
     except ProxbenchError as error:
-        raise BenchError(f"cannot go on from {path}: {error}") from None
+        raise BenchError(f"cannot go on from {path}: {error.sentence}") from None
     except _UNREADABLE:
         raise _damaged(path) from None
     return simulation

@@ -99,6 +99,18 @@ class PluginUse(Record, frozen=True, kw_only=True):
     sha256: str = ""
 
 
+def plugin_uses(content: Any) -> list[PluginUse]:
+    """Return what ``content_of`` made of uses of plugins.
+
+    Raises:
+        ValueError: if it is nothing of that kind.
+    """
+    try:
+        return msgspec.convert(content, list[PluginUse])
+    except msgspec.ValidationError as error:
+        raise ValueError(str(error)) from None
+
+
 class Session(Record, frozen=True, kw_only=True):
     """What was measured in one go, by ``run`` or ``resume``.
 

@@ -121,7 +121,7 @@ def read_study(file: Path) -> Study:
         measured = dict(_measured(entry, plan.cases) for entry in content["runs"])
         return Study(plan, file, measured, dict(content["machine"]))
     except ProxbenchError as error:
-        raise BenchError(f"cannot go on from {file}: {error}") from None
+        raise BenchError(f"cannot go on from {file}: {error.sentence}") from None
     except (KeyError, TypeError, ValueError, IndexError, AttributeError):
         raise _damaged(file) from None
 

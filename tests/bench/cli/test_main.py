@@ -159,13 +159,11 @@ def test_help_loads_neither_numba_nor_pandas() -> None:
 
 
 @pytest.mark.parametrize("word", ["funnel", "stack(masses=(1.0,))", "woodpecker"])
-def test_the_help_of_simulate_ends_with_the_options_of_the_scene(word: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["simulate", "--help"]) == 0
-    general = capsys.readouterr().out
+def test_the_help_of_simulate_shows_the_options_of_a_scene_that_is_named(
+    word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_command(["simulate", word, "--help"]) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith(general.rstrip())
-    added = " ".join(printed[len(general.rstrip()) :].split())
+    printed = " ".join(capsys.readouterr().out.split())
     for name, option in SCENES[word.partition("(")[0]].options.items():
-        assert f"{name}={option.default!r}" in added
-        assert option.meaning in added
+        assert f"{name}={option.default!r}" in printed
+        assert option.meaning in printed
