@@ -22,7 +22,7 @@ FILE_WIDTH = 140
 
 
 def wants_study(study: bool, resume: Path | None) -> bool:
-    """Whether a study is asked for, or one that is stored shall go on."""
+    """Whether this is a study, or a stored one that shall go on."""
     return study or (resume is not None and resume.suffix == SUFFIX)
 
 
@@ -30,15 +30,15 @@ def run_study_command(request: Request, as_json: bool, progress: bool) -> int:
     """Carry out the study, print, store and draw its points; return 0.
 
     Raises:
-        BenchError: if what is asked for makes no study, or something cannot be written.
-        InterruptedSimulationError: if somebody stopped it.
+        BenchError: if the request makes no study, or something cannot be written.
+        InterruptedSimulationError: if it was stopped.
     """
     study = _begun(request)
     file = study.file
     assert file is not None
     live = StudyProgress(Console(stderr=True), hidden=not progress or as_json)
-    with deferred_interrupts() as stop_asked, live:
-        advance_study(study, live, stop_asked)
+    with deferred_interrupts() as should_stop, live:
+        advance_study(study, live, should_stop)
     _present(study, file, request.chart or file.with_suffix(".svg"), as_json)
     if not study.is_finished:
         raise InterruptedSimulationError(file)

@@ -21,7 +21,7 @@ class Check(Generic[Subject]):
 
     Attributes:
         name: what tables call it.
-        promise: what it asks for, a sentence.
+        promise: what it requires, a sentence.
         run: raises ``Violation`` if the promise is broken, ``NotApplicable`` if it does not concern the subject;
             whatever else it raises comes from the subject.
     """

@@ -35,8 +35,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     solvers = [solver for mark in metafunc.definition.iter_markers("proxbench") for solver in mark.args]
     if not solvers:
         raise pytest.UsageError(
-            f"{metafunc.definition.nodeid} asks for {FIXTURE} without a solver; "
-            "mark it: @pytest.mark.proxbench(MySolver())"
+            f"{metafunc.definition.nodeid} uses {FIXTURE} without a solver; mark it: @pytest.mark.proxbench(MySolver())"
         )
     pairs = [(solver, check) for solver in solvers for check in SOLVER_CHECKS]
     names = [f"{getattr(solver, 'name', solver)}-{check}" for solver, check in pairs]

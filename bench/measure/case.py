@@ -56,10 +56,10 @@ class Case:
         except Fault as unsent:
             self._fail(unsent)
             return
-        asked = self._ask("supports")
-        if asked is None:
+        found = self._ask("supports")
+        if found is None:
             return
-        refusal = asked[0].get("refusal")
+        refusal = found[0].get("refusal")
         if not isinstance(refusal, str):
             self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
         elif refusal:
@@ -78,10 +78,10 @@ class Case:
         """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
         n_rows = self.problem.n_rows
         began = time.monotonic()
-        asked = self._ask("round", self._stop(tolerance), seconds, largest=n_rows * 8)
-        if asked is None:
+        found = self._ask("round", self._stop(tolerance), seconds, largest=n_rows * 8)
+        if found is None:
             return None
-        answer, impulses = asked
+        answer, impulses = found
         fault = round_fault(answer, time.monotonic() - began)
         if fault is None and len(impulses) != n_rows:
             fault = f"it returned {len(impulses)} numbers, not {n_rows}"

@@ -48,7 +48,7 @@ LINES = (150, 170, 200)
 """Colour of other bodies."""
 
 TOLERANCE = 1e-8
-"""What recorded solvers are asked for; a run's own ladder ends where most only creep."""
+"""Tolerance of recorded solvers; a run's own ladder ends where most only creep."""
 
 MAX_ITERATIONS = 1000
 

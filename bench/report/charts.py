@@ -105,7 +105,7 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return median time over judged residual, one line a solver, accuracy growing to the right.
 
-    The tolerance that was asked for appears nowhere. A filled mark is a solve that ended solved, at its true residual;
+    The tolerance of a solve appears nowhere. A filled mark is a solve that ended solved, at its true residual;
     a hollow one is the best iterate of a solve that did not; a cross is a wrong claim.
     """
     points = _drawable(frames.points, problem)

@@ -41,7 +41,7 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
 
     Args:
         cells: every solver on every problem.
-        tolerance: the judged residual asked for.
+        tolerance: the judged residual to reach.
         command: the command line that makes the page.
         state: paragraphs about the run that it comes from.
     """
@@ -55,7 +55,7 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         "# What each solver can solve",
         "",
         *state.splitlines(),
-        f"{len(problems)} problems, {len(solvers)} solvers, {len(cells)} cells; asked for a judged residual of "
+        f"{len(problems)} problems, {len(solvers)} solvers, {len(cells)} cells; tolerance, a judged residual of "
         f"{tolerance:g}. Made by `{command}`; times and their limits are those of one machine.",
         "",
         *_summary(cells, solvers),

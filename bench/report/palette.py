@@ -1,4 +1,4 @@
-"""How solvers look in every chart and recording: colours that colour-blind readers tell apart, shapes, dashes."""
+"""How solvers look in every chart and recording: colours that colour-blind readers can distinguish, shapes, dashes."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -68,7 +68,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
     counts = _counts(frames, cases)
     panels = [
         _count_panel(counts, "confirmed", "confirmed by the judge", "judged residual"),
-        _count_panel(counts, "claimed", "claimed by the solver", "tolerance asked for"),
+        _count_panel(counts, "claimed", "claimed by the solver", "tolerance"),
     ]
     notes = [
         f"{counted(cases['problem'].nunique(), 'problem')}; how many of those that a solver supports it solves",

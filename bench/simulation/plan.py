@@ -13,7 +13,7 @@ from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
 from ..measure.remote_scene import SECONDS, local_or_remote_scene
 from ..measure.remote_solver import local_or_remote
-from .asking import Asked
+from .step_solver import StepSolver
 from .thinning import STATES
 
 
@@ -77,7 +77,7 @@ class SimulationPlan:
     @property
     def step_solver(self) -> ContactSolver:
         """The solver as steppers take it."""
-        return Asked(self.solver)
+        return StepSolver(self.solver)
 
     def document(self) -> dict[str, Any]:
         """Return the plan as plain values, from which ``make_simulation_plan`` makes it again."""

@@ -35,7 +35,7 @@ def simulate(
     force: bool = False,
     on_step: Sequence[OnStep] = (),
     on_progress: OnProgress = lambda simulation: None,
-    stop_asked: Callable[[], bool] = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> Simulation:
     """Simulate from the start.
@@ -46,7 +46,7 @@ def simulate(
         force: replace a result file that exists.
         on_step: called after every step, outside the time charged to it.
         on_progress: called after every step, to show how far it is.
-        stop_asked: called after every step; whether to end before the duration is over.
+        should_stop: called after every step; whether to end before the duration is over.
         checkpoint_seconds: wall time between two writes of the result file [s].
 
     Returns:
@@ -57,7 +57,7 @@ def simulate(
         FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = new_simulation(plan, output, force)
-    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    advance(simulation, on_step, on_progress, should_stop, checkpoint_seconds)
     return simulation
 
 
@@ -74,7 +74,7 @@ def resume_simulation(
     solver: Solver | None = None,
     on_step: Sequence[OnStep] = (),
     on_progress: OnProgress = lambda simulation: None,
-    stop_asked: Callable[[], bool] = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> Simulation:
     """Go on with a stored simulation: with a fixed step in the same bits as if it had never been interrupted.
@@ -90,7 +90,7 @@ def resume_simulation(
         solver: the solver, if ``create`` does not know it by its name.
         on_step: as in ``simulate``.
         on_progress: as in ``simulate``.
-        stop_asked: as in ``simulate``.
+        should_stop: as in ``simulate``.
         checkpoint_seconds: as in ``simulate``.
 
     Raises:
@@ -99,7 +99,7 @@ def resume_simulation(
         FailedSimulationError: as in ``simulate``.
     """
     simulation = begun_simulation(file, given, duration, solver)
-    advance(simulation, on_step, on_progress, stop_asked, checkpoint_seconds)
+    advance(simulation, on_step, on_progress, should_stop, checkpoint_seconds)
     return simulation
 
 
@@ -127,7 +127,7 @@ def advance(
     simulation: Simulation,
     on_step: Sequence[OnStep] = (),
     on_progress: OnProgress = lambda simulation: None,
-    stop_asked: Callable[[], bool] = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
 ) -> None:
     """Take the steps that are left; whatever ends them, the result file holds all that were completed.
@@ -145,7 +145,7 @@ def advance(
     begin = (simulation.state, plan.until, simulation.law_states)
     steps = plan.stepper.steps(plan.scene, plan.step_solver, plan.stop, *begin)
     try:
-        while not simulation.is_finished and not stop_asked():
+        while not simulation.is_finished and not should_stop():
             taken = _next_step(simulation, steps)
             for call in on_step:
                 call(simulation.n_steps, taken)

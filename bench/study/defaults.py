@@ -1,4 +1,4 @@
-"""The studies that are made if nobody says otherwise: some minutes each."""
+"""The studies of each scene by default: some minutes each."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

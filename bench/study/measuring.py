@@ -44,18 +44,18 @@ class Measured:
     failure: str = ""
 
 
-def measure(plan: StudyPlan, case: Case, member: float, stop_asked: StopAsked = lambda: False) -> Measured | None:
-    """Simulate one member of a case; return None if somebody asked to stop."""
+def measure(plan: StudyPlan, case: Case, member: float, should_stop: StopAsked = lambda: False) -> Measured | None:
+    """Simulate one member of a case; return None if it was stopped."""
     simulated = _made(plan, case, member)
     watch = Watch(simulated.scene)
     try:
-        found = _run(simulated, watch, stop_asked)
+        found = _run(simulated, watch, should_stop)
     except (
         Exception,
         SystemExit,
     ) as error:  # a plugin's solver may raise anything, and others are to be measured still
         return Measured(0.0, 0, 0, failure=said(error))
-    if stop_asked():
+    if should_stop():
         return None
     if found.failure:
         return found
@@ -66,9 +66,9 @@ def measure(plan: StudyPlan, case: Case, member: float, stop_asked: StopAsked = 
     return replace(found, values=values)
 
 
-def warm_up(plan: StudyPlan, case: Case, stop_asked: StopAsked = lambda: False) -> None:
+def warm_up(plan: StudyPlan, case: Case, should_stop: StopAsked = lambda: False) -> None:
     """Simulate the begin of a case, so that all it needs is compiled."""
-    measure(replace(plan, duration=WARM_SHARE * plan.duration), case, case.members[0], stop_asked)
+    measure(replace(plan, duration=WARM_SHARE * plan.duration), case, case.members[0], should_stop)
 
 
 def _made(plan: StudyPlan, case: Case, member: float) -> SimulationPlan:
@@ -84,7 +84,7 @@ def _made(plan: StudyPlan, case: Case, member: float) -> SimulationPlan:
     return replace(made, scene=replace(made.scene, start=section_start(OVERLAP)))
 
 
-def _run(plan: SimulationPlan, watch: Watch, stop_asked: StopAsked) -> Measured:
+def _run(plan: SimulationPlan, watch: Watch, should_stop: StopAsked) -> Measured:
     solves, most = 0, MOST_SOLVES if plan.stepper.locates_switches else math.inf
 
     def note(number: int, taken: AcceptedStep) -> None:
@@ -92,7 +92,7 @@ def _run(plan: SimulationPlan, watch: Watch, stop_asked: StopAsked) -> Measured:
         solves += taken.solves
         watch.note(taken.end)
 
-    done = simulate(plan, on_step=[note], stop_asked=lambda: solves > most or stop_asked())
+    done = simulate(plan, on_step=[note], should_stop=lambda: solves > most or should_stop())
     steps = done.steps
     cost = Measured(float(steps["seconds"].sum()), int(steps["solves"].sum()), int(done.unsolved.sum()))
     if not done.is_finished and solves > most:

@@ -17,7 +17,7 @@ def run_study(
     file: Path | None = None,
     *,
     on_progress: OnProgress = lambda study, case: None,
-    stop_asked: Callable[[], bool] = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> Study:
     """Measure every case of ``plan``; return the study.
 
@@ -25,20 +25,20 @@ def run_study(
         plan: ``make_study_plan`` makes it.
         file: where it is stored after every simulation, replacing what is there; nothing is stored if None.
         on_progress: called before every simulation.
-        stop_asked: asked after every step whether to stop; the simulation in hand is left out then.
+        should_stop: called after every step, whether to stop; the simulation in hand is left out then.
 
     Raises:
         BenchError: if the file cannot be written.
     """
     study = Study(plan, file)
-    advance_study(study, on_progress, stop_asked)
+    advance_study(study, on_progress, should_stop)
     return study
 
 
 def advance_study(
     study: Study,
     on_progress: OnProgress = lambda study, case: None,
-    stop_asked: Callable[[], bool] = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> None:
     """Measure what is left; whatever ends it, the file holds every simulation that is over.
 
@@ -53,9 +53,9 @@ def advance_study(
         on_progress(study, case)
         kind = (case.stepper.split("(")[0], case.solver)
         if kind not in warm:
-            warm_up(study.plan, case, stop_asked)
+            warm_up(study.plan, case, should_stop)
             warm.add(kind)
-        measured = measure(study.plan, case, case.members[place], stop_asked)
+        measured = measure(study.plan, case, case.members[place], should_stop)
         if measured is None:
             return
         study.measured[number, place] = measured

@@ -48,7 +48,7 @@ def _shorten(app: Sphinx, domain: str, objtype: str, content: nodes.Element) -> 
 def _without_protocol_signature(
     app: Sphinx, what: str, name: str, thing: Any, options: Any, signature: str, returns: str
 ) -> tuple[str, str] | None:
-    """Leave out the signature of a protocol, which nobody calls."""
+    """Leave out the signature of a protocol, which is never called."""
     return ("", "") if what == "class" and getattr(thing, "_is_protocol", False) else None
 
 

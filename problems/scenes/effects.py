@@ -139,7 +139,7 @@ class Planar:
     """Bodies in a vertical plane, (x, z), with planar friction.
 
     Attributes:
-        inertia_factor: J/(m r²) about the axis out of the plane; a disc's unless told otherwise.
+        inertia_factor: J/(m r²) about the axis out of the plane; a disc's unless given.
     """
 
     inertia_factor: float = field(default=DISC_INERTIA)

@@ -117,7 +117,7 @@ class UnsolvedStepError(Exception):
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """Extrapolated sequences of 1, 2, …, ``levels`` steps, as many of them as the tolerance asks for.
+    """Extrapolated sequences of 1, 2, …, ``levels`` steps, as many of them as the tolerance needs.
 
     Attributes:
         levels: most sequences, at least 2; order 2·levels in reversible systems, else ``levels``.

@@ -55,7 +55,7 @@ class Step:
         problem: the contact problem that was solved, None if no contact was active.
         impulses: Λ [N s], shape (n_rows,), empty without contacts.
         contacts: the active contacts, None if there were none.
-        status: how the solver ended, None if it was not asked.
+        status: how the solver ended, None if there was nothing to solve.
         iterations: iterations of the solver.
     """
 

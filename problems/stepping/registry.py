@@ -212,7 +212,7 @@ class Variable(Stepper):
         return VariableStep(scene.system, solver, stop, self.tolerance, self.min_step, longest, self.scheme(), search)
 
     def check(self, scene: Moving, solver: ContactSolver, begin: float, until: float) -> None:
-        """Look at the options; Δt_min must tell times apart."""
+        """Look at the options; Δt_min must separate times."""
         self.rule(scene, solver, None).check_times(begin, until)
 
     def steps(

@@ -45,7 +45,7 @@ class Margins:
 
     Args:
         system: what moves.
-        horizon: how far ahead anybody will ask [s].
+        horizon: how far ahead switches are needed [s].
     """
 
     def __init__(self, system: System, horizon: float) -> None:

@@ -2,7 +2,7 @@
 
 ``NestedIntervals`` is the paper's: the switch lies somewhere in *both* of two successive steps whose laws differ, so
 both are taken back and redone with half the step, down to the minimal one (figure 3). ``LastStepOnly`` redoes the
-second alone; its error stalls, because a gap may have closed after the middle of the first, where nobody looks.
+second alone; its error stalls, because a gap may have closed after the middle of the first, where nothing is evaluated.
 ``Anticipating`` approaches the switch from before, by the margins of the laws, and needs four steps instead of forty.
 """
 

@@ -29,7 +29,7 @@ from .moreau import ContactSolver, Step, StepError, check_finite
 from .switching import Anticipating, Search
 
 SAFETY = 0.85
-"""Share of the step that the error estimate asks for which is really tried."""
+"""Share that is tried of the step which the error estimate allows."""
 
 MOST_GROWTH = 50.0
 """A step is at most this many times the one before."""
@@ -103,14 +103,14 @@ class VariableStep:
         """Check that there is a motion from ``begin`` to ``until`` [s].
 
         Raises:
-            ProblemError: if ``until`` is not after ``begin``, or the minimal step too short to tell times apart.
+            ProblemError: if ``until`` is not after ``begin``, or the minimal step too short to separate times.
         """
         if not begin < until < np.inf:
             raise ProblemError(f"until = {until} s must be finite and after the start at {begin} s.")
         shortest = LEAST_ULPS * float(np.spacing(max(abs(begin), abs(until))))
         if self.min_step < shortest:
             raise ProblemError(
-                f"min_step = {self.min_step} s is too short to tell times up to {until} s apart; choose at least "
+                f"min_step = {self.min_step} s is too short to separate times up to {until} s; choose at least "
                 f"{shortest:.1g} s."
             )
 
@@ -123,7 +123,7 @@ class VariableStep:
             states: states of the laws in the step that led to ``start``, if there was one.
 
         Raises:
-            ProblemError: if ``until`` is not after the start, or the minimal step too short to tell times apart.
+            ProblemError: if ``until`` is not after the start, or the minimal step too short to separate times.
             StepError: if an inclusion cannot be solved even over the minimal step, or the motion is no longer finite.
         """
         self.check_times(start.time, until)

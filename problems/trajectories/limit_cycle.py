@@ -1,6 +1,6 @@
 """The limit cycle of the woodpecker: its periods in a motion, its incidents, and the error after one period.
 
-Incidents are told apart as in table 1 of Studer & Glocker (2005); a period is measured from section to section.
+Incidents are distinguished as in table 1 of Studer & Glocker (2005); a period is measured from section to section.
 """
 
 from collections.abc import Sequence

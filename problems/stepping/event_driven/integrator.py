@@ -331,7 +331,7 @@ class _Run:
         self.velocity = self.velocity - least_change(mass, kept, kept.T @ self.velocity)
 
     def _check_directions(self) -> None:
-        """Raise ``ProblemError`` if W has changed while nobody says how."""
+        """Raise ``ProblemError`` if W has changed and its rate is not given."""
         directions, scale = self.system.directions(self.position), np.abs(self._directions).max(initial=0.0)
         if self.options.direction_rates is None and np.abs(directions - self._directions).max() > ROUNDING * scale:
             raise ProblemError("the force directions W depend on q; give 'direction_rates', (q, u) ↦ Ẇᵀ u.")

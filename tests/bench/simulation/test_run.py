@@ -51,7 +51,7 @@ def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: st
     whole = simulate(plan)
     assert whole.n_steps == 200
     assert whole.steps["contacts"][120:].any()
-    part = simulate(plan, tmp_path / "part.npz", stop_asked=stop_after(120))
+    part = simulate(plan, tmp_path / "part.npz", should_stop=stop_after(120))
     assert (part.n_steps, part.is_finished) == (120, False)
     resumed = resume_simulation(tmp_path / "part.npz")
     assert resumed.is_finished
@@ -62,7 +62,7 @@ def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: st
 def test_without_the_stored_impulses_the_bits_would_differ(pour: Pour, tmp_path: Path) -> None:
     """The comparison above can fail: the warm start is part of the state."""
     whole = simulate(pour())
-    part = simulate(pour(), stop_asked=stop_after(160))
+    part = simulate(pour(), should_stop=stop_after(160))
     assert len(part.state.keys)
     cold = Simulation(pour())
     cold.restore(part.steps, type(part.state)(part.state.time, part.state.position, part.state.velocity))
@@ -88,8 +88,8 @@ def test_a_simulation_takes_the_steps_of_the_bare_stepper(pour: Pour) -> None:
 
 def test_steps_are_numbered_on_after_resuming(pour: Pour, tmp_path: Path) -> None:
     seen: list[int] = []
-    simulate(pour(), tmp_path / "a.npz", stop_asked=stop_after(5))
-    resume_simulation(tmp_path / "a.npz", stop_asked=stop_after(2), on_step=[lambda number, step: seen.append(number)])
+    simulate(pour(), tmp_path / "a.npz", should_stop=stop_after(5))
+    resume_simulation(tmp_path / "a.npz", should_stop=stop_after(2), on_step=[lambda number, step: seen.append(number)])
     assert seen == [6, 7]
 
 
@@ -174,7 +174,7 @@ def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
 
 def test_another_solver_goes_on_from_where_the_first_one_was_stopped(pour: Pour, tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
-    simulate(pour(), file, stop_asked=iter([False] * 20 + [True]).__next__)
+    simulate(pour(), file, should_stop=iter([False] * 20 + [True]).__next__)
     resumed = resume_simulation(file, {"solver": "SORprox", "tolerance": 1e-6, "max_iterations": 9000})
     assert resumed.is_finished
     stored = read_simulation(file)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings.replay import step_to
-from proxbench.bench.simulation.asking import Asked
 from proxbench.bench.simulation.file import read_simulation
+from proxbench.bench.simulation.step_solver import StepSolver
 from proxbench.problems.mechanics.state import State
 from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
@@ -36,9 +36,9 @@ class Broken:
 @pytest.fixture(params=["raises", "exits", "nan"])
 def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Let every solver fail from its fortieth problem on."""
-    prepare, calls = Asked.prepare, []
+    prepare, calls = StepSolver.prepare, []
 
-    def fail(asked: Asked, problem: Any) -> Any:
+    def fail(asked: StepSolver, problem: Any) -> Any:
         calls.append(problem)
         if len(calls) < 40:
             return prepare(asked, problem)
@@ -46,7 +46,7 @@ def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
             return Broken(problem.n_rows)
         raise RuntimeError("no more") if request.param == "raises" else SystemExit(3)
 
-    monkeypatch.setattr(Asked, "prepare", fail)
+    monkeypatch.setattr(StepSolver, "prepare", fail)
     return monkeypatch
 
 

@@ -128,7 +128,7 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
         ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
         ("--duration -1", "duration must be positive and finite, got -1.0 s"),
         ("--duration inf", "duration must be positive and finite, got inf s"),
-        ("--stepper Extrapolated(min_step=1e-30)", "too short to tell times"),
+        ("--stepper Extrapolated(min_step=1e-30)", "too short to separate times"),
         ("--solver Nobody", "Nobody"),
     ],
 )

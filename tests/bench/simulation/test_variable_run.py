@@ -80,7 +80,7 @@ def test_what_is_stored_is_what_was_simulated(tmp_path: Path) -> None:
 def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_path: Path) -> None:
     whole = simulate(plan())
     file = tmp_path / "toy.npz"
-    part = simulate(plan(), file, stop_asked=iter([False] * 30 + [True]).__next__)
+    part = simulate(plan(), file, should_stop=iter([False] * 30 + [True]).__next__)
     assert part.n_steps == 30
     again = begun_simulation(file)
     advance(again)

@@ -24,21 +24,21 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float]]:
     """Series and members that were measured; nothing is simulated."""
     calls: list[tuple[str, float]] = []
 
-    def measure(plan: StudyPlan, case: Case, member: float, stop_asked: Any) -> Measured | None:
-        if stop_asked():
+    def measure(plan: StudyPlan, case: Case, member: float, should_stop: Any) -> Measured | None:
+        if should_stop():
             return None
         calls.append((case.series, member))
         failed = member > 1.0
         return Measured(0.1, 10, 0, {} if failed else {ERROR: 1e-3 * member}, "it burst" if failed else "")
 
     monkeypatch.setattr(running, "measure", measure)
-    monkeypatch.setattr(running, "warm_up", lambda plan, case, stop_asked: None)
+    monkeypatch.setattr(running, "warm_up", lambda plan, case, should_stop: None)
     return calls
 
 
 def test_an_interrupted_study_goes_on_with_what_is_left(asked: list[tuple[str, float]], tmp_path: Path) -> None:
     file = tmp_path / "study.json"
-    run_study(PLAN, file, stop_asked=lambda: len(asked) == 2)
+    run_study(PLAN, file, should_stop=lambda: len(asked) == 2)
     assert asked == [("fixed", 0.9), ("Extrapolated", 1.0)]
     stored = read_study(file)
     assert not stored.is_finished

@@ -73,7 +73,7 @@ def test_what_is_no_stepper_is_named(text: str, what: str) -> None:
         ("Extrapolated(min_step=1e-2, max_step=1e-3)", "max_step must be finite and at least min_step"),
         ("Extrapolated(tolerance=-1.0)", "tolerance must be between 0 and 1"),
         ("Extrapolated(levels=1)", "levels must be at least 2"),
-        ("Extrapolated(min_step=1e-30)", "too short to tell times"),
+        ("Extrapolated(min_step=1e-30)", "too short to separate times"),
         ("StepDoubling(min_step=-1.0)", "min_step must be positive"),
         ("Moreau(step=-1.0)", "step of Moreau must be positive"),
         ("Moreau(step=2.0)", "must not be longer than the duration"),

@@ -343,7 +343,7 @@ def test_a_function_that_raises_later_is_an_error_with_time_and_step() -> None:
 @pytest.mark.parametrize("min_step", [1e-300, 1e-17])
 def test_a_minimal_step_that_no_clock_resolves_is_refused(min_step: float) -> None:
     stepper = variable(woodpecker(), min_step=min_step)
-    with pytest.raises(ProblemError, match=r"too short to tell times up to 0\.145\d+ s apart; choose at least 2e-15 s"):
+    with pytest.raises(ProblemError, match=r"too short to separate times up to 0\.145\d+ s; choose at least 2e-15 s"):
         next(stepper.steps(section_start(OVERLAP), PERIOD))
 
 

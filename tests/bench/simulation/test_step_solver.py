@@ -2,9 +2,9 @@
 
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.simulation.asking import Asked
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.step_solver import StepSolver
 from proxbench.problems import load
 from proxbench.solvers import Solver, create
 from proxbench.solvers.composite.fallback import ITERATIONS
@@ -17,7 +17,7 @@ def test_many_contacts_have_a_composite_that_the_plan_names() -> None:
 
 def test_a_step_that_the_solver_cannot_treat_says_why() -> None:
     with pytest.raises(BenchError, match="it cannot treat this step: it has Coulomb friction"):
-        Asked(create("CvxpyQP")).prepare(load("funnel-30"))
+        StepSolver(create("CvxpyQP")).prepare(load("funnel-30"))
 
 
 def test_every_step_of_a_settling_pile_is_solved_and_a_single_try_does_not_do() -> None:

@@ -9,7 +9,7 @@ from ..errors import BenchError
 
 
 @dataclass(frozen=True)
-class Asked:
+class StepSolver:
     """A solver as ``Moreau`` wants it.
 
     Attributes:
