@@ -3,8 +3,9 @@
 Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
 console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
 A text block shows lines that the last command above it prints, in their order; times in µs, ms or seconds of wall, and
-residuals below 1e-14, which are rounding, may differ, and ``...`` stands for measured times without a unit. ``<!-- file: NAME -->`` before a Python block also writes
-it to that file; ``<!-- skip: next "REASON" -->`` leaves a block out.
+residuals below 1e-14, which are rounding, may differ, and ``...`` stands for measured times without a unit.
+``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` leaves a
+block out.
 """
 
 import doctest
