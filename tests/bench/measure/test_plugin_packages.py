@@ -58,7 +58,7 @@ def command_with(*wheels: Path, site: Path) -> Command:
 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         line = [sys.executable, "-c", "from proxbench.bench.cli.main import main; main()", *words]
-        environment = {**os.environ, "PYTHONPATH": str(site)}
+        environment = {**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200"}  # names stay in one piece
         return subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment, check=False)
 
     return run
