@@ -29,16 +29,23 @@ class Beside:
 
 
 def beside_from(stored: Mapping[str, Any], result: Path) -> Beside:
-    """Return what was stored with ``result``.
+    """Return what was stored with ``result``; paths that lead out of its folder are left out.
+
+    A result may come from elsewhere: opening it must not replace files wherever it says.
 
     Raises:
         TypeError, KeyError: if it is no such document.
     """
-    chart, recording = (
-        None if stored[name] is None else Path(os.path.normpath(result.parent / stored[name]))
-        for name in ("chart", "recording")
-    )
-    return Beside(chart, recording)
+    return Beside(_inside(stored["chart"], result), _inside(stored["recording"], result))
+
+
+def _inside(stored: str | None, result: Path) -> Path | None:
+    """Return a stored path as seen from here, None if it leads out of the folder of the result."""
+    if stored is None:
+        return None
+    folder = result.parent
+    path = Path(os.path.normpath(folder / stored))
+    return path if path.resolve().is_relative_to(folder.resolve()) else None
 
 
 def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force: bool) -> Beside:
