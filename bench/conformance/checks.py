@@ -2,7 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from typing import Generic, TypeVar
+
+from ...solvers.interface import Solver, shows_iterates
 
 Subject = TypeVar("Subject")
 
@@ -32,3 +35,20 @@ class Check(Generic[Subject]):
 
     def __str__(self) -> str:
         return self.name
+
+
+def of_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None]:
+    """Let a test concern only solvers that show iterates."""
+
+    @wraps(test)
+    def run(solver: Solver) -> None:
+        if not shows_iterates(solver):
+            raise NotApplicable("it has no iterates to show (has_iterates is False)")
+        test(solver)
+
+    return run
+
+
+def checks(**tests: Callable[[Subject], None]) -> tuple[Check[Subject], ...]:
+    """Return tests with the names of the arguments, "_" for a space; the docstring of each is its promise."""
+    return tuple(Check(name.replace("_", " "), (test.__doc__ or "").strip(), test) for name, test in tests.items())

@@ -4,16 +4,16 @@ No method solves every case, and none must; what every solver must give is a fin
 inputs left alone, and the known answer where it says that it has solved.
 """
 
+from collections import deque
 from functools import partial
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
 from ...problems.hard import CASE_GROUPS, hard_case
-from ...solvers.interface import Solver, Status, Stop, shows_iterates
-from .checks import Check, NotApplicable, Violation
-from .samples import samples
+from ...solvers.interface import Solver, Status, Stop
+from .checks import Check, Violation, checks, of_iterates
+from .samples import supported
 from .trial import meet_answer, tried
 
 HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
@@ -33,23 +33,16 @@ REPETITIONS = 50
 
 
 def is_true_on(group: str, solver: Solver) -> None:
-    """Try a solver on the cases of one group, as far as it supports them."""
-    seen = 0
-    for name in CASE_GROUPS[group]:
-        problem = hard_case(name)
-        if solver.supports(problem) is not None:
-            continue
-        seen += 1
+    """On hard cases of one group: finite, true to its status and the known answer, inputs untouched."""
+    for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = tried(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
             meet_answer(problem, trial.solution.impulses)
-    if not seen:
-        raise NotApplicable("it supports none of these cases")
 
 
 def gains_by_tolerance(solver: Solver) -> None:
     """A tighter tolerance never ends in a worse residual, unless it is met all the same."""
-    for problem in _supported(solver):
+    for problem in supported(solver):
         before, looser = np.inf, 0.0
         for tolerance in ACCURACIES:
             trial = tried(solver, problem, Stop(tolerance, HARD.max_iterations, HARD.max_seconds))
@@ -63,13 +56,12 @@ def gains_by_tolerance(solver: Solver) -> None:
             before, looser = trial.residual, tolerance
 
 
+@of_iterates
 def names_cycles(solver: Solver) -> None:
     """Iterates that repeat themselves in a cycle of two end OSCILLATING, not at the iteration limit."""
-    if not shows_iterates(solver):
-        raise NotApplicable("it has no iterates to show (has_iterates is False)")
     stop = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
-    for problem in _supported(solver):
-        shown: list[FloatArray] = []
+    for problem in supported(solver):
+        shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
         status = solver.prepare(problem).solve(stop, observe=partial(_keep, shown)).status
         if status is Status.ITERATION_LIMIT and _is_cycle(shown):
             raise Violation(
@@ -78,12 +70,11 @@ def names_cycles(solver: Solver) -> None:
             )
 
 
-def _keep(shown: list[FloatArray], iteration: int, impulses: FloatArray) -> None:
+def _keep(shown: deque[FloatArray], iteration: int, impulses: FloatArray) -> None:
     shown.append(np.array(impulses))
-    del shown[:-REPETITIONS]
 
 
-def _is_cycle(shown: list[FloatArray]) -> bool:
+def _is_cycle(shown: deque[FloatArray]) -> bool:
     """Whether each iterate equals the last but one before it and differs from the last."""
     if len(shown) < REPETITIONS:
         return False
@@ -93,21 +84,15 @@ def _is_cycle(shown: list[FloatArray]) -> bool:
     return bool(step > 0.0 and returned <= SAME_ITERATE * step)
 
 
-def _supported(solver: Solver) -> list[ContactProblem]:
-    found = [problem for problem in samples() if solver.supports(problem) is None]
-    if not found:
-        raise NotApplicable("it supports none of the small problems")
-    return found
-
-
-def _group_check(group: str) -> Check[Solver]:
-    promise = f"On hard cases ({group}): finite, true to its status and the known answer, inputs untouched."
-    return Check(f"hard {group}", promise, partial(is_true_on, group))
-
-
 HARD_CHECKS: tuple[Check[Solver], ...] = (
-    Check("tolerances", (gains_by_tolerance.__doc__ or "").strip(), gains_by_tolerance),
-    Check("cycles", (names_cycles.__doc__ or "").strip(), names_cycles),
-    *(_group_check(group) for group in CASE_GROUPS),
+    *checks(tolerances=gains_by_tolerance, cycles=names_cycles),
+    *(
+        Check(
+            f"hard {group}",
+            f"On hard cases ({group}): finite, true to its status and the known answer, inputs untouched.",
+            partial(is_true_on, group),
+        )
+        for group in CASE_GROUPS
+    ),
 )
 """All tests on hard cases."""

@@ -4,13 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...problems.contact.problem import ContactProblem
 from ...problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ...problems.errors import ProblemError
 from ...solvers.interface import Solver, Status, Stop
 from ..store.outcome import WRONG_FACTOR
-from .checks import Check, NotApplicable, Violation
-from .samples import samples
+from .checks import Check, NotApplicable, Violation, checks
+from .samples import supported
 from .trial import Trial, own_residual, tried
 
 STOP = Stop(1e-6, max_iterations=5000, max_seconds=1.0)
@@ -69,16 +68,15 @@ def ignores_copies(solver: Solver) -> None:
 
 def _solved(solver: Solver) -> Iterator[Trial]:
     """Yield what the solver solves of the small problems."""
-    tried_any = False
-    for problem in samples():
-        if solver.supports(problem) is not None:
-            continue
+    none = f"it solves none of the small problems to {STOP.tolerance:g}"
+    is_any_solved = False
+    for problem in supported(solver, none=none):
         trial = tried(solver, problem, STOP)
         if trial.is_solved:
-            tried_any = True
+            is_any_solved = True
             yield trial
-    if not tried_any:
-        raise NotApplicable(f"it solves none of the small problems to {STOP.tolerance:g}")
+    if not is_any_solved:
+        raise NotApplicable(none)
 
 
 def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
@@ -90,7 +88,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
     if solver.supports(other.problem) is not None:
         return None
     try:
-        again = tried(solver, _called(other.problem, f"{trial.problem.name} {how}"), STOP)
+        again = tried(solver, other.problem.renamed(f"{trial.problem.name} {how}"), STOP)
     except Violation as violation:
         raise Violation(f"all is well with {trial.problem.name} as it was, but {violation}") from None
     if again.solution.status is Status.TIME_LIMIT:
@@ -105,17 +103,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
     return again
 
 
-def _called(problem: ContactProblem, name: str) -> ContactProblem:
-    return problem.renamed(name)
-
-
-INVARIANCE_CHECKS: tuple[Check[Solver], ...] = tuple(
-    Check(name, (test.__doc__ or "").strip(), test)
-    for name, test in (
-        ("units", ignores_units),
-        ("order", ignores_order),
-        ("tangents", ignores_tangents),
-        ("copies", ignores_copies),
-    )
+INVARIANCE_CHECKS: tuple[Check[Solver], ...] = checks(
+    units=ignores_units, order=ignores_order, tangents=ignores_tangents, copies=ignores_copies
 )
 """All tests of how a problem is put."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.judge import judge
 from ...problems.contact.problem import ContactProblem
-from .checks import Check, NotApplicable, Violation
+from .checks import Check, NotApplicable, Violation, checks
 
 ANSWER_ACCURACY = 1e-6
 """The judged residual that impulses given as the answer must have."""
@@ -36,25 +36,18 @@ def survives_a_file(make: MakeProblem) -> None:
 def answer_is_right(make: MakeProblem) -> None:
     """What it says about its solution, the judge confirms."""
     problem = make()
-    if problem.answer is None or (problem.answer.solvable and not problem.answer.impulses):
+    answer = problem.answer
+    if answer is None or (answer.solvable and not answer.impulses):
         raise NotApplicable("it gives no impulses as its answer")
-    if not problem.answer.solvable:
-        if any(judge(problem, impulses).residual <= ANSWER_ACCURACY for impulses in problem.answer.impulses):
-            raise Violation("it is said to have no solution, and gives one.")
-        return
-    for index, impulses in enumerate(problem.answer.impulses):
+    for index, impulses in enumerate(answer.impulses):
         residual = judge(problem, impulses).residual
-        if not residual <= ANSWER_ACCURACY:
+        if answer.solvable and not residual <= ANSWER_ACCURACY:
             raise Violation(f"answer.impulses[{index}] is no solution: the judge reads {residual:.1e}.")
+        if residual <= ANSWER_ACCURACY and not answer.solvable:
+            raise Violation("it is said to have no solution, and gives one.")
 
 
-PROBLEM_CHECKS: tuple[Check[MakeProblem], ...] = tuple(
-    Check(name, (test.__doc__ or "").strip(), test)
-    for name, test in (
-        ("made", is_made),
-        ("deterministic", is_made_alike),
-        ("file", survives_a_file),
-        ("answer", answer_is_right),
-    )
+PROBLEM_CHECKS: tuple[Check[MakeProblem], ...] = checks(
+    made=is_made, deterministic=is_made_alike, file=survives_a_file, answer=answer_is_right
 )
 """All tests of a problem."""

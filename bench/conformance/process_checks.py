@@ -4,8 +4,8 @@ import time
 
 from ...solvers.interface import Solver, Stop
 from ..isolation.process_state import ProcessState
-from .checks import Check, NotApplicable, Violation
-from .samples import samples
+from .checks import Violation
+from .samples import supported
 
 STOP = Stop(1e-4, max_iterations=200, max_seconds=0.5)
 """Limits of the solve of each problem."""
@@ -16,13 +16,19 @@ PATIENCE_SECONDS = 1.0
 
 def leaves_process_alone(solver: Solver) -> None:
     """The process stays as it was: nothing of others replaced, no setting changed, nothing left running."""
-    supported = [problem for problem in samples() if solver.supports(problem) is None]
-    if not supported:
-        raise NotApplicable("it supports none of the small problems")
+    problems = supported(solver)
     before = ProcessState.now()
-    for problem in supported:
+    for problem in problems:
         solver.prepare(problem).solve(STOP)
-    _hold_to(before)
+    if fault := replaced_names(before):
+        raise Violation(f"{fault}.")
+    if changed := before.changed():
+        raise Violation(f"it changed {_listed(changed)}; put back what belongs to all before solve returns.")
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while before.left() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    if left := before.left():
+        raise Violation(f"it left {_listed(left)} running; end them before solve returns.")
 
 
 def replaced_names(before: ProcessState) -> str:
@@ -32,26 +38,5 @@ def replaced_names(before: ProcessState) -> str:
     return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
 
 
-def _hold_to(before: ProcessState) -> None:
-    fault = replaced_names(before)
-    if fault:
-        raise Violation(f"{fault}.")
-    changed = before.changed()
-    if changed:
-        raise Violation(f"it changed {_listed(changed)}; put back what belongs to all before solve returns.")
-    deadline = time.monotonic() + PATIENCE_SECONDS
-    while before.left() and time.monotonic() < deadline:
-        time.sleep(0.01)
-    left = before.left()
-    if left:
-        raise Violation(f"it left {_listed(left)} running; end them before solve returns.")
-
-
 def _listed(words: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
-
-
-PROCESS_CHECKS: tuple[Check[Solver], ...] = (
-    Check("process", (leaves_process_alone.__doc__ or "").strip(), leaves_process_alone),
-)
-"""The test of what a solver does to its process."""

@@ -11,13 +11,11 @@ A promise that does not concern a solver is skipped with the reason, a broken on
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
-from ...solvers.interface import Solver
 from ...solvers.registry import create
-from .checks import Check, NotApplicable, Violation
+from .checks import NotApplicable, Violation
 from .solver_checks import SOLVER_CHECKS
 
 FIXTURE = "proxbench_check"
@@ -46,14 +44,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def proxbench_check(request: pytest.FixtureRequest) -> Callable[[], None]:
     """Return the test of one promise of one solver, to be called without arguments."""
     given, check = request.param
-    return lambda: _hold(given, check)
 
+    def hold() -> None:
+        try:
+            check.run(create(given) if isinstance(given, str) else given)
+        except NotApplicable as reason:
+            pytest.skip(str(reason))
+        except Violation as violation:
+            pytest.fail(str(violation), pytrace=False)
 
-def _hold(given: Any, check: Check[Solver]) -> None:
-    solver: Solver = create(given) if isinstance(given, str) else given
-    try:
-        check.run(solver)
-    except NotApplicable as reason:
-        pytest.skip(str(reason))
-    except Violation as violation:
-        pytest.fail(str(violation), pytrace=False)
+    return hold

@@ -16,8 +16,7 @@ from ..isolation.worker import Fault, RenewedWorker
 from ..measure.describing import contestant
 from ..measure.plugins import use_plugin_files
 from ..store.outcome import Outcome
-from . import PROBLEM_CHECKS, SOLVER_CHECKS
-from .task import CheckingTask
+from .task import CHECKS, CheckingTask
 
 CHECK_SECONDS = 60.0
 """Time limit of one check [s]."""
@@ -25,6 +24,7 @@ CHECK_SECONDS = 60.0
 MEMORY_BYTES = 2**31
 """Memory that checks may take beyond what the framework itself needs."""
 
+RESULTS = ("passed", "failed", "not applicable")
 
 OnCheck = Callable[[str, int, int], None]
 """Called before every check: what is checked, how many checks of it are done, and of how many."""
@@ -49,7 +49,8 @@ def checked(
     """
     if not seconds > 0:
         raise BenchError(f"the time limit of a check must be positive, got {seconds:g} s.")
-    file = PluginFile.read(target) if _is_path(target) else None
+    is_path = target.endswith(".py") or "/" in target.partition("(")[0]
+    file = PluginFile.read(target) if is_path else None
     known = [other for other, _ in registered()]
     try:
         subjects = _named(target) if file is None else _offered(file, seconds)
@@ -84,12 +85,9 @@ def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> N
                 break_long_words=False,
             )
             print(text if row["sentence"] else start.rstrip())
-        counts = {result: _count(subject, result) for result in ("passed", "failed", "not applicable")}
-        print("  " + ", ".join(f"{count} {result}" for result, count in counts.items() if count) + "\n")
-
-
-def _is_path(target: str) -> bool:
-    return target.endswith(".py") or "/" in target.partition("(")[0]
+        results = [row["result"] for row in subject["checks"]]
+        counts = [f"{results.count(result)} {result}" for result in RESULTS if result in results]
+        print(f"  {', '.join(counts)}\n")
 
 
 def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
@@ -117,29 +115,16 @@ def _named(target: str) -> list[dict[str, str]]:
 
 def _checked(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
-    checks = SOLVER_CHECKS if subject["kind"] == "solver" else PROBLEM_CHECKS
+    checks = CHECKS[subject["kind"]]
     for check in checks:
         on_check(f"{subject['name']}: {check.name}", len(rows), len(checks))
         began = time.perf_counter()
         try:
             answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)
         except Fault as fault:
-            answer = {"result": "failed", "sentence": _sentence(fault, worker.seconds)}
-        rows.append(
-            {
-                "check": check.name,
-                "promise": check.promise,
-                "result": answer["result"],
-                "sentence": answer["sentence"],
-                "seconds": round(time.perf_counter() - began, 3),
-            }
-        )
+            late = f"it did not end within {worker.seconds:g} s."
+            sentence = late if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
+            answer = {"result": "failed", "sentence": sentence}
+        seconds = round(time.perf_counter() - began, 3)
+        rows.append({"check": check.name, "promise": check.promise, **answer, "seconds": seconds})
     return {**subject, "passed": all(row["result"] != "failed" for row in rows), "checks": rows}
-
-
-def _sentence(fault: Fault, seconds: float) -> str:
-    return f"it did not end within {seconds:g} s." if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
-
-
-def _count(subject: dict[str, Any], result: str) -> int:
-    return sum(row["result"] == result for row in subject["checks"])

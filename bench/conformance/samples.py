@@ -1,10 +1,14 @@
 """Small problems of every kind, built afresh each time, that conformance tests are run on."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import scipy.sparse as sp
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.hard import hard_case
+from ...solvers.interface import Solver
+from .checks import NotApplicable
 
 _HARD = (
     "hard-supports-4",
@@ -29,6 +33,22 @@ def samples() -> list[ContactProblem]:
     made = [random_contacts(8, dim) for dim in (1, 2, 3)]
     made += [three_planar_contacts(), in_delassus_form(random_contacts(8, 3)), asymmetric()]
     return made + [hard_case(name) for name in _HARD]
+
+
+def supported(
+    solver: Solver,
+    problems: Iterable[ContactProblem] | None = None,
+    none: str = "it supports none of the small problems",
+) -> list[ContactProblem]:
+    """Return those of ``problems``, or of the samples, that ``solver`` supports.
+
+    Raises:
+        NotApplicable: if there is none, with the sentence ``none``.
+    """
+    found = [problem for problem in (samples() if problems is None else problems) if solver.supports(problem) is None]
+    if not found:
+        raise NotApplicable(none)
+    return found
 
 
 def random_contacts(n_contacts: int, dim: int) -> ContactProblem:

@@ -2,6 +2,7 @@
 
 import traceback
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,13 @@ from ...problems.errors import ProxbenchError, first_line
 from ...solvers.registry import create
 from ..isolation.child import MisbehaviourError
 from ..isolation.process_state import ProcessState
-from .checks import NotApplicable, Violation
+from .checks import Check, NotApplicable, Violation
 from .problem_checks import PROBLEM_CHECKS
 from .process_checks import replaced_names
 from .solver_checks import SOLVER_CHECKS
+
+CHECKS: dict[str, tuple[Check[Any], ...]] = {"solver": SOLVER_CHECKS, "problem": PROBLEM_CHECKS}
+"""All tests of a subject by its kind."""
 
 _FRAMEWORK = tuple(Path(__file__).parents[2] / package for package in ("problems", "solvers", "bench"))
 
@@ -41,10 +45,8 @@ class CheckingTask:
 def _carried_out(kind: str, name: str, check_name: str) -> dict[str, str]:
     """Run one check; return its result, "passed", "failed" or "not applicable", and the sentence to it."""
     try:
-        if kind == "solver":
-            next(check for check in SOLVER_CHECKS if check.name == check_name).run(create(name))
-        else:
-            next(check for check in PROBLEM_CHECKS if check.name == check_name).run(lambda: load(name))
+        subject = create(name) if kind == "solver" else partial(load, name)
+        next(check for check in CHECKS[kind] if check.name == check_name).run(subject)
     except NotApplicable as reason:
         return {"result": "not applicable", "sentence": f"{reason}."}
     except (Violation, ProxbenchError) as error:

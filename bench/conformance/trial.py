@@ -39,33 +39,32 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
             the solver's model confirms, or contradicts what is known about the problem.
     """
     digest = problem.fresh().digest
-    solution = solver.prepare(problem).solve(stop, start=start)
-    if problem.fresh().digest != digest:
-        raise Violation(f"it changed the numbers of {problem.name}; copy what it writes to.")
-    expect_form(problem, solution)
+    solution = solution_of(solver, problem, stop, start)
+    expect_unchanged(problem, digest)
     expect_finite(problem, solution)
-    residual = own_residual(solver, problem, solution.impulses)
-    solvable = problem.answer is None or problem.answer.solvable
-    if solution.status is Status.SOLVED:
-        if not solvable:
-            raise Violation(f"{problem.name} has no solution, and ends as solved; stop on the judge's residual.")
-        if not residual <= WRONG_FACTOR * stop.tolerance:
-            raise Violation(
-                f"it claims to have solved {problem.name} to {stop.tolerance:g}, but the judge of its model "
-                f"({solver.model}) reads {residual:.1e}; stop on the judge's residual."
-            )
-    if solution.status is Status.INFEASIBLE and solvable and problem.answer is not None:
+    answer = problem.answer
+    if answer is not None and not answer.solvable and solution.status is Status.SOLVED:
+        raise Violation(f"{problem.name} has no solution, and ends as solved; stop on the judge's residual.")
+    if answer is not None and answer.solvable and solution.status is Status.INFEASIBLE:
         raise Violation(
             f"{problem.name} has a solution, and ends as infeasible; say so only where it is proved, else stalled."
         )
-    return Trial(problem, solution, residual)
+    return Trial(problem, solution, true_residual(solver, problem, solution, stop.tolerance))
 
 
-def expect_form(problem: ContactProblem, solution: Solution) -> None:
-    """Raise ``Violation`` if what a solver returned is no solution, or its impulses no floats of shape (n_rows,)."""
+def solution_of(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> Solution:
+    """Solve ``problem``; raise ``Violation`` if what is returned is no solution, or its impulses no array of floats."""
+    solution = solver.prepare(problem).solve(stop, start=start)
     fault = solution_fault(problem, solution)
     if fault:
         raise Violation(f"on {problem.name}: {fault}.")
+    return solution
+
+
+def expect_unchanged(problem: ContactProblem, digest: str) -> None:
+    """Raise ``Violation`` if the numbers of a problem are no longer those of ``digest``."""
+    if problem.fresh().digest != digest:
+        raise Violation(f"it changed the numbers of {problem.name}; copy what it writes to.")
 
 
 def expect_finite(problem: ContactProblem, solution: Solution) -> None:
@@ -75,6 +74,17 @@ def expect_finite(problem: ContactProblem, solution: Solution) -> None:
             f"on {problem.name} it returned impulses that are not finite, with status {solution.status}; "
             "return the best finite iterate."
         )
+
+
+def true_residual(solver: Solver, problem: ContactProblem, solution: Solution, tolerance: float) -> float:
+    """Return ``own_residual``; raise ``Violation`` if it is far from what the solver claims."""
+    residual = own_residual(solver, problem, solution.impulses)
+    if solution.status is Status.SOLVED and not residual <= WRONG_FACTOR * tolerance:
+        raise Violation(
+            f"it claims to have solved {problem.name} to {tolerance:g}, but the judge of its model ({solver.model}) "
+            f"reads {residual:.1e}; stop on the judge's residual."
+        )
+    return residual
 
 
 def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) -> float:
@@ -91,11 +101,10 @@ def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) 
 
 def meet_answer(problem: ContactProblem, impulses: FloatArray) -> None:
     """Raise ``Violation`` if impulses that the judge confirms miss the known answer by more than that implies."""
-    known, scale = problem.answer, Residual(problem).scale
+    known = problem.answer
     if known is None:
         return
-    velocity = problem.relative_velocity(impulses)
-    error = known.error(impulses, velocity, scale)
+    error = known.error(impulses, problem.relative_velocity(impulses), Residual(problem).scale)
     if error is None:
         return
     residual = judge(problem, impulses).residual

@@ -6,7 +6,14 @@ With PROXBENCH_PROFILE=full every case of at most 400 rows is tried with every b
 import os
 
 import pytest
-from proxbench.bench.conformance import SOLVER_CHECKS, NotApplicable, Violation, hard_checks, invariance_checks
+from proxbench.bench.conformance import (
+    SOLVER_CHECKS,
+    NotApplicable,
+    Violation,
+    hard_checks,
+    invariance_checks,
+    samples,
+)
 from proxbench.bench.conformance import solver_checks as checks
 from proxbench.problems.hard import HARD_CASES, hard_case
 from proxbench.solvers import Stop, available, create
@@ -53,8 +60,7 @@ CASES = [name for name in HARD_CASES if 0 < hard_case(name).n_rows <= MOST_ROWS]
 @pytest.fixture(params=CASES)
 def case(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """A hard case, which the checks find in the place of their small problems."""
-    for module in (checks, hard_checks, invariance_checks):
-        monkeypatch.setattr(module, "samples", lambda: [hard_case(request.param)])
+    monkeypatch.setattr(samples, "samples", lambda: [hard_case(request.param)])
     monkeypatch.setattr(checks, "MODEST", SHORT)
     monkeypatch.setattr(invariance_checks, "STOP", SHORT)
     monkeypatch.setattr(hard_checks, "HARD", Stop(1e-8, max_iterations=5000, max_seconds=10.0))
