@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.mechanics.surfaces import Plane, Segment, Surface
@@ -14,6 +15,8 @@ LATITUDES, LONGITUDES = 6, 12
 
 AROUND = 64
 """Faces around a surface of revolution."""
+
+WHITE = (236, 240, 245)
 
 Colours = NDArray[np.uint8]
 
@@ -41,20 +44,14 @@ def ball_mesh(radius: float, colour: tuple[int, int, int], flatness: float = 1.0
         colour: of every other octant; the others are nearly white.
         flatness: extent along y relative to that along x and z, below 1 for discs.
     """
-    polar = np.linspace(0.0, np.pi, LATITUDES + 1)
-    around = np.linspace(0.0, 2.0 * np.pi, LONGITUDES + 1)
-    vertices: list[tuple[float, float, float]] = []
-    colours, triangles = [], []
-    for i in range(LATITUDES):
-        for j in range(LONGITUDES):
-            corners = [(polar[i], around[j]), (polar[i + 1], around[j])]
-            corners += [(polar[i + 1], around[j + 1]), (polar[i], around[j + 1])]
-            start = len(vertices)
-            vertices += [(np.sin(p) * np.cos(a), flatness * np.sin(p) * np.sin(a), np.cos(p)) for p, a in corners]
-            octant = (2 * i // LATITUDES + 4 * j // LONGITUDES) % 2
-            colours += [colour if octant else (236, 240, 245)] * 4
-            triangles += [(start, start + 1, start + 2), (start, start + 2, start + 3)]
-    return Mesh(radius * np.array(vertices), np.array(triangles), np.array(colours, dtype=np.uint8))
+    row, column = np.divmod(np.arange(LATITUDES * LONGITUDES), LONGITUDES)
+    polar = np.pi / LATITUDES * (row[:, None] + (0, 1, 1, 0))
+    around = 2.0 * np.pi / LONGITUDES * (column[:, None] + (0, 0, 1, 1))
+    x, y, z = np.sin(polar) * np.cos(around), flatness * np.sin(polar) * np.sin(around), np.cos(polar)
+    triangles = (4 * np.arange(len(row))[:, None] + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3)
+    octant = (2 * row // LATITUDES + 4 * column // LONGITUDES) % 2
+    colours = np.where(octant[:, None], colour, WHITE).astype(np.uint8).repeat(4, axis=0)
+    return Mesh(radius * np.stack([x, y, z], axis=-1).reshape(-1, 3), triangles, colours)
 
 
 def surface_meshes(surfaces: Sequence[Surface], top: float, width: float, dimension: int) -> list[Mesh]:
@@ -79,24 +76,23 @@ def _segment_mesh(segment: Segment, top: float, width: float) -> Mesh:
     (low, bottom), (high, end) = segment.lower, segment.upper
     share = min(1.0, (top - bottom) / (end - bottom)) if end > bottom else 1.0
     ends = np.array([[low, bottom], [low + share * (high - low), bottom + share * (end - bottom)]])
-    if segment.side:
-        corners = [(segment.side * across, depth, height) for across, height in ends for depth in (-width, width)]
-        return Mesh(np.array(corners), np.array([[0, 1, 2], [1, 3, 2]]))
     angle = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
-    rings = [
-        np.column_stack([across * np.cos(angle), across * np.sin(angle), np.full(len(angle), height)])
-        for across, height in ends
-    ]
-    k = np.arange(AROUND)
-    above = k + AROUND + 1
-    triangles = np.concatenate([np.column_stack([k, k + 1, above]), np.column_stack([k + 1, above + 1, above])])
-    return Mesh(np.concatenate(rings), triangles)
+    lines = []
+    for across, height in ends:
+        x, y = across * np.cos(angle), across * np.sin(angle)
+        if segment.side:
+            x, y = np.full(2, segment.side * across), np.array([-width, width])
+        lines.append(np.column_stack([x, y, np.full(len(x), height)]))
+    n = len(lines[0])
+    k = np.arange(n - 1)
+    triangles = np.concatenate([np.column_stack([k, k + 1, k + n]), np.column_stack([k + 1, k + n + 1, k + n])])
+    return Mesh(np.concatenate(lines), triangles)
 
 
 def _plane_mesh(plane: Plane, width: float, dimension: int) -> Mesh:
     point, normal = np.array(plane.point), np.array(plane.normal) / np.linalg.norm(plane.normal)
     if dimension == 2:
-        point, normal = point[[0, 0, 1]] * (1.0, 0.0, 1.0), normal[[0, 0, 1]] * (1.0, 0.0, 1.0)
+        point, normal = in_space(point), in_space(normal)
     helper = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
     first = np.cross(helper, normal)
     first /= np.linalg.norm(first)
@@ -120,15 +116,8 @@ def turned(orientations: FloatArray, spins: FloatArray, seconds: float) -> Float
         spins: ω [rad/s], shape (n, 3).
         seconds: Δt [s].
     """
-    half = 0.5 * seconds * spins
-    angle = np.linalg.norm(half, axis=1)
-    axis = half * np.sinc(angle / np.pi)[:, None]
-    scalar = np.cos(angle)
-    x, w = orientations[:, :3], orientations[:, 3]
-    vector = scalar[:, None] * x + w[:, None] * axis + np.cross(axis, x)
-    product = np.column_stack([vector, scalar * w - (axis * x).sum(axis=1)])
-    unit: FloatArray = product / np.linalg.norm(product, axis=1)[:, None]
-    return unit
+    product: FloatArray = (Rotation.from_rotvec(seconds * spins) * Rotation.from_quat(orientations)).as_quat()
+    return product
 
 
 def about_depth(angle: float) -> tuple[float, float, float, float]:
@@ -141,6 +130,4 @@ def in_space(vectors: FloatArray) -> FloatArray:
 
     Planar scenes stand in space on the plane y = 0.
     """
-    if vectors.shape[-1] == 3:
-        return vectors
-    return np.stack([vectors[..., 0], np.zeros(vectors.shape[:-1]), vectors[..., 1]], axis=-1)
+    return vectors if vectors.shape[-1] == 3 else np.insert(vectors, 1, 0.0, axis=-1)
