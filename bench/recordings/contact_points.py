@@ -29,13 +29,11 @@ from .meshes import in_space
 RIGID_TOLERANCE = 1e-9
 """How exactly axes must be orthonormal, and moments fit an arm, to count as those of a rigid body."""
 
-
 KINDS = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
 """Dimension and rotations of rigid bodies, by the rows of a contact and the degrees of freedom of a body."""
 
 SOLID = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
 """Moment of inertia over m r² of a uniform ball and a uniform disc, by the dimension."""
-
 
 BALL_TOLERANCE = 1e-6
 """How exactly arms and moments of inertia must be those of a ball."""
@@ -129,37 +127,24 @@ def _from_factors(problem: ContactProblem) -> Places | None:
     directions = problem.factors.force_directions
     pieces = cut_into_pieces(directions, np.ones(directions.shape[0]), problem.layout)
     touching = _touching(pieces)
-    if touching is None:
+    rigid = None if touching is None else _axes_and_arms(touching[1], touching[0] < pieces.n_chunks)
+    if touching is None or rigid is None:
         return None
-    bodies, values = touching
-    seen = bodies < pieces.n_chunks
-    rigid = _axes_and_arms(values, seen)
-    if rigid is None:
-        return None
-    axes, arms = rigid
+    bodies, (axes, arms) = touching[0], rigid
     size = float(np.median(np.linalg.norm(arms[:, 0], axis=1))) or 1.0
     centres = _centres(bodies, arms, pieces.n_chunks, size)
     positions = centres[bodies[:, 0]] + arms[:, 0]
-    dimension, spins = KINDS[pieces.width, pieces.length]
-    is_round = _turning_like_balls(problem, dimension, spins)
-    shown = _bodies(bodies, axes[:, 0], arms, centres, is_round)
+    frames = np.pad(axes, ((0, 0), (0, 3 - pieces.width), (0, 0)))
+    inertia = _turning_like_balls(problem, *KINDS[pieces.width, pieces.length])
+    shown = _bodies(bodies, axes[:, 0], arms, centres, inertia)
     text = "Places and directions come from the force directions; heaps that do not touch stand side by side."
-    text = f"{text} {shown.sentence}"
-    return Places(positions, axes, size, text, shown)
+    return Places(positions, frames, size, f"{text} {shown.sentence}", shown)
 
 
 def _bodies(
     touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, inertia: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact: balls where nothing speaks against it, else their centres and arms.
-
-    Args:
-        touching: the two bodies of each contact, shape (n_contacts, 2).
-        normals: shape (n_contacts, 3).
-        arms: of each contact on both bodies [m], shape (n_contacts, 2, 3).
-        centres: [m], shape (n_bodies, 3).
-        inertia: least radius [m] of a uniform ball that turns like each body, shape (n_bodies,).
-    """
+    """Return the bodies in contact: balls of a radius not below ``inertia`` where arms fit, else centres and arms."""
     n_bodies = len(centres)
     contact, side = np.nonzero(touching < n_bodies)
     body, arm = touching[contact, side], arms[contact, side]
@@ -187,14 +172,12 @@ def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> 
         return np.full(n_bodies, np.inf)
     diagonal = np.asarray(inverse.diagonal()).reshape(n_bodies, length)
     linear, angular = diagonal[:, :dimension], diagonal[:, dimension:]
-    least = np.sqrt(linear[:, 0] / (SOLID[dimension] * angular[:, 0]))
-    uneven = (np.ptp(linear, axis=1) > BALL_TOLERANCE * linear[:, 0]) | (
-        np.ptp(angular, axis=1) > BALL_TOLERANCE * angular[:, 0]
-    )
+    least: FloatArray = np.sqrt(linear[:, 0] / (SOLID[dimension] * angular[:, 0]))
+    for part in (linear, angular):
+        least[np.ptp(part, axis=1) > BALL_TOLERANCE * part[:, 0]] = np.inf
     entries = sp.coo_array(inverse)
-    uneven[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = True
-    radii: FloatArray = np.where(uneven, np.inf, least)
-    return radii
+    least[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = np.inf
+    return least
 
 
 def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
@@ -213,42 +196,27 @@ def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
 
 
 def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray] | None:
-    """Return axes (n, 3, 3) of each contact and arms (n, 2, 3) on its bodies, None if these are no rigid bodies."""
+    """Return axes (n, width, 3) of each contact and arms (n, 2, 3) on its bodies, None if these are no rigid bodies."""
     width, length = values.shape[2:]
     if (width, length) not in KINDS:
         return None
     dimension, _ = KINDS[width, length]
     linear, moments = values[..., :dimension], values[..., dimension:]
     gram = np.einsum("cplx,cpmx->cplm", linear, linear)[seen]
-    opposed = linear[:, 0] + linear[:, 1]
-    if np.abs(gram - np.eye(width)).max() > RIGID_TOLERANCE:
-        return None
-    if np.abs(opposed[seen[:, 1]]).max(initial=0.0) > RIGID_TOLERANCE:
+    opposed = (linear[:, 0] + linear[:, 1])[seen[:, 1]]
+    if max(np.abs(gram - np.eye(width)).max(), np.abs(opposed).max(initial=0.0)) > RIGID_TOLERANCE:
         return None
     spatial = in_space(linear)
-    turned = moments if dimension == 3 or not moments.size else -moments * np.array([0.0, 1.0, 0.0])
     if width == 1:  # no friction, no rotation: equal balls of unknown radius, which is taken for the unit
-        return _padded(spatial[:, 0]), -spatial[:, :, 0] * seen[..., None]
+        return spatial[:, 0], -spatial[:, :, 0] * seen[..., None]
     if not moments.size:
-        return _padded(spatial[:, 0]), np.zeros((len(values), 2, 3))
-    arms = _arms(spatial, turned)
+        return spatial[:, 0], np.zeros((len(values), 2, 3))
+    turned = moments if dimension == 3 else -moments * np.array([0.0, 1.0, 0.0])
+    # a of m = a × e for orthonormal e: Σ e × m = Σ (a − e (e·a)), twice a with three axes, once with two
+    arms: FloatArray = np.cross(spatial, turned).sum(axis=2) / (width - 1)
     if np.abs(np.cross(arms[:, :, None], spatial) - turned).max() > RIGID_TOLERANCE * max(1.0, np.abs(arms).max()):
         return None
-    return _padded(spatial[:, 0]), arms
-
-
-def _padded(axes: FloatArray) -> FloatArray:
-    """Return axes of one to three lanes as (n, 3, 3), missing lanes zero."""
-    frames = np.zeros((len(axes), 3, 3))
-    frames[:, : axes.shape[1]] = axes
-    return frames
-
-
-def _arms(axes: FloatArray, moments: FloatArray) -> FloatArray:
-    """Return a of m = a × e for orthonormal e: Σ e × m = Σ (a − e (e·a)), twice a with three axes, once with two."""
-    share = 1.0 / (axes.shape[2] - 1)
-    arms: FloatArray = share * np.cross(axes, moments).sum(axis=2)
-    return arms
+    return spatial[:, 0], arms
 
 
 def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> FloatArray:
@@ -262,34 +230,33 @@ def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> 
     )
     apart = arms[paired, 1] - arms[paired, 0]
     laplacian = sp.csc_array(incidence @ incidence.T)
-    n_heaps, heap = connected_components(laplacian, directed=False)
+    _, heap = connected_components(laplacian, directed=False)
     anchors = np.zeros(n_bodies)
     anchors[np.unique(heap, return_index=True)[1]] = 1.0  # one body of each heap is held, or nothing would be fixed
     solved = spsolve(sp.csc_array(laplacian + sp.diags_array(anchors)), incidence @ apart)
-    return _side_by_side(np.asarray(solved).reshape(n_bodies, 3), heap.astype(np.int64), n_heaps, bodies[:, 0], size)
+    return _side_by_side(np.asarray(solved).reshape(n_bodies, 3), heap.astype(np.int64), bodies[:, 0], size)
 
 
-def _side_by_side(centres: FloatArray, heap: IntArray, n_heaps: int, touched: IntArray, size: float) -> FloatArray:
+def _side_by_side(centres: FloatArray, heap: IntArray, touched: IntArray, size: float) -> FloatArray:
     """Return the centres with the largest heap about the origin and the other touched ones to its right.
 
     They stand in columns as deep as the largest heap, one behind the other, all on its floor.
     """
-    members = np.bincount(heap, minlength=n_heaps)
     in_contact = np.unique(heap[touched])
-    order = in_contact[np.argsort(-members[in_contact], kind="stable")]
+    order = in_contact[np.argsort(-np.bincount(heap)[in_contact], kind="stable")]
     gap = 3.0 * size
     edge = floor = depth = along = across = 0.0
     for rank, number in enumerate(order):
         mine = heap == number
-        low, high = centres[mine].min(axis=0), centres[mine].max(axis=0)
+        low, extent = centres[mine].min(axis=0), np.ptp(centres[mine], axis=0)
         if rank == 0:
-            centres[mine] -= (low + high) / 2.0
-            edge, depth, floor = (high[0] - low[0]) / 2.0 + gap, (high[1] - low[1]) / 2.0, -(high[2] - low[2]) / 2.0
+            centres[mine] -= low + extent / 2.0
+            edge, depth, floor = extent * (0.5, 0.5, -0.5) + (gap, 0.0, 0.0)
             along = -depth
             continue
         if along > depth:
             edge, along, across = edge + across + gap, -depth, 0.0
         centres[mine] += np.array([edge, along, floor]) - low
-        along += high[1] - low[1] + gap
-        across = max(across, float(high[0] - low[0]))
+        along += extent[1] + gap
+        across = max(across, extent[0])
     return centres
