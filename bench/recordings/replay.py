@@ -1,7 +1,7 @@
 """Recordings of simulations that are stored: bodies and impulses at the states that were kept, curves of all steps."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +66,14 @@ def record_stored(
     if not len(steps):
         raise BenchError("no step is taken yet, so there is nothing to record; go on with the simulation first.")
     times = np.array([scene.start.time, *steps["time"]])
+    numbers = np.searchsorted(times, [state.time for state in states])
+    drawn = (
+        (int(number), step_to(scene.system, state, float(times[number] - times[number - 1]), impulse_seconds))
+        for number, state in zip(numbers[1:], states[1:], strict=True)
+    )
     with scene_recorder(scene, file, len(steps), force) as recorder:
         recorder.start(states[0])
-        recorder.replay(times, _curves(scene, steps, times), _drawn(scene.system, times, states[1:], impulse_seconds))
+        recorder.replay(times, _curves(scene, steps, times), drawn)
 
 
 def _curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[str, FloatArray]:
@@ -84,14 +89,6 @@ def _curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[st
         "energy/potential": potential,
         "energy/total": kinetic + potential,
     }
-
-
-def _drawn(
-    system: System, times: FloatArray, states: Sequence[State], impulse_seconds: float | None
-) -> Iterator[tuple[int, Step]]:
-    for state in states:
-        number = int(np.searchsorted(times, state.time))
-        yield number, step_to(system, state, float(times[number] - times[number - 1]), impulse_seconds)
 
 
 def step_to(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
