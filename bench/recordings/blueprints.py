@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import rerun.blueprint as rrb
+
+from ...problems.arrays import FloatArray
 
 BACKGROUND = (22, 25, 31)
 """Of views in space, to go with the viewer's dark plots."""
@@ -22,17 +25,23 @@ SLOWEST, FASTEST = 4.0, 120.0
 DRAWN_PER_SECOND = 60.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """Where a view is seen from.
 
     Attributes:
-        position: of the eye [m].
-        target: what it looks at [m].
+        position: of the eye [m], shape (3,).
+        target: what it looks at [m], shape (3,).
     """
 
-    position: tuple[float, float, float]
-    target: tuple[float, float, float]
+    position: FloatArray
+    target: FloatArray
+
+    @classmethod
+    def around(cls, low: FloatArray, high: FloatArray, distance: float, direction: Sequence[float]) -> "Camera":
+        """Return the view of a box, given by two corners [m], from so far away [m] in a direction, shape (3,)."""
+        middle = (low + high) / 2.0
+        return cls(middle + distance * np.array(direction), middle)
 
 
 def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str | None = None) -> rrb.Spatial3DView:

@@ -2,11 +2,13 @@
 
 import os
 import uuid
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import ArrayLike
 
 from ...problems.spelling import switch
 from ..errors import BenchError
@@ -66,6 +68,19 @@ class RecordingFile:
                 os.replace(self._temporary, self.path)
         finally:
             self._temporary.unlink(missing_ok=True)
+
+
+def write_curve(
+    stream: rr.RecordingStream,
+    path: str,
+    label: str,
+    colour: tuple[int, int, int],
+    at: Sequence[rr.TimeColumn],
+    values: ArrayLike,
+) -> None:
+    """Log a curve with its look, ``values`` at the times ``at``."""
+    stream.log(path, rr.SeriesLines(colors=[colour], names=[label], widths=[2.0]), static=True)
+    stream.send_columns(path, at, rr.Scalars.columns(scalars=values))
 
 
 def refuse_bad_path(path: Path, force: bool) -> None:

@@ -4,7 +4,7 @@ A scene whose bodies cannot be drawn is recorded by its coordinates.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -22,7 +22,7 @@ from ..errors import BenchError
 from ..report.palette import PALETTE, rgb
 from .blueprints import STEP, TIME, plot, simulation_blueprint
 from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
-from .file import RecordingFile
+from .file import RecordingFile, write_curve
 
 SMALLEST = 1e-16
 """Residuals below are drawn here: the curve is a logarithm."""
@@ -30,15 +30,25 @@ SMALLEST = 1e-16
 BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
 
+NO_IMPULSES = rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3)))
+
 MOST_COORDINATES = 12
 """Coordinates that are drawn, the first ones of scenes that name none."""
 
-NOT_STARTED = "the recorder was not started; call its start with the state before the first step."
-
-ENERGIES = ("kinetic", "potential", "total")
-
 COORDINATES = "coordinates"
 """The group of curves of coordinates that have no body to be drawn on."""
+
+COLOURS = {
+    **{f"contacts/{state.name.lower()}": colour for state, colour in STATE_COLOURS.items()},
+    "energy/kinetic": PALETTE[5],
+    "energy/potential": PALETTE[1],
+    "energy/total": PALETTE[3],
+    "angles/sleeve": PALETTE[1],
+}
+"""Of curves; others have ``PALETTE[5]``."""
+
+Entities = Iterable[tuple[str, rr.AsComponents]]
+"""What is logged, and where."""
 
 
 class StepRecorder(ABC):
@@ -66,33 +76,29 @@ class StepRecorder(ABC):
         self._title, self._about, self._every = title, about, every
         self._count = 0
         self._times: list[float] = []
-        self._curves: dict[str, list[float]] = {}
+        self._curves: dict[str, dict[int, float]] = {}
         self._stream: rr.RecordingStream | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        try:
+        with self._recording:
             if self._stream is not None:
-                self._finish(self._stream)
+                self._log(self._summary(), static=True)
                 self._write_curves(self._stream)
-        except BaseException as problem:
-            self._recording.__exit__(type(problem), problem, problem.__traceback__)
-            raise
-        self._recording.__exit__(None, None, None)
 
     def start(self, state: State) -> None:
         """Draw the state before the first step."""
-        stream = self._recording.begin("simulation", self._title, self._blueprint(state))
-        self._stream = stream
+        blueprint = simulation_blueprint(self._views(state), self._plots(), self._every)
+        self._stream = self._recording.begin("simulation", self._title, blueprint)
+        self._last = state
+        self._times = [state.time]
+        write_state_colours(self._stream, "scene")
         about = rr.TextDocument(self._about, media_type="text/markdown")
-        stream.log("about", about, static=True)
-        write_state_colours(stream, "scene")
-        self._set_up(stream, state)
-        self._set_time(stream, state)
-        self._draw(stream, state)
-        self._note(state, None)
+        self._log([("about", about), *self._scenery(state)], static=True)
+        self._draw(state)
+        self._note({"iterations": 0.0} | self._energy_curves(state) | _counts(None) | self._own_curves(state))
 
     def __call__(self, step: Step) -> None:
         """Record one step.
@@ -100,14 +106,16 @@ class StepRecorder(ABC):
         Raises:
             BenchError: if the recorder was not started.
         """
-        if self._stream is None:
-            raise BenchError(NOT_STARTED)
+        self._started()
         self._count += 1
-        states = _states(step)
-        self._follow(step)
-        if self._count % self._every == 0:
-            self._show(self._stream, step, states)
-        self._note(step.state, step, states)
+        self._times.append(step.state.time)
+        values = {
+            "step_size": np.log10(step.state.time - self._last.time),
+            "iterations": float(step.iterations),
+            "residual": np.log10(max(_residual(step), SMALLEST)),
+        }
+        self._note(values | self._energy_curves(step.state))
+        self._take(step, is_drawn=self._count % self._every == 0)
 
     def replay(self, times: FloatArray, curves: Mapping[str, FloatArray], drawn: Iterable[tuple[int, Step]]) -> None:
         """Record a simulation that is over, of which some steps are known as a whole; instead of a call for each.
@@ -121,53 +129,62 @@ class StepRecorder(ABC):
         Raises:
             BenchError: if the recorder was not started.
         """
-        if self._stream is None:
-            raise BenchError(NOT_STARTED)
-        at_start = self._curves
+        self._started()
         self._times = times.tolist()
-        self._curves = {name: values.tolist() for name, values in curves.items()}
-        for name in at_start.keys() - curves.keys():
-            self._curves[name] = [*at_start[name], *[np.nan] * (len(times) - 1)]
+        self._curves |= {name: dict(enumerate(values.tolist())) for name, values in curves.items()}
         for number, step in drawn:
-            self._count, states = number, _states(step)
-            self._follow(step)
-            self._show(self._stream, step, states)
-            for name, value in {**_counts(states), **self._own_curves(step.state)}.items():
-                self._curves[name][number] = value
+            self._count = number
+            self._take(step)
 
-    def _show(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
-        self._set_time(stream, step.state)
-        self._draw(stream, step.state)
-        self._draw_impulses(stream, step, states)
+    def _started(self) -> rr.RecordingStream:
+        if self._stream is None:
+            raise BenchError("the recorder was not started; call its start with the state before the first step.")
+        return self._stream
 
-    def _set_time(self, stream: rr.RecordingStream, state: State) -> None:
-        stream.set_time(STEP, sequence=self._count)
-        stream.set_time(TIME, duration=state.time)
+    def _take(self, step: Step, is_drawn: bool = True) -> None:
+        """Draw a step, or only follow it, and note what is known of its contacts and its state."""
+        states = None
+        if step.problem is not None:
+            states = contact_states(step.problem.layout, step.problem.layout.pad(step.impulses))
+        self._follow(step)
+        if is_drawn:
+            self._draw(step.state)
+            self._log(self._impulses(step, states))
+        self._last = step.state
+        self._note(_counts(states) | self._own_curves(step.state))
 
-    def _note(self, state: State, step: Step | None, states: States | None = None) -> None:
-        """Keep the numbers of one instant for the curves."""
-        values = {"step_size": np.log10(state.time - self._times[-1]) if self._times else np.nan}
-        self._times.append(state.time)
-        values |= _counts(states)
-        values["iterations"] = float(step.iterations) if step is not None else 0.0
-        values["residual"] = np.log10(max(step_residual(step), SMALLEST)) if step is not None else np.nan
-        kinetic, potential = self._energies(state)
-        values |= {"energy/kinetic": kinetic, "energy/potential": potential, "energy/total": kinetic + potential}
-        values |= self._own_curves(state)
+    def _draw(self, state: State) -> None:
+        self._started().set_time(STEP, sequence=self._count)
+        self._started().set_time(TIME, duration=state.time)
+        self._log(self._bodies(state))
+
+    def _log(self, entities: Entities, static: bool = False) -> None:
+        for path, shape in entities:
+            self._started().log(path, shape, static=static)
+
+    def _note(self, values: Mapping[str, float]) -> None:
+        """Keep points of curves at the step that was taken last."""
         for name, value in values.items():
-            self._curves.setdefault(name, []).append(value)
+            self._curves.setdefault(name, {})[self._count] = value
+
+    def _energy_curves(self, state: State) -> dict[str, float]:
+        kinetic, potential = self._energies(state)
+        return {"energy/kinetic": kinetic, "energy/potential": potential, "energy/total": kinetic + potential}
 
     def _write_curves(self, stream: rr.RecordingStream) -> None:
         times = np.array(self._times)
-        for name, values in self._curves.items():
-            kept = np.flatnonzero(~np.isnan(values))
-            path, label = f"curves/{name}", name.rpartition("/")[2]
-            line = rr.SeriesLines(colors=[_colour_of(name)], names=[label], widths=[2.0])
-            stream.log(path, line, static=True)
+        for name, points in self._curves.items():
+            kept = [step for step, value in points.items() if not np.isnan(value)]
             at = [rr.TimeColumn(STEP, sequence=kept), rr.TimeColumn(TIME, duration=times[kept])]
-            stream.send_columns(path, at, rr.Scalars.columns(scalars=np.array(values)[kept]))
+            label, colour = name.rpartition("/")[2], _colour_of(name)
+            write_curve(stream, f"curves/{name}", label, colour, at, [points[step] for step in kept])
+
+    def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
+        """Return the views in space."""
+        return ()
 
     def _plots(self) -> list[rrb.TimeSeriesView]:
+        """Return the plots beside them."""
         return [
             plot("active contacts", "/curves/contacts"),
             plot("solver iterations", "/curves/iterations", legend=False),
@@ -175,24 +192,20 @@ class StepRecorder(ABC):
             plot("energy [J]", "/curves/energy"),
         ]
 
-    @abstractmethod
-    def _blueprint(self, state: State) -> rrb.Blueprint:
-        """Return how the file opens."""
-
-    @abstractmethod
-    def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
-        """Log what does not change."""
+    def _scenery(self, state: State) -> Entities:
+        """Return what does not change, given the first state."""
+        return ()
 
     def _follow(self, step: Step) -> None:  # noqa: B027 - few recordings look at all steps
         """Take in a step that may not be drawn."""
 
-    @abstractmethod
-    def _draw(self, stream: rr.RecordingStream, state: State) -> None:
-        """Log the bodies."""
+    def _bodies(self, state: State) -> Entities:
+        """Return the bodies."""
+        return ()
 
-    @abstractmethod
-    def _draw_impulses(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
-        """Log the impulses."""
+    def _impulses(self, step: Step, states: States | None) -> Entities:
+        """Return the impulses of a step, whose contacts are in ``states``."""
+        return ()
 
     @abstractmethod
     def _energies(self, state: State) -> tuple[float, float]:
@@ -202,42 +215,51 @@ class StepRecorder(ABC):
         """Return further curves."""
         return {}
 
-    def _finish(self, stream: rr.RecordingStream) -> None:  # noqa: B027 - few recordings end with a summary
-        """Log what is known only at the end."""
+    def _summary(self) -> Entities:
+        """Return what is known only at the end."""
+        return ()
 
 
-def step_residual(step: Step) -> float:
+def step_size_plot() -> rrb.TimeSeriesView:
+    """Return the plot of the step size, for scenes that variable steps go through."""
+    return plot("log₁₀ step size [s]", "/curves/step_size", legend=False)
+
+
+def arrows(
+    vectors: FloatArray, points: FloatArray, states: States, lengths: FloatArray | float, reference: float
+) -> rr.Arrows3D:
+    """Return impulses as arrows at the contacts, which grow with their root.
+
+    Args:
+        vectors: Λ in space [N s], shape (n, 3).
+        points: of the contacts [m], shape (n, 3).
+        states: of the contacts, shape (n,).
+        lengths: of the arrow of an impulse ``reference`` [m], one or shape (n,).
+        reference: [N s].
+    """
+    size = np.linalg.norm(vectors, axis=1)
+    stretch = lengths * np.sqrt(size / reference) / np.maximum(size, 1e-300)
+    return rr.Arrows3D(vectors=vectors * stretch[:, None], origins=points, class_ids=states)
+
+
+def _residual(step: Step) -> float:
     """Return the judge's residual of one step, 0 if no contact was active."""
-    problem, contacts = step.problem, step.contacts
-    if problem is None or contacts is None or problem.factors is None:
-        return 0.0
-    directions = contacts.directions
-    moved: FloatArray = problem.factors.inverse_mass.times(directions.times(step.impulses))
-    return Residual(problem)(step.impulses, directions.transposed_times(moved) + problem.free_velocity)
-
-
-def _states(step: Step) -> States | None:
-    """Return what the contacts of a step do, None without any."""
     if step.problem is None:
-        return None
-    return contact_states(step.problem.layout, step.problem.layout.pad(step.impulses))
+        return 0.0
+    return Residual(step.problem)(step.impulses, step.problem.relative_velocity(step.impulses))
 
 
 def _counts(states: States | None) -> dict[str, float]:
     """Return how many contacts do what, by the name of the curve."""
-    counts = np.zeros(len(ContactState), dtype=np.int64) if states is None else count_states(states)
-    return {f"contacts/{kind.name.lower()}": float(counts[kind]) for kind in ContactState}
+    counts = [0] * len(ContactState) if states is None else count_states(states)
+    return {f"contacts/{state.name.lower()}": float(counts[state]) for state in ContactState}
 
 
 def _colour_of(curve: str) -> tuple[int, int, int]:
     group, _, name = curve.rpartition("/")
-    if group == "contacts":
-        return rgb(STATE_COLOURS[ContactState[name.upper()]])
-    if group == "energy":
-        return rgb(PALETTE[(5, 1, 3)[ENERGIES.index(name)]])
     if group == COORDINATES:
         return rgb(PALETTE[sum(name.encode()) % len(PALETTE)])
-    return rgb(PALETTE[1] if name == "sleeve" else PALETTE[5])
+    return rgb(COLOURS.get(curve, PALETTE[5]))
 
 
 class CoordinateRecorder(StepRecorder):
@@ -257,22 +279,8 @@ class CoordinateRecorder(StepRecorder):
         self._scene = scene
         self._names = scene.coordinates or {f"q{index}": index for index in range(count)}
 
-    def _blueprint(self, state: State) -> rrb.Blueprint:
-        plots = [
-            plot("coordinates", f"/curves/{COORDINATES}"),
-            *self._plots(),
-            plot("log₁₀ step size [s]", "/curves/step_size", legend=False),
-        ]
-        return simulation_blueprint([], plots, self._every)
-
-    def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
-        """There is nothing that does not change."""
-
-    def _draw(self, stream: rr.RecordingStream, state: State) -> None:
-        """There are no bodies."""
-
-    def _draw_impulses(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
-        """There are no places for them."""
+    def _plots(self) -> list[rrb.TimeSeriesView]:
+        return [plot("coordinates", f"/curves/{COORDINATES}"), *super()._plots(), step_size_plot()]
 
     def _energies(self, state: State) -> tuple[float, float]:
         return self._scene.kinetic_energy(state.velocity), self._scene.potential_energy(state.position)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
@@ -24,7 +23,7 @@ from ..store.store import Store, plain_name
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .contact_points import Bodies, Places, find_places
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
-from .file import SUFFIX, RecordingFile
+from .file import SUFFIX, RecordingFile, write_curve
 from .traces import Trace, trace_solve
 
 SMALLEST = 1e-16
@@ -33,7 +32,8 @@ SMALLEST = 1e-16
 LARGEST_GROWTH = 1e2
 """Curves of a solver that diverges stay at this multiple of the largest value that any solver begins with."""
 
-CURVES = ("residual", "complementarity", "step_change")
+FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
+"""Where curves begin: zeros have a residual, but nothing to multiply or to change from."""
 
 ARROW_SIZES = 3.0
 """Length of a large arrow in body sizes; it stands for the impulse that one closed contact in ten exceeds."""
@@ -119,8 +119,11 @@ def record_solves(
             f"places hold {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
         )
     contestants = [contestant(solver) for solver in solvers]
+    traces: list[Trace] = []
     with RecordingFile(file, force) as recording:
-        traces = tuple(_traced(problem, solver, stop) for solver in contestants)
+        for solver in contestants:
+            with working_solver(solver) as working:
+                traces.append(trace_solve(problem, working, stop))
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)
         names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
@@ -128,15 +131,14 @@ def record_solves(
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
         if where.bodies is not None:
-            _write_bodies(stream, BODIES, where.bodies, where.size)
+            _write_bodies(stream, where.bodies, where.size)
         scale = ARROW_SIZES * where.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
             _write_contacts(stream, problem, where, trace, index, scale)
-        stream.log(
-            "about", rr.TextDocument(_about(problem, where, traces, reference), media_type="text/markdown"), static=True
-        )
-    return RecordedSolves(file, traces, where)
+        about = _about(problem, where, traces, reference)
+        stream.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
+    return RecordedSolves(file, tuple(traces), where)
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
@@ -164,43 +166,28 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     return made
 
 
-def _traced(problem: ContactProblem, solver: Contestant, stop: Stop) -> Trace:
-    with working_solver(solver) as working:
-        return trace_solve(problem, working, stop)
-
-
 def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings: dict[str, float]) -> None:
     """Write residual, complementarity and step change of one solver, and the states of its contacts."""
     if not trace.iterations:
         return
     colour = on_dark(look(index).colour)
-    for name in CURVES:
-        first = _first_point(name)
-        path = f"curves/{name}/{index}"
-        stream.log(path, rr.SeriesLines(colors=[colour], names=[trace.solver], widths=[2.0]), static=True)
+    for name, first in FIRST_POINTS.items():
         at = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
         values = np.asarray(getattr(trace, name)[first:])
         known = np.clip(np.where(np.isnan(values), np.inf, values), SMALLEST, ceilings[name])
-        stream.send_columns(path, at, rr.Scalars.columns(scalars=np.log10(known)))
+        write_curve(stream, f"curves/{name}/{index}", trace.solver, colour, at, np.log10(known))
     at = [rr.TimeColumn(ITERATION, sequence=trace.iterations)]
     counts = np.asarray(trace.state_counts, dtype=np.float64)
     for state in ContactState:
-        path = f"states/{index}/{state.name.lower()}"
-        line = rr.SeriesLines(colors=[rgb(STATE_COLOURS[state])], names=[state.name.lower()], widths=[2.0])
-        stream.log(path, line, static=True)
-        stream.send_columns(path, at, rr.Scalars.columns(scalars=counts[:, state]))
-
-
-def _first_point(curve: str) -> int:
-    """Return where a curve begins: zeros have a residual, but nothing to multiply or to change from."""
-    return 0 if curve == "residual" else 1
+        name = state.name.lower()
+        write_curve(stream, f"states/{index}/{name}", name, rgb(STATE_COLOURS[state]), at, counts[:, state])
 
 
 def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:
     """Return where each curve is cut off."""
     ceilings = {}
-    for name in CURVES:
-        heads = [value for trace in traces for value in getattr(trace, name)[_first_point(name) :][:2]]
+    for name, first in FIRST_POINTS.items():
+        heads = [value for trace in traces for value in getattr(trace, name)[first : first + 2]]
         largest = max((value for value in heads if np.isfinite(value)), default=1.0)
         ceilings[name] = max(LARGEST_GROWTH * largest, SMALLEST)
     return ceilings
@@ -224,53 +211,47 @@ def _write_contacts(
     write_state_colours(stream, root)
     if not trace.shown:
         return
-    origins = places.positions.astype(np.float32)
-    dot, shaft = 0.14 * places.size, 0.09 * places.size
-    stream.log(
-        f"{root}/contacts", rr.Points3D.from_fields(positions=origins, radii=[dot], show_labels=False), static=True
-    )
-    stream.log(
-        f"{root}/impulses", rr.Arrows3D.from_fields(origins=origins, radii=[shaft], show_labels=False), static=True
-    )
+    origins, dot, shaft = places.positions, 0.14 * places.size, 0.09 * places.size
+    dots = rr.Points3D.from_fields(positions=origins, radii=[dot], show_labels=False)
+    stream.log(f"{root}/contacts", dots, static=True)
+    shafts = rr.Arrows3D.from_fields(origins=origins, radii=[shaft], show_labels=False)
+    stream.log(f"{root}/impulses", shafts, static=True)
     states = np.stack([contact_states(problem.layout, lanes) for lanes in trace.impulses])
     arrows = np.stack([_arrows(places, lanes, scale) for lanes in trace.impulses])
     at = [rr.TimeColumn(ITERATION, sequence=trace.shown)]
     lengths = [problem.n_contacts] * len(trace.shown)
-    stream.send_columns(f"{root}/contacts", at, rr.Points3D.columns(class_ids=states.ravel()).partition(lengths))
-    stream.send_columns(
-        f"{root}/impulses",
-        at,
-        rr.Arrows3D.columns(vectors=arrows.reshape(-1, 3), class_ids=states.ravel()).partition(lengths),
-    )
+    coloured = rr.Points3D.columns(class_ids=states.ravel()).partition(lengths)
+    stream.send_columns(f"{root}/contacts", at, coloured)
+    pushes = rr.Arrows3D.columns(vectors=arrows.reshape(-1, 3), class_ids=states.ravel()).partition(lengths)
+    stream.send_columns(f"{root}/impulses", at, pushes)
 
 
-def _write_bodies(stream: rr.RecordingStream, root: str, bodies: Bodies, size: float) -> None:
+def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> None:
     """Write balls as translucent spheres, other bodies as dots joined to their contacts; ``size`` is a body's [m]."""
     balls = bodies.is_ball
     if balls.any():
-        radii = bodies.radii[balls].astype(np.float32)
         shape = rr.Ellipsoids3D(
-            centers=bodies.centres[balls].astype(np.float32),
-            half_sizes=np.repeat(radii, 3).reshape(-1, 3),
+            centers=bodies.centres[balls],
+            half_sizes=np.repeat(bodies.radii[balls], 3).reshape(-1, 3),
             colors=[GLASS],
             fill_mode=rr.components.FillMode.Solid,
             show_labels=False,
         )
-        stream.log(f"{root}/balls", shape, static=True)
+        stream.log(f"{BODIES}/balls", shape, static=True)
     if not balls.all():
-        centres = bodies.centres[~balls].astype(np.float32)
-        stream.log(f"{root}/centres", rr.Points3D(centres, radii=[0.2 * size], colors=[LINES]), static=True)
-        arms = bodies.arms.astype(np.float32)
-        stream.log(f"{root}/arms", rr.LineStrips3D(arms, radii=[0.03 * size], colors=[LINES]), static=True)
+        centres = rr.Points3D(bodies.centres[~balls], radii=[0.2 * size], colors=[LINES])
+        stream.log(f"{BODIES}/centres", centres, static=True)
+        arms = rr.LineStrips3D(bodies.arms.astype(np.float32), radii=[0.03 * size], colors=[LINES])
+        stream.log(f"{BODIES}/arms", arms, static=True)
 
 
-def _arrows(places: Places, lanes: FloatArray, scale: float) -> NDArray[np.float32]:
+def _arrows(places: Places, lanes: FloatArray, scale: float) -> FloatArray:
     """Return arrows in space, shape (n_contacts, 3), cut at ``LONGEST_ARROW``; nothing for what is not finite."""
     vectors = scale * places.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
     lengths = np.linalg.norm(vectors, axis=1)
     longest = LONGEST_ARROW * ARROW_SIZES * places.size
-    vectors *= np.minimum(1.0, longest / np.maximum(lengths, longest))[:, None]
-    return vectors.astype(np.float32)
+    cut: FloatArray = vectors * (longest / np.maximum(lengths, longest))[:, None]
+    return cut
 
 
 def _reference_impulse(traces: Sequence[Trace]) -> float:
@@ -286,10 +267,8 @@ def _reference_impulse(traces: Sequence[Trace]) -> float:
 def _camera(places: Places) -> Camera:
     """Return a view of most contacts, with room for arrows; the few that stand apart do not push the eye away."""
     low, high = np.quantile(places.positions, (0.03, 0.97), axis=0)
-    middle = (low + high) / 2.0
     distance = 0.85 * float(np.linalg.norm(high - low)) + 8.0 * places.size
-    eye = middle + distance * np.array([0.0, -0.93, 0.37])
-    return Camera((float(eye[0]), float(eye[1]), float(eye[2])), (float(middle[0]), float(middle[1]), float(middle[2])))
+    return Camera.around(low, high, distance, (0.0, -0.93, 0.37))
 
 
 def _about(problem: ContactProblem, places: Places, traces: Sequence[Trace], reference: float) -> str:

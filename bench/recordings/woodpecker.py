@@ -1,5 +1,6 @@
 """Recordings of the woodpecker: pole, sleeve and bird as simple shapes, in the plane (x, z) of its motion."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +12,13 @@ from ...problems.mechanics.state import State
 from ...problems.scenes import woodpecker as toy
 from ...problems.stepping.moreau import Step
 from ..report.palette import rgb
-from .blueprints import Camera, plot, simulation_blueprint, space_view
+from .blueprints import Camera, plot, space_view
 from .contact_states import States
-from .meshes import about_depth
-from .simulation import BODIES, IMPULSES, StepRecorder
+from .meshes import about_depth, in_space
+from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, StepRecorder, arrows, step_size_plot
 
-WOOD, BRASS, FEATHERS, CREST, BEAK, BELLY = (
-    rgb("#b08a5b"),
-    rgb("#d9b45b"),
-    rgb("#2f6f8f"),
-    rgb("#d94f3d"),
-    rgb("#f0c75e"),
-    rgb("#e9e2d0"),
-)
+WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
+CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")
 POLE_BEYOND = 0.06
 """Length of the pole above and below what the bird passes [m]."""
 
@@ -50,63 +45,53 @@ class WoodpeckerRecorder(StepRecorder):
         )
         super().__init__(file, "woodpecker", about, force, every)
         self._lowest = self._highest = 0.0
-        self._mass = toy.woodpecker().mass(np.zeros(3))
 
-    def _blueprint(self, state: State) -> rrb.Blueprint:
+    def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
         height = float(state.position[0])
-        camera = Camera((0.012, -0.12, height + 0.012), (0.012, 0.0, height - 0.004))
-        views = [space_view("woodpecker", camera, ["/scene/**"], tracking=f"/{BODIES}/sleeve")]
-        plots = [
-            plot("angles [rad]", "/curves/angles"),
-            *self._plots(),
-            plot("log₁₀ step size [s]", "/curves/step_size", legend=False),
-        ]
-        return simulation_blueprint(views, plots, self._every)
+        camera = Camera(np.array([0.012, -0.12, height + 0.012]), np.array([0.012, 0.0, height - 0.004]))
+        return [space_view("woodpecker", camera, ["/scene/**"], tracking=f"/{BODIES}/sleeve")]
 
-    def _set_up(self, stream: rr.RecordingStream, state: State) -> None:
+    def _plots(self) -> list[rrb.TimeSeriesView]:
+        return [plot("angles [rad]", "/curves/angles"), *super()._plots(), step_size_plot()]
+
+    def _scenery(self, state: State) -> Entities:
         self._lowest = self._highest = float(state.position[0])
-        _draw_sleeve(stream)
-        _draw_bird(stream)
-        stream.log(IMPULSES, rr.Arrows3D.from_fields(radii=[3e-4], show_labels=False), static=True)
-        spring = rr.LineStrips3D.from_fields(colors=[BRASS], radii=[2.5e-4])
-        stream.log(f"{BODIES}/spring", spring, static=True)
+        return [
+            *_sleeve(),
+            *_bird(),
+            (IMPULSES, rr.Arrows3D.from_fields(radii=[3e-4], show_labels=False)),
+            (f"{BODIES}/spring", rr.LineStrips3D.from_fields(colors=[BRASS], radii=[2.5e-4])),
+        ]
 
     def _follow(self, step: Step) -> None:
         height = float(step.state.position[0])
         self._lowest, self._highest = min(self._lowest, height), max(self._highest, height)
 
-    def _draw(self, stream: rr.RecordingStream, state: State) -> None:
-        height, sleeve, bird = (float(value) for value in state.position)
+    def _bodies(self, state: State) -> Entities:
+        height, sleeve, bird = state.position
         centre = _bird_centre(state.position)
-        turned_sleeve, turned_bird = rr.Quaternion(xyzw=about_depth(sleeve)), rr.Quaternion(xyzw=about_depth(bird))
-        stream.log(f"{BODIES}/sleeve", rr.Transform3D(translation=[0.0, 0.0, height], quaternion=turned_sleeve))
-        stream.log(f"{BODIES}/bird", rr.Transform3D(translation=centre, quaternion=turned_bird))
         foot = np.array([toy.SLEEVE_RADIUS, 0.0, height + sleeve * toy.SLEEVE_RADIUS])
-        stream.log(f"{BODIES}/spring", rr.LineStrips3D([_coil(foot, centre)]))
+        return [
+            (f"{BODIES}/sleeve", _placed(np.array([0.0, 0.0, height]), sleeve)),
+            (f"{BODIES}/bird", _placed(centre, bird)),
+            (f"{BODIES}/spring", rr.LineStrips3D([_coil(foot, centre)])),
+        ]
 
-    def _draw_impulses(self, stream: rr.RecordingStream, step: Step, states: States | None) -> None:
+    def _impulses(self, step: Step, states: States | None) -> Entities:
         if step.contacts is None or states is None:
-            stream.log(IMPULSES, rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3))))
-            return
-        lanes = step.impulses.reshape(-1, 2)
-        size = np.linalg.norm(lanes, axis=1)
+            return [(IMPULSES, NO_IMPULSES)]
+        vectors = in_space(step.impulses.reshape(-1, 2))
         weight = (toy.BIRD_MASS + toy.SLEEVE_MASS) * toy.GRAVITY * REFERENCE_SECONDS
-        stretch = ARROW_LENGTH * np.sqrt(size / weight) / np.maximum(size, 1e-300)
-        vectors = np.column_stack([lanes[:, 0], np.zeros(len(lanes)), lanes[:, 1]]) * stretch[:, None]
         points = _contact_points(step.state.position)[step.contacts.keys]
-        stream.log(IMPULSES, rr.Arrows3D(vectors=vectors, origins=points, class_ids=states))
+        return [(IMPULSES, arrows(vectors, points, states, ARROW_LENGTH, weight))]
 
     def _energies(self, state: State) -> tuple[float, float]:
-        """Return kinetic and potential energy, zero for the relaxed toy at height 0."""
-        height, sleeve, bird = (float(value) for value in state.position)
-        lifted = toy.BIRD_MASS * (height + toy.SPRING_ARM * sleeve + toy.BIRD_ARM * bird) + toy.SLEEVE_MASS * height
-        potential = toy.GRAVITY * lifted + 0.5 * toy.SPRING_STIFFNESS * (sleeve - bird) ** 2
-        return 0.5 * float(state.velocity @ self._mass @ state.velocity), potential
+        return toy.kinetic_energy(state.velocity), toy.potential_energy(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
         return {"angles/sleeve": float(state.position[1]), "angles/bird": float(state.position[2])}
 
-    def _finish(self, stream: rr.RecordingStream) -> None:
+    def _summary(self) -> Entities:
         low, high = self._lowest - POLE_BEYOND, self._highest + POLE_BEYOND
         pole = rr.Cylinders3D(
             lengths=[high - low],
@@ -115,7 +100,11 @@ class WoodpeckerRecorder(StepRecorder):
             colors=[WOOD],
             fill_mode="solid",
         )
-        stream.log("scene/pole", pole, static=True)
+        return [("scene/pole", pole)]
+
+
+def _placed(centre: FloatArray, angle: float) -> rr.Transform3D:
+    return rr.Transform3D(translation=centre, quaternion=rr.Quaternion(xyzw=about_depth(angle)))
 
 
 def _bird_centre(position: FloatArray) -> FloatArray:
@@ -143,18 +132,17 @@ def _coil(start: FloatArray, end: FloatArray, turns: int = 5, radius: float = 1.
     return coil
 
 
-def _draw_sleeve(stream: rr.RecordingStream) -> None:
-    """Log the sleeve about its own centre: rings on the pole."""
+def _sleeve() -> Entities:
+    """Return the sleeve about its own centre: rings on the pole."""
     angle = np.linspace(0.0, 2.0 * np.pi, 33)
     ring = toy.SLEEVE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
     heights = np.linspace(-toy.SLEEVE_HALF_HEIGHT, toy.SLEEVE_HALF_HEIGHT, 9)
     strips = [ring + np.array([0.0, 0.0, z]) for z in heights]
-    shape = rr.LineStrips3D(strips, colors=[BRASS], radii=[5e-4])
-    stream.log(f"{BODIES}/sleeve/rings", shape, static=True)
+    yield f"{BODIES}/sleeve/rings", rr.LineStrips3D(strips, colors=[BRASS], radii=[5e-4])
 
 
-def _draw_bird(stream: rr.RecordingStream) -> None:
-    """Log the bird about its centre of mass, its beak at (−l_S, h_S)."""
+def _bird() -> Entities:
+    """Return the bird about its centre of mass, its beak at (−l_S, h_S)."""
     beak = np.array([-toy.BEAK_ARM, 0.0, toy.BEAK_HEIGHT])
     head = np.array([-0.0085, 0.0, 0.0165])
     shapes = rr.Ellipsoids3D(
@@ -176,7 +164,6 @@ def _draw_bird(stream: rr.RecordingStream) -> None:
         colors=[FEATHERS, BELLY, FEATHERS, CREST, (20, 20, 24)],
         fill_mode="solid",
     )
-    stream.log(f"{BODIES}/bird/body", shapes, static=True)
+    yield f"{BODIES}/bird/body", shapes
     lines = [[head + np.array([-0.004, 0.0, 0.0]), beak], [[0.003, 0.0, -0.011], [0.0085, 0.0, -0.024]]]
-    details = rr.LineStrips3D(lines, colors=[BEAK, FEATHERS], radii=[7e-4, 1.5e-3])
-    stream.log(f"{BODIES}/bird/details", details, static=True)
+    yield f"{BODIES}/bird/details", rr.LineStrips3D(lines, colors=[BEAK, FEATHERS], radii=[7e-4, 1.5e-3])

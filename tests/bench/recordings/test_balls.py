@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.recordings.balls import BallRecorder, funnel_recorder
+from proxbench.bench.recordings.balls import BallRecorder
 from proxbench.problems.mechanics.balls import BallSystem
 from proxbench.problems.mechanics.state import State
 from proxbench.problems.mechanics.surfaces import Plane
@@ -78,7 +78,7 @@ def test_a_ball_at_rest_is_carried_by_an_upward_impulse_below_it(
 def test_curves_hold_every_step_and_shapes_every_so_many(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     scene = Funnel(30)
     stepper = Moreau(scene.system(), create("SORprox"), Stop(1e-3, 50), TIME_STEP)
-    with funnel_recorder(scene, tmp_path / "a.rrd", every=5) as recorder:
+    with BallRecorder(scene.system(), tmp_path / "a.rrd", every=5) as recorder:
         recorder.start(scene.start())
         steps = list(stepper.steps(scene.start(), 22))
         for step in steps:
@@ -118,7 +118,7 @@ def simulate_without_state(recorder: BallRecorder, scene: Funnel, step: Step) ->
 def test_a_simulation_that_fails_keeps_what_was_recorded(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     scene = Funnel(30, STANDARD_EFFECTS)
     broken = Moreau(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
-    recorder = funnel_recorder(scene, tmp_path / "a.rrd")
+    recorder = BallRecorder(scene.system(), tmp_path / "a.rrd")
     with pytest.raises(AttributeError), recorder:
         simulate_without_state(recorder, scene, broken)
     assert [file.name for file in tmp_path.iterdir()] == ["a.rrd"]
@@ -128,10 +128,10 @@ def test_a_simulation_that_fails_keeps_what_was_recorded(tmp_path: Path, read_ba
 def test_a_recorder_is_started_before_it_is_called(tmp_path: Path) -> None:
     scene = Funnel(30)
     step = Moreau(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
-    with pytest.raises(BenchError, match="not started"), funnel_recorder(scene, tmp_path / "a.rrd") as recorder:
+    with pytest.raises(BenchError, match="not started"), BallRecorder(scene.system(), tmp_path / "a.rrd") as recorder:
         recorder(step)
     with pytest.raises(BenchError, match="every"):
-        funnel_recorder(scene, tmp_path / "a.rrd", every=0)
+        BallRecorder(scene.system(), tmp_path / "a.rrd", every=0)
     assert list(tmp_path.iterdir()) == []
 
 
