@@ -14,7 +14,7 @@ from ...problems.stepping.moreau import Step
 from ..report.palette import rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States
-from .meshes import about_depth, in_space
+from .meshes import about_depth
 from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, StepRecorder, arrows, step_size_plot
 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
@@ -26,6 +26,9 @@ ARROW_LENGTH = 0.012
 """Length of an arrow [m] that stands for the toy's weight over ``REFERENCE_SECONDS``; others grow by their root."""
 
 REFERENCE_SECONDS = 0.001
+
+FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Axes N and T of every contact; without friction there is N alone."""
 
 
 class WoodpeckerRecorder(StepRecorder):
@@ -80,7 +83,8 @@ class WoodpeckerRecorder(StepRecorder):
     def _impulses(self, step: Step, states: States | None) -> Entities:
         if step.contacts is None or states is None:
             return [(IMPULSES, NO_IMPULSES)]
-        vectors = in_space(step.impulses.reshape(-1, 2))
+        lanes = step.impulses.reshape(len(states), -1)
+        vectors = lanes @ FRAME[: lanes.shape[1]]
         weight = (toy.BIRD_MASS + toy.SLEEVE_MASS) * toy.GRAVITY * REFERENCE_SECONDS
         points = _contact_points(step.state.position)[step.contacts.keys]
         return [(IMPULSES, arrows(vectors, points, states, ARROW_LENGTH, weight))]

@@ -65,6 +65,20 @@ def test_energy_is_kept_in_flight_and_lost_at_contacts(
     assert np.abs(np.diff(energy)[flight]).max() < 1e-4 * lost
 
 
+def test_without_friction_impulses_are_normal_to_the_pole(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
+    stepper = Moreau(woodpecker(friction=None), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
+    steps = list(stepper.steps(section_start(), 200))
+    with WoodpeckerRecorder(tmp_path / "a.rrd") as recorder:
+        recorder.start(section_start())
+        for step in steps:
+            recorder(step)
+    drawn = read_back(tmp_path / "a.rrd").over_time("/scene/impulses", "Arrows3D:vectors")
+    assert [len(drawn[k]) for k in range(1, 201)] == [len(step.impulses) for step in steps]
+    arrows = np.array([arrow for each in drawn.values() for arrow in each])
+    assert arrows[:, 0].max() > 0.0
+    np.testing.assert_array_equal(arrows[:, 1:], 0.0)
+
+
 def test_every_angle_has_a_curve(period: tuple[Path, list[Step]], read_back: Callable[[Path], Any]) -> None:
     content = read_back(period[0])
     assert content.curve("/curves/angles/sleeve")[1000] == period[1][-1].state.position[1]
