@@ -15,6 +15,7 @@ import socket
 import tempfile
 import time
 import traceback
+import weakref
 from dataclasses import dataclass
 from multiprocessing import spawn
 from pathlib import Path
@@ -34,11 +35,17 @@ from .pipe import NoMessageError, read_message, read_object, write_message
 from .process_tree import send, writers
 from .supervisor import END, GO_ON, STOP
 
+REQUEST_SECONDS = 60.0
+"""Wall time that a request may take where nothing else is said [s]."""
+
+MEMORY_BYTES = 2**31
+"""Memory that a process may take beyond what the framework itself needs, where nothing else is said."""
+
 LARGEST_ANSWER = 2**24
 """Bytes that the JSON of an answer may have."""
 
-LARGEST_NUMBERS = 2**32
-"""Bytes that the array of an answer may have."""
+LARGEST_CONTENT = 2**32
+"""Bytes that may come with it."""
 
 SHOWN_OUTPUT = 4000
 """Characters of captured output that are kept with a failed case."""
@@ -61,11 +68,16 @@ class Fault(Exception):  # noqa: N818 - the case is at fault, not the program
     traceback: str = ""
 
 
+def no_answer() -> Fault:
+    """Return the fault of a process whose answer is none."""
+    return Fault(Outcome.MISBEHAVED, "its process sent something that is no answer")
+
+
 class Task(Protocol):
     """What a process does: answer requests. It is pickled on its way there, and plugin files are known to it."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Return a JSON object, and the bytes of an array of float64, which may be empty."""
+        """Return a JSON object, and bytes that go with it."""
         ...
 
 
@@ -73,7 +85,9 @@ class Worker:
     """One case's process, seen from outside. Between requests it is stopped, with all its threads.
 
     Attributes:
+        case_seconds: limit of the wall time of all requests together [s].
         busy_seconds: wall time that the case has used so far [s].
+        peak_memory_bytes: most memory that it says it had.
 
     Raises:
         Fault: if the task cannot be pickled, or no process can be started.
@@ -81,22 +95,14 @@ class Worker:
     """
 
     def __init__(self, task: Task, case_seconds: float, memory_bytes: int) -> None:
-        """Start the process.
-
-        Args:
-            task: what it does.
-            case_seconds: limit of the wall time of all requests together [s].
-            memory_bytes: memory it may take beyond what the framework itself needs.
-        """
+        """Start the process, which may take ``memory_bytes`` beyond what the framework itself needs."""
         try:
             pickled = pickle.dumps(task)
         except Exception as error:
             reason = f"it cannot be sent to the process of its case: {error}"
             raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
-        self.busy_seconds = 0.0
-        self.peak_memory_bytes = 0
+        self.case_seconds, self.busy_seconds, self.peak_memory_bytes = case_seconds, 0.0, 0
         self._is_stopped = False
-        self._case_seconds = case_seconds
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
@@ -108,19 +114,14 @@ class Worker:
             self._let_go()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
 
-    def ask(self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS) -> tuple[dict[str, Any], FloatArray]:
-        """Send one request and wait for its answer: a JSON object and an array, which may be empty.
-
-        Args:
-            request: its name.
-            arguments: to it.
-            largest: number of bytes that the array may have.
+    def ask(self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT) -> tuple[dict[str, Any], bytes]:
+        """Send one request and wait for its answer: a JSON object, and what goes with it, ``largest`` bytes at most.
 
         Raises:
             Fault: if the case raises, misbehaves, dies, or its time is up.
         """
         began, pipe = time.monotonic(), self._supervisor.pipe.fileno()
-        deadline = began + max(self._case_seconds - self.busy_seconds, 0.0)
+        deadline = began + max(self.case_seconds - self.busy_seconds, 0.0)
         try:
             if self._is_stopped:
                 self._supervisor.send(GO_ON)
@@ -129,22 +130,22 @@ class Worker:
             write_message(pipe, pickle.dumps((request, arguments)))
             lifeline = self._supervisor.orders.fileno()
             answer = read_object(pipe, LARGEST_ANSWER, deadline, lifeline)
-            numbers = np.frombuffer(read_message(pipe, largest, deadline, lifeline), dtype=np.float64)
+            content = read_message(pipe, largest, deadline, lifeline)
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _reported_fault(answer)
         except TimeoutError:
-            raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self._case_seconds:g} s") from None
+            raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s") from None
         except (EOFError, OSError):
             raise Fault(Outcome.CRASHED, self._death()) from None
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
-            raise Fault(Outcome.MISBEHAVED, "its process sent something that is no answer") from None
+            raise no_answer() from None
         finally:
             self._supervisor.send(STOP)
             self._is_stopped = True
             self.busy_seconds += time.monotonic() - began
         if fault is not None:
             raise fault
-        return answer, numbers
+        return answer, content
 
     def output(self) -> str:
         """Return the end of what the case printed."""
@@ -186,13 +187,19 @@ class Worker:
             return f"its process was killed by signal {os.WTERMSIG(status)}"
 
 
-def _reported_fault(answer: dict[str, Any]) -> Fault | None:
-    """Return the fault that an answer reports, if it does.
+def numbers_of(content: bytes) -> FloatArray:
+    """Return the array of float64 that came with an answer.
 
     Raises:
-        KeyError: if the report is no report.
-        ValueError: likewise.
+        Fault: if it is none.
     """
+    if len(content) % np.dtype(np.float64).itemsize:
+        raise no_answer()
+    return np.frombuffer(content, dtype=np.float64)
+
+
+def _reported_fault(answer: dict[str, Any]) -> Fault | None:
+    """Return the fault that an answer reports, if it does; raise an error if the report is none."""
     if "fault" not in answer:
         return None
     outcome, reason, trace = Outcome(answer["fault"]), answer["reason"], answer["traceback"]
@@ -209,11 +216,7 @@ def _has_input(pipe: socket.socket) -> bool:
 
 
 def _output_file() -> int:
-    """Open a file without a name; the system removes it with the last process that has it open.
-
-    Raises:
-        OSError: if there is no room for temporary files.
-    """
+    """Open a file without a name; the system removes it with the last process that has it open."""
     with tempfile.TemporaryFile() as file:
         return os.dup(file.fileno())
 
@@ -225,40 +228,44 @@ def _setting() -> dict[str, Any]:
 
 
 class RenewedWorker:
-    """One process after the other for one task; the first starts with the first request.
+    """One process after the other for one task: the first starts with the first request, the next one after a fault.
 
-    Use it as a context manager, which ends the process.
+    Use it as a context manager, or ``close`` it; the process ends with the object at the latest.
 
     Attributes:
         seconds: wall time that each request may take [s].
     """
 
-    def __init__(self, task: Task, seconds: float, memory_bytes: int) -> None:
-        """Note what to start.
-
-        Args:
-            task: what the process does.
-            seconds: wall time that each request may take [s].
-            memory_bytes: memory it may take beyond what the framework itself needs.
-        """
+    def __init__(self, task: Task, seconds: float = REQUEST_SECONDS, memory_bytes: int = MEMORY_BYTES) -> None:
+        """Note what to start; a process may take ``memory_bytes`` beyond what the framework itself needs."""
         self.seconds = seconds
         self._task, self._memory_bytes = task, memory_bytes
-        self._worker: Worker | None = None
+        self._running: list[Worker] = []
+        weakref.finalize(self, _end, self._running)
 
-    def ask(self, request: str, *arguments: Any) -> tuple[dict[str, Any], FloatArray]:
-        """Return the answer to one request, which has the whole time limit to itself.
+    def ask(self, request: str, *arguments: Any, more_seconds: float = 0.0) -> tuple[dict[str, Any], bytes]:
+        """Return the answer to one request, which has the whole time limit, and ``more_seconds``, to itself.
 
         Raises:
-            Fault: as ``Worker.ask`` does; the next request starts a fresh process.
+            Exception: what ``failure`` makes of the fault of a request that is not answered.
         """
-        if self._worker is None:
-            self._worker = Worker(self._task, self.seconds, self._memory_bytes)
-        self._worker.busy_seconds = 0.0
         try:
-            return self._worker.ask(request, *arguments)
-        except Fault:
+            if not self._running:
+                self._running.append(Worker(self._task, self.seconds, self._memory_bytes))
+            worker = self._running[0]
+            worker.case_seconds, worker.busy_seconds = self.seconds + more_seconds, 0.0
+            return worker.ask(request, *arguments)
+        except Fault as fault:
             self.close()
-            raise
+            raise self.failure(fault) from None
+
+    def failure(self, fault: Fault) -> Exception:
+        """Return what is raised for a fault: the fault, where nothing says more."""
+        return fault
+
+    def close(self) -> None:
+        """End the process."""
+        _end(self._running)
 
     def __enter__(self) -> Self:
         return self
@@ -268,8 +275,7 @@ class RenewedWorker:
     ) -> None:
         self.close()
 
-    def close(self) -> None:
-        """End the process."""
-        if self._worker is not None:
-            self._worker.close()
-            self._worker = None
+
+def _end(running: list[Worker]) -> None:
+    while running:
+        running.pop().close()

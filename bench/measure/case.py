@@ -11,7 +11,7 @@ from ...problems.contact.judge import Residual, judge
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Status, Stop
-from ..isolation.worker import LARGEST_NUMBERS, Fault, Worker
+from ..isolation.worker import LARGEST_CONTENT, Fault, Worker, numbers_of
 from ..store.outcome import Outcome, point_outcome
 from ..store.records import CaseRecord, Curve, Limits, Measured, Point, Quartiles
 from .contestants import Contestant
@@ -167,11 +167,12 @@ class Case:
         )
 
     def _ask(
-        self, request: str, *arguments: Any, largest: int = LARGEST_NUMBERS
+        self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT
     ) -> tuple[dict[str, Any], FloatArray] | None:
         assert self._worker is not None
         try:
-            return self._worker.ask(request, *arguments, largest=largest)
+            answer, content = self._worker.ask(request, *arguments, largest=largest)
+            return answer, numbers_of(content)
         except Fault as fault:
             self._fail(fault)
             return None

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import cloudpickle
-import numpy as np
 
 from ...problems.catalog.catalog import load, plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
@@ -23,15 +22,9 @@ from ...solvers import registry
 from ...solvers.contract import form_fault
 from ...solvers.interface import Solver, shows_iterates
 from ..errors import BenchError
-from ..isolation.worker import Fault, Worker
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
 from .contestants import Contestant, built_in, carried
-
-SECONDS = 60.0
-"""Wall time that a plugin may take for its import and for making a solver or problem [s]."""
-
-MEMORY_BYTES = 2**31
-"""Memory that it may take for that beyond what the framework itself needs."""
 
 
 def contestant(solver: str | Solver | Contestant) -> Contestant:
@@ -51,7 +44,7 @@ def contestant(solver: str | Solver | Contestant) -> Contestant:
     return _described("", carried(solver), BenchError)
 
 
-def offered(file: PluginFile, seconds: float = SECONDS) -> Names:
+def offered(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
     """Return what a plugin file offers, names by kind; each solver was made once, and keeps to the interface.
 
     Args:
@@ -91,8 +84,8 @@ def plugin_problem(name: str) -> ContactProblem:
     Raises:
         PluginError: if the plugin does not make it.
     """
-    answer, numbers = _ask(f"the problem {name!r} cannot be built", PluginError, "problem", name)
-    return read_problem(io.BytesIO(numbers.tobytes()[: answer["length"]]), f"problem {name!r}")
+    _, content = _ask(f"the problem {name!r} cannot be built", PluginError, "problem", name)
+    return read_problem(io.BytesIO(content), f"problem {name!r}")
 
 
 def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Contestant:
@@ -102,27 +95,18 @@ def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Contes
 
 
 def _ask(
-    failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = SECONDS
-) -> tuple[dict[str, Any], Any]:
-    """Return the answer of a fresh process.
-
-    Raises:
-        ProxbenchError: of class ``error``: ``failure`` with the reason, or what the plugin is refused for.
-    """
-    try:
-        worker = Worker(Describing(), seconds, MEMORY_BYTES)
-    except Fault as fault:
-        raise error(f"{failure}: {fault.reason}.") from None
-    try:
-        answer, numbers = worker.ask(request, *arguments)
-    except Fault as fault:
-        reason = f"it does not end within {seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
-        raise error(f"{failure}: {reason}.") from None
-    finally:
-        worker.close()
+    failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
+) -> tuple[dict[str, Any], bytes]:
+    """Return the answer of a fresh process, or raise ``error``: ``failure`` with the reason, or why it is refused."""
+    with RenewedWorker(Describing(), seconds) as worker:
+        try:
+            answer, content = worker.ask(request, *arguments)
+        except Fault as fault:
+            reason = f"it does not end within {seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
+            raise error(f"{failure}: {reason}.") from None
     if "refused" in answer:
         raise error(str(answer["refused"]))
-    return answer, numbers
+    return answer, content
 
 
 @dataclass
@@ -138,8 +122,7 @@ class Describing:
                 return _solver(*arguments), b""
             if request == "scene":
                 return {"options": _scene_options(*arguments)}, b""
-            content = problem_bytes(load(*arguments))
-            return {"length": len(content)}, content + bytes(-len(content) % np.dtype(float).itemsize)
+            return {}, problem_bytes(load(*arguments))
         except ProxbenchError as error:
             return {"refused": error.sentence}, b""
 

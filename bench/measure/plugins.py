@@ -12,11 +12,12 @@ from ...problems.spelling import either
 from ...solvers import registry
 from ...solvers.interface import SolverError
 from ..errors import BenchError
+from ..isolation.worker import REQUEST_SECONDS
 from ..store.records import PluginUse
-from .describing import SECONDS, offered
+from .describing import offered
 
 
-def use_plugin_files(paths: Sequence[Path | str], seconds: float = SECONDS) -> None:
+def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECONDS) -> None:
     """Let names of solvers and problems lead into plugin files, which run in processes of their own only.
 
     Args:

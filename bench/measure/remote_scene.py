@@ -6,18 +6,18 @@ there. It may raise, hang, crash or take memory without harm to this process: a 
 """
 
 import io
-import math
-import weakref
-from collections.abc import Mapping
+import struct
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, TypeVar
 
+import msgspec
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.catalog.archive import ArchiveError, read_arrays
+from ...problems.catalog.archive import read_arrays
 from ...problems.catalog.plugin_scenes import build_plugin_scene, plugin_scene
 from ...problems.contact.factors import InverseMass
 from ...problems.contact.laws import Laws
@@ -30,28 +30,54 @@ from ...problems.scenes.scene import Scene
 from ...problems.stepping.extrapolation import is_reversible
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
-from ..isolation.worker import Fault, RenewedWorker
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
+from ..store.outcome import Outcome
+from ..store.records import Count, Number, Positive, Record
 
-SECONDS = 60.0
-"""Wall time that a request may take [s]."""
-
-MEMORY_BYTES = 2**31
-"""Memory that a scene may take beyond what the framework itself needs."""
+T = TypeVar("T")
 
 Arrays = dict[str, NDArray[Any]]
 
+_NUMBER = struct.Struct("d")
+
 _UNFIT = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
 """What an answer that is none raises where it is read."""
-
-NUMBERS = ("length", "step_size", "duration", "longest_step")
-"""Numbers of a scene that must be positive and finite."""
 
 
 class FailedSceneError(BenchError):
     """A scene of a plugin did not answer."""
 
 
-def local_or_remote_scene(name: str, options: Mapping[str, Any] | None = None, seconds: float = SECONDS) -> Scene:
+class SceneRecord(Record, frozen=True, kw_only=True):
+    """What a scene says of itself; see ``Scene`` for the fields that have the same names.
+
+    Attributes:
+        time: when it begins [s].
+        is_reversible: of its system.
+        functions: those that it has of the ones that a scene may lack.
+    """
+
+    options: dict[str, Any]
+    time: Number
+    length: Positive
+    step_size: Positive
+    duration: Positive
+    longest_step: Positive
+    n_balls: Count
+    depth: Positive | None
+    coordinates: dict[str, Count]
+    has_few_contacts: bool
+    is_reversible: bool
+    functions: list[Literal["balls_through", "agitation", "exact"]]
+
+
+_SAME = tuple(field for field in SceneRecord.__struct_fields__ if field in Scene.__dataclass_fields__)
+"""Fields of the record that the scene has too."""
+
+
+def local_or_remote_scene(
+    name: str, options: Mapping[str, Any] | None = None, seconds: float = REQUEST_SECONDS
+) -> Scene:
     """Return a scene by its name: itself if Proxbench has it, else one that moves in a process of its own.
 
     Args:
@@ -68,24 +94,22 @@ def local_or_remote_scene(name: str, options: Mapping[str, Any] | None = None, s
     return RemoteSystem(name, options or {}, seconds).scene()
 
 
-class RemoteSystem:
+class RemoteSystem(RenewedWorker):
     """A system in a process of its own; see ``System``. The process ends with the object."""
 
-    def __init__(self, name: str, options: Mapping[str, Any], seconds: float, memory_bytes: int = MEMORY_BYTES) -> None:
-        """Note what to start; the process starts with the first request.
+    def __init__(self, name: str, options: Mapping[str, Any], seconds: float) -> None:
+        """Note what to start.
 
         Args:
             name: the scene, with options or without.
             options: further options.
             seconds: wall time that a request may take [s].
-            memory_bytes: memory that it may take.
         """
-        self._name, self._seconds = read_scene(name)[0], seconds
-        self._worker = RenewedWorker(SceneTask(name, dict(options)), seconds, memory_bytes)
-        self._end = weakref.finalize(self, self._worker.close)
+        super().__init__(SceneTask(name, dict(options)), seconds)
+        self._name = read_scene(name)[0]
         self._inverse_mass: InverseMass | None = None
         self.is_reversible = False
-        self._shapes: tuple[tuple[int, ...], tuple[int, ...]] = ((0,), (0,))
+        self._sizes = (0, 0)
 
     def scene(self) -> Scene:
         """Return the scene whose system this is.
@@ -93,141 +117,120 @@ class RemoteSystem:
         Raises:
             BenchError: if it cannot be built.
         """
-        about, arrays = self.ask("describe")
-        if "refused" in about:
-            raise BenchError(str(about["refused"]))
+        answer, content = self.ask("describe")
+        if "refused" in answer:
+            raise BenchError(str(answer["refused"]))
         try:
-            start = State(float(about["time"]), arrays["position"], arrays["velocity"])
-            self._shapes = (start.position.shape, start.velocity.shape)
-            self._check_state(start)
-            self.is_reversible = about["is_reversible"] is True
-            has, depth = about["has"], about["depth"]
-            return Scene(
-                self._name,
-                dict(about["options"]),
-                self,
-                start,
-                **{name: _positive(about[name]) for name in NUMBERS},
-                kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
-                potential_energy=lambda position: self._number("potential_energy", position),
-                balls_through=(lambda q: int(self._number("balls_through", q))) if has["balls_through"] else None,
-                agitation=(lambda q, u: self._number("agitation", q, u)) if has["agitation"] else None,
-                n_balls=int(about["n_balls"]),
-                depth=None if depth is None else _positive(depth),
-                coordinates={str(name): _index(start, value) for name, value in about["coordinates"].items()},
-                has_few_contacts=about["has_few_contacts"] is True,
-                exact=self._exact if has["exact"] else None,
-            )
+            about, arrays = msgspec.convert(answer["scene"], SceneRecord), _unpacked(content)
+            self._sizes = (len(arrays["position"]), len(arrays["velocity"]))
+            start = self._state(about.time, arrays)
+            if any(index >= len(start.position) for index in about.coordinates.values()):
+                raise ValueError("no coordinate")
         except _UNFIT:
-            raise self._unfit() from None
+            raise self.failure(no_answer()) from None
+        self.is_reversible = about.is_reversible
+        has = about.functions
+        return Scene(
+            self._name,
+            system=self,
+            start=start,
+            **{name: getattr(about, name) for name in _SAME},
+            kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
+            potential_energy=lambda position: self._number("potential_energy", position),
+            balls_through=(lambda q: int(self._number("balls_through", q))) if "balls_through" in has else None,
+            agitation=(lambda q, u: self._number("agitation", q, u)) if "agitation" in has else None,
+            exact=self._exact if "exact" in has else None,
+        )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q after ``seconds`` with u."""
-        moved = self._ask_for_arrays("move", position, velocity, seconds).get("position")
-        if moved is None or moved.dtype != np.float64 or moved.shape != position.shape:
-            raise self._unfit()
-        return moved
+
+        def read(arrays: Arrays) -> FloatArray:
+            return _array(arrays["position"], position.shape)
+
+        return self._arrays(read, "move", position, velocity, seconds)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         """Linearise at q_M."""
-        arrays = self._ask_for_arrays("assemble", midpoint, velocity, seconds, self._inverse_mass is not None)
-        try:
-            if "mass_data" in arrays:
-                self._inverse_mass = _inverse_mass(arrays)
-            inverse, free_motion = self._inverse_mass, _numbers(arrays["free_motion"], velocity.shape)
-            if inverse is None or inverse.matrix.shape[0] != len(velocity):
-                raise ValueError("no mass matrix of this system")
-            return StepAssembly(free_motion, inverse, _contacts(arrays, len(velocity)) if "keys" in arrays else None)
-        except _UNFIT:
-            self._inverse_mass = None
-            raise self._unfit() from None
+
+        def read(arrays: Arrays) -> StepAssembly:
+            if self._inverse_mass is None or "mass_data" in arrays:
+                self._inverse_mass = _inverse_mass(arrays, len(velocity))
+            contacts = _contacts(arrays, len(velocity)) if "keys" in arrays else None
+            return StepAssembly(_numbers(arrays["free_motion"], velocity.shape), self._inverse_mass, contacts)
+
+        return self._arrays(read, "assemble", midpoint, velocity, seconds, self._inverse_mass is not None)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys and gaps [m] of the contacts with g(q) < ``limit``."""
-        arrays = self._ask_for_arrays("gaps_below", position, limit)
-        try:
+
+        def read(arrays: Arrays) -> tuple[IntArray, FloatArray]:
             return _keys(arrays["keys"]), _numbers(arrays["gap"], arrays["keys"].shape)
-        except _UNFIT:
-            raise self._unfit() from None
+
+        return self._arrays(read, "gaps_below", position, limit)
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return the contacts with g(q) < 0, or None if none of them is deeper than ``tolerated`` [m]."""
-        arrays = self._ask_for_arrays("overlaps", position, tolerated)
-        if not arrays:
-            return None
-        try:
-            n_dofs, inverse = self._shapes[1][0], _inverse_mass(arrays)
+
+        def read(arrays: Arrays) -> Overlaps | None:
+            if not arrays:
+                return None
+            n_dofs = self._sizes[1]
             normals = _pieces(arrays, n_dofs)
-            if inverse.matrix.shape[0] != n_dofs or normals.width != 1:
-                raise ValueError("no overlaps of this system")
-            return Overlaps(_numbers(arrays["gap"], (normals.n_blocks,)), normals, inverse)
+            if normals.width != 1:
+                raise ValueError("no normals")
+            return Overlaps(_numbers(arrays["gap"], (normals.n_blocks,)), normals, _inverse_mass(arrays, n_dofs))
+
+        return self._arrays(read, "overlaps", position, tolerated)
+
+    def failure(self, fault: Fault) -> Exception:
+        """Return the error of a request that is not answered."""
+        late = f"it took longer than {self.seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
+        return FailedSceneError(f"scene {self._name}: {late}.")
+
+    def close(self) -> None:
+        """End the process."""
+        self._inverse_mass = None  # a fresh process does not know what the last one sent
+        super().close()
+
+    def _arrays(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
+        """Return what ``read`` finds in the arrays of an answer."""
+        _, content = self.ask(request, *arguments)
+        try:
+            return read(_unpacked(content))
         except _UNFIT:
-            raise self._unfit() from None
-
-    def ask(self, request: str, *arguments: Any) -> tuple[dict[str, Any], Arrays]:
-        """Return the answer to one request.
-
-        Raises:
-            FailedSceneError: if there is none.
-        """
-        try:
-            answer, numbers = self._worker.ask(request, *arguments)
-        except Fault as fault:
-            self._inverse_mass = None  # a fresh process does not know what the last one sent
-            late = f"it took longer than {self._seconds:g} s" if fault.outcome == "timeout" else fault.reason
-            raise FailedSceneError(f"scene {self._name}: {late}.") from None
-        try:
-            length = int(answer.get("content_bytes", 0))
-            return answer, read_arrays(io.BytesIO(numbers.tobytes()[:length])) if length else {}
-        except (*_UNFIT, ArchiveError):
-            raise self._unfit() from None
-
-    def _ask_for_arrays(self, request: str, *arguments: Any) -> Arrays:
-        return self.ask(request, *arguments)[1]
+            self.close()
+            raise self.failure(no_answer()) from None
 
     def _number(self, request: str, *arguments: Any) -> float:
-        value = self.ask("number", request, *arguments)[0].get("value")
-        if value is None:
-            return math.nan  # which JSON cannot write
-        if not isinstance(value, int | float):
-            raise self._unfit()
-        return float(value)
+        _, content = self.ask("number", request, *arguments)
+        if len(content) != _NUMBER.size:
+            raise self.failure(no_answer())
+        return float(_NUMBER.unpack(content)[0])
 
     def _exact(self, time: float) -> State:
-        arrays = self._ask_for_arrays("exact", time)
-        try:
-            state = State(time, arrays["position"], arrays["velocity"])
-            self._check_state(state)
-        except _UNFIT:
-            raise self._unfit() from None
-        return state
+        return self._arrays(lambda arrays: self._state(time, arrays), "exact", time)
 
-    def _check_state(self, state: State) -> None:
-        for values, shape in zip((state.position, state.velocity), self._shapes, strict=True):
-            _numbers(values, shape)
-            if len(shape) != 1:
-                raise ValueError("a vector has one axis")
-
-    def _unfit(self) -> FailedSceneError:
-        return FailedSceneError(f"scene {self._name}: its process sent something that is no answer.")
+    def _state(self, time: float, arrays: Arrays) -> State:
+        position, velocity = (
+            _numbers(arrays[name], (size,)) for name, size in zip(("position", "velocity"), self._sizes, strict=True)
+        )
+        return State(time, position, velocity)
 
 
-def _index(state: State, value: Any) -> int:
-    if type(value) is not int or not 0 <= value < len(state.position):
-        raise ValueError("no coordinate")
-    return value
+def _unpacked(content: bytes) -> Arrays:
+    return read_arrays(io.BytesIO(content)) if content else {}
 
 
-def _positive(value: Any) -> float:
-    number = float(value)
-    if not 0.0 < number < math.inf:
-        raise ValueError("no positive number")
-    return number
+def _array(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
+    if values.dtype != np.float64 or values.shape != shape:
+        raise ValueError("no numbers of this shape")
+    return values
 
 
 def _numbers(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    if values.dtype != np.float64 or values.shape != shape or not np.isfinite(values).all():
-        raise ValueError("no finite numbers of this shape")
+    if not np.isfinite(_array(values, shape)).all():
+        raise ValueError("no finite numbers")
     return values
 
 
@@ -237,9 +240,8 @@ def _keys(values: NDArray[Any]) -> IntArray:
     return values
 
 
-def _inverse_mass(arrays: Arrays) -> InverseMass:
+def _inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
     parts = tuple(arrays[f"mass_{part}"] for part in ("data", "indices", "indptr"))
-    n_dofs = len(parts[2]) - 1
     matrix = sp.csr_array(parts, shape=(n_dofs, n_dofs))
     matrix.check_format(full_check=True)
     return InverseMass.create(matrix)
@@ -278,22 +280,20 @@ class SceneTask:
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request."""
+        try:
+            self._scene = self._scene or build_plugin_scene(self.name, self.options)
+        except ProxbenchError as error:
+            if request != "describe":
+                raise
+            return {"refused": str(error)}, b""
         if request == "describe":
-            try:
-                self._scene = build_plugin_scene(self.name, self.options)
-            except ProxbenchError as error:
-                return {"refused": str(error)}, b""
-            return _described(self._scene)
-        if self._scene is None:
-            self._scene = build_plugin_scene(self.name, self.options)
+            return {"scene": _described(self._scene)}, _packed(_state_arrays(self._scene.start))
         if request == "number":
-            value = float(getattr(self._scene, arguments[0])(*arguments[1:]))
-            return {"value": value if math.isfinite(value) else None}, b""
+            return {}, _NUMBER.pack(getattr(self._scene, arguments[0])(*arguments[1:]))
         if request == "exact":
             assert self._scene.exact is not None
-            return _packed({}, _state_arrays(self._scene.exact(*arguments)))
-        found: Arrays = getattr(self, f"_{request}")(self._scene.system, *arguments)
-        return _packed({}, found)
+            return {}, _packed(_state_arrays(self._scene.exact(*arguments)))
+        return {}, _packed(getattr(self, f"_{request}")(self._scene.system, *arguments))
 
     def _move(self, system: Any, position: FloatArray, velocity: FloatArray, seconds: float) -> Arrays:
         return {"position": system.move(position, velocity, seconds)}
@@ -316,36 +316,20 @@ class SceneTask:
         if not mass_is_known or assembly.inverse_mass is not self._sent:
             arrays |= _mass_arrays(assembly.inverse_mass)
             self._sent = assembly.inverse_mass
-        contacts = assembly.contacts
-        if contacts is None:
-            return arrays
-        laws, count = contacts.laws, len(contacts.keys)
-        friction = laws.friction_coefficient[laws.is_friction] if contacts.rows_per_contact > 1 else np.zeros(count)
-        if laws.fixed_bound.any() or len(friction) != count:
-            raise MisbehaviourError("its laws are not those of contacts with Coulomb friction")
-        return {
-            **arrays,
-            "keys": contacts.keys.astype(np.int64),
-            "gap": contacts.gap,
-            "friction": friction,
-            "restitution": contacts.restitution,
-            **_piece_arrays(contacts.directions),
-        }
+        return arrays if assembly.contacts is None else arrays | _contact_arrays(assembly.contacts)
 
 
-def _described(scene: Scene) -> tuple[dict[str, Any], bytes]:
-    about = {
+def _described(scene: Scene) -> dict[str, Any]:
+    """Return the fields of ``SceneRecord``."""
+    about = {name: getattr(scene, name) for name in _SAME}
+    return {
+        **about,
         "options": dict(scene.options),
-        "time": scene.start.time,
-        **{name: getattr(scene, name) for name in NUMBERS},
-        "n_balls": scene.n_balls,
-        "depth": scene.depth,
         "coordinates": dict(scene.coordinates),
-        "has_few_contacts": scene.has_few_contacts,
+        "time": scene.start.time,
         "is_reversible": is_reversible(scene.system),
-        "has": {name: getattr(scene, name) is not None for name in ("balls_through", "agitation", "exact")},
+        "functions": [name for name in ("balls_through", "agitation", "exact") if getattr(scene, name) is not None],
     }
-    return _packed(about, _state_arrays(scene.start))
 
 
 def _state_arrays(state: State) -> Arrays:
@@ -353,23 +337,26 @@ def _state_arrays(state: State) -> Arrays:
 
 
 def _mass_arrays(inverse: InverseMass) -> Arrays:
-    matrix = inverse.matrix
-    return {"mass_data": matrix.data, "mass_indices": matrix.indices, "mass_indptr": matrix.indptr}
+    return {f"mass_{part}": getattr(inverse.matrix, part) for part in ("data", "indices", "indptr")}
 
 
 def _piece_arrays(pieces: Pieces) -> Arrays:
-    return {
-        "starts": pieces.starts.astype(np.int64),
-        "chunks": pieces.chunks.astype(np.int64),
-        "values": pieces.values,
-    }
+    starts, chunks = pieces.starts.astype(np.int64), pieces.chunks.astype(np.int64)
+    return {"starts": starts, "chunks": chunks, "values": pieces.values}
 
 
-def _packed(about: dict[str, Any], arrays: Arrays) -> tuple[dict[str, Any], bytes]:
-    """Return an answer with arrays, padded to whole numbers as answers are."""
+def _contact_arrays(contacts: ActiveContacts) -> Arrays:
+    laws, count = contacts.laws, len(contacts.keys)
+    friction = laws.friction_coefficient[laws.is_friction] if contacts.rows_per_contact > 1 else np.zeros(count)
+    if laws.fixed_bound.any() or len(friction) != count:
+        raise MisbehaviourError("its laws are not those of contacts with Coulomb friction")
+    own = {"keys": contacts.keys.astype(np.int64), "gap": contacts.gap, "restitution": contacts.restitution}
+    return {**own, "friction": friction, **_piece_arrays(contacts.directions)}
+
+
+def _packed(arrays: Arrays) -> bytes:
     if not arrays:
-        return about, b""
+        return b""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    content = buffer.getvalue()
-    return {**about, "content_bytes": len(content)}, content + bytes(-len(content) % np.dtype(float).itemsize)
+    return buffer.getvalue()

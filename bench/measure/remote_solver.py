@@ -6,12 +6,10 @@ raise, hang, crash or take memory without harm to the process that judges: a req
 """
 
 import io
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,17 +20,10 @@ from ...solvers.contract import prepared_fault, reason_fault
 from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, Stop
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
-from ..isolation.worker import Fault, RenewedWorker
-from ..store.outcome import Outcome
+from ..isolation.worker import MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from .contestants import Contestant
 from .describing import contestant
 from .protocol import answer_fault, solution_fault
-
-SECONDS = 60.0
-"""Wall time that a request may take beyond the time limit of its solve [s]: preparing, and ending an iteration."""
-
-MEMORY_BYTES = 2**31
-"""Memory that a solver may take beyond what the framework itself needs."""
 
 
 class FailedSolveError(BenchError):
@@ -48,30 +39,28 @@ class FailedSolveError(BenchError):
         self.outcome, self.reason = fault.outcome, fault.reason
 
 
-class RemoteSolver:
+class RemoteSolver(RenewedWorker):
     """A solver in a process of its own; use it as a context manager, or ``close`` it.
 
     Attributes:
         name: its name, with options.
         model: what it solves.
         has_iterates: whether it shows iterates.
-        waiting_seconds: wall time of all requests that was not spent by the solver itself, on the way there and back.
     """
 
-    def __init__(self, solver: Contestant, seconds: float = SECONDS, memory_bytes: int = MEMORY_BYTES) -> None:
-        """Note what to start; the process starts with the first request.
+    def __init__(self, solver: Contestant, seconds: float = REQUEST_SECONDS, memory_bytes: int = MEMORY_BYTES) -> None:
+        """Note what to start.
 
         Args:
             solver: the solver.
-            seconds: wall time that a request may take beyond the time limit of its solve [s].
-            memory_bytes: memory that it may take.
+            seconds: wall time that a request may take beyond the time limit of its solve [s]: preparing, and ending an
+                iteration.
+            memory_bytes: memory that it may take beyond what the framework itself needs.
         """
+        super().__init__(SolvingTask(solver), seconds, memory_bytes)
         self.name, self.model, self.has_iterates = solver.name, solver.model, solver.has_iterates
-        self.waiting_seconds = 0.0
-        self._seconds = seconds
-        self._worker = RenewedWorker(SolvingTask(solver), seconds, memory_bytes)
-        self._prepared = 0
         self._sent: ContactProblem | None = None
+        self._ready: ContactProblem | None = None
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None.
@@ -89,51 +78,31 @@ class RemoteSolver:
         Raises:
             FailedSolveError: if it does not answer.
         """
-        self._prepared += 1
-        prepared = RemotePrepared(self, problem, self._prepared)
-        prepared.begin()
-        return prepared
+        self._ready = None
+        self.make_ready(problem)
+        return RemotePrepared(self, problem)
 
-    def ask(self, request: str, *arguments: Any, seconds: float = 0.0) -> tuple[dict[str, Any], FloatArray]:
-        """Return the answer to one request, which may take ``seconds`` longer than others.
-
-        Raises:
-            FailedSolveError: if there is none.
-        """
-        self._worker.seconds = self._seconds + seconds
-        began = time.monotonic()
-        try:
-            answer, numbers = self._worker.ask(request, *arguments)
-        except Fault as fault:
-            self._sent = None
-            raise FailedSolveError(self.name, fault) from None
-        worked = answer.get("seconds", 0.0)
-        if type(worked) is float:
-            self.waiting_seconds += max(0.0, time.monotonic() - began - worked)
-        return answer, numbers
-
-    def prepare_there(self, problem: ContactProblem, number: int) -> None:
-        """Let the solver prepare ``problem`` under a number."""
+    def make_ready(self, problem: ContactProblem) -> None:
+        """Let the solver prepare ``problem``, unless that is what it did last, in a process that still runs."""
         self._send(problem)
-        self.ask("prepare", number)
+        if self._ready is not problem:
+            self.ask("prepare")
+            self._ready = problem
 
-    def _send(self, problem: ContactProblem) -> None:
-        if self._sent is not problem:
-            self.ask("problem", problem_bytes(problem))
-            self._sent = problem
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def failure(self, fault: Fault) -> Exception:
+        """Return the error of a request that is not answered."""
+        return FailedSolveError(self.name, fault)
 
     def close(self) -> None:
         """End the process."""
-        self._sent = None
-        self._worker.close()
+        self._sent = self._ready = None
+        super().close()
+
+    def _send(self, problem: ContactProblem) -> None:
+        if self._sent is not problem:
+            self._ready = None
+            self.ask("problem", problem_bytes(problem))
+            self._sent = problem
 
 
 @dataclass(frozen=True)
@@ -142,11 +111,6 @@ class RemotePrepared:
 
     solver: RemoteSolver
     problem: ContactProblem
-    number: int
-
-    def begin(self) -> None:
-        """Let it be prepared."""
-        self.solver.prepare_there(self.problem, self.number)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve there; iterates are shown when the solve is over. See ``Prepared.solve``.
@@ -154,19 +118,14 @@ class RemotePrepared:
         Raises:
             FailedSolveError: if the solver does not answer, or with what is no solution.
         """
-        seconds = stop.max_seconds if np.isfinite(stop.max_seconds) else 0.0
-        answer, numbers = self.solver.ask("solve", self.number, stop, start, observe is not None, seconds=seconds)
-        if answer.get("unprepared"):  # another problem was prepared meanwhile, or the process is a fresh one
-            self.begin()
-            answer, numbers = self.solver.ask("solve", self.number, stop, start, observe is not None, seconds=seconds)
+        self.solver.make_ready(self.problem)  # another one was prepared meanwhile, or the process is a fresh one
+        more_seconds = stop.max_seconds if np.isfinite(stop.max_seconds) else 0.0
+        answer, content = self.solver.ask("solve", stop, start, observe is not None, more_seconds=more_seconds)
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
-        fault = answer_fault(answer)
-        if fault is None and not (_are_iterations(shown) and len(numbers) == n_rows * (len(shown) + 1)):
-            fault = "its process sent something that is no answer"
-        if fault:
-            raise FailedSolveError(self.solver.name, Fault(Outcome.MISBEHAVED, fault))
-        rows = numbers.reshape(len(shown) + 1, n_rows)
+        if answer_fault(answer) or not _are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
+            raise self.solver.failure(no_answer())
+        rows = np.frombuffer(content, dtype=np.float64).reshape(len(shown) + 1, n_rows)
         if observe is not None:
             for iteration, impulses in zip(shown, rows[1:], strict=True):
                 observe(iteration, impulses)
@@ -179,16 +138,15 @@ def _are_iterations(shown: Any) -> bool:
 
 @dataclass
 class SolvingTask:
-    """The child's half: answers "problem" (bytes), "supports", "prepare" (number) and "solve"."""
+    """The child's half: answers "problem" (bytes), "supports", "prepare" and "solve"."""
 
     contestant: Contestant
     _solver: Solver | None = None
     _problem: ContactProblem | None = None
     _prepared: Prepared | None = None
-    _number: int = 0
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request, with the seconds that the solver itself took.
+        """Answer one request.
 
         Raises:
             MisbehaviourError: if the solver breaks its contract.
@@ -198,42 +156,35 @@ class SolvingTask:
         if request == "problem":
             self._problem = read_problem(io.BytesIO(arguments[0]), "problem")
             return {}, b""
-        began = time.monotonic()
-        answer, numbers = getattr(self, f"_{request}")(self._solver, *arguments)
-        return {**answer, "seconds": time.monotonic() - began}, numbers
+        answered: tuple[dict[str, Any], bytes] = getattr(self, f"_{request}")(self._solver, self._problem, *arguments)
+        return answered
 
-    def _supports(self, solver: Solver) -> tuple[dict[str, Any], bytes]:
-        assert self._problem is not None
-        reason = solver.supports(self._problem)
+    def _supports(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
+        reason = solver.supports(problem)
         _refuse(reason_fault(reason))
         return {"refusal": reason or ""}, b""
 
-    def _prepare(self, solver: Solver, number: int) -> tuple[dict[str, Any], bytes]:
-        assert self._problem is not None
-        self._prepared, self._number = solver.prepare(self._problem), number
+    def _prepare(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
+        self._prepared = solver.prepare(problem)
         _refuse(prepared_fault(self._prepared))
         return {}, b""
 
     def _solve(
-        self, solver: Solver, number: int, stop: Stop, start: FloatArray | None, is_observed: bool
+        self, solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None, is_observed: bool
     ) -> tuple[dict[str, Any], bytes]:
-        problem, prepared = self._problem, self._prepared
-        if problem is None or prepared is None or number != self._number:
-            return {"unprepared": True}, b""
+        assert self._prepared is not None
         shown: list[int] = []
         iterates: list[FloatArray] = []
 
         def note(iteration: int, impulses: FloatArray) -> None:
             iterates.append(np.array(impulses, dtype=np.float64))
             shown.append(int(iteration))
-            if iterates[-1].shape != (problem.n_rows,):
-                raise MisbehaviourError(
-                    f"it showed its observer impulses of shape {iterates[-1].shape}, not a row each"
-                )
+            shape = iterates[-1].shape
+            if shape != (problem.n_rows,):
+                raise MisbehaviourError(f"it showed its observer impulses of shape {shape}, not a row each")
 
         digest = problem.digest
-        observe = note if is_observed else None
-        solution = prepared.solve(stop, start=start, observe=observe)
+        solution = self._prepared.solve(stop, start=start, observe=note if is_observed else None)
         _refuse(solution_fault(problem, solution))
         if problem.fresh().digest != digest:
             raise MisbehaviourError("it changed the numbers of the problem")
@@ -243,11 +194,7 @@ class SolvingTask:
             "message": str(solution.message),
             "shown": shown,
         }
-        return answer, _joined([solution.impulses, *iterates])
-
-
-def _joined(vectors: Sequence[FloatArray]) -> bytes:
-    return b"".join(np.ascontiguousarray(vector, dtype=np.float64).tobytes() for vector in vectors)
+        return answer, np.array([solution.impulses, *iterates], dtype=np.float64).tobytes()
 
 
 def _refuse(fault: str | None) -> None:
@@ -255,7 +202,7 @@ def _refuse(fault: str | None) -> None:
         raise MisbehaviourError(fault)
 
 
-def local_or_remote(name: str, seconds: float = SECONDS) -> Solver:
+def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
     """Return a solver by its name: itself if it is built in, else one that works in a process of its own.
 
     Args:
@@ -279,7 +226,7 @@ def working_solver(solver: Contestant) -> Iterator[Solver]:
             working.close()
 
 
-def _working(solver: Contestant, seconds: float = SECONDS) -> Solver:
+def _working(solver: Contestant, seconds: float = REQUEST_SECONDS) -> Solver:
     if solver.is_built_in:
         return solver.make()
     return cast(Solver, RemoteSolver(solver, seconds))  # whose has_iterates is its own, not its class's

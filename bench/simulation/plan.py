@@ -11,7 +11,8 @@ from ...problems.stepping.moreau import ContactSolver
 from ...problems.stepping.registry import EventDriven, Stepper, Variable, make_stepper
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
-from ..measure.remote_scene import SECONDS, local_or_remote_scene
+from ..isolation.worker import REQUEST_SECONDS
+from ..measure.remote_scene import local_or_remote_scene
 from ..measure.remote_solver import local_or_remote
 from .step_solver import StepSolver
 from .thinning import STATES
@@ -62,7 +63,7 @@ class SimulationPlan:
     tolerance: float
     max_iterations: int
     states: int = STATES
-    step_seconds: float = SECONDS
+    step_seconds: float = REQUEST_SECONDS
 
     @property
     def until(self) -> float:
@@ -124,7 +125,7 @@ def make_simulation_plan(
         SolverError: for an unknown solver or option of it, with the nearest name.
         BenchError: for a duration, tolerance, number of iterations or of states out of range.
     """
-    seconds = SECONDS if step_seconds is None else step_seconds
+    seconds = REQUEST_SECONDS if step_seconds is None else step_seconds
     _check_seconds(seconds)
     made = local_or_remote_scene(scene, options, seconds)
     named = ("Extrapolated" if made.has_few_contacts else "Moreau") if stepper is None else stepper

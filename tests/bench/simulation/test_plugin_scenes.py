@@ -129,10 +129,10 @@ def test_a_plugin_that_offers_scenes_only_has_nothing_to_check(capsys: pytest.Ca
 def test_the_process_of_a_scene_ends_with_it() -> None:
     system = RemoteSystem("tower", {}, 60.0)
     system.scene()
-    worker = system._worker
-    assert worker._worker is not None
+    running = system._running
+    assert running
     del system
-    assert worker._worker is None
+    assert not running
 
 
 def test_the_command_simulates_reports_and_resumes_scenes_of_plugins(
