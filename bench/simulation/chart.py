@@ -149,25 +149,20 @@ def _curve_panel(
     order = list(names.values())
     colours = alt.Scale(domain=order, range=[PALETTE[k] for k in (0, 3, 2)[: len(order)]])
     dashes = alt.Scale(domain=order, range=([1, 0], [5, 2], [2, 2])[: len(order)])
-    panel: alt.Chart = (
-        alt.Chart(long[["time", "value", "curve"]], width=WIDTH, height=HEIGHT)
-        .mark_line(strokeWidth=1.5, interpolate="step-before" if steps else "linear")
-        .encode(
-            x=alt.X("time:Q", title=None).axis(labels=False, ticks=False).scale(nice=False),
-            y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4),
-            color=alt.Color("curve:N", sort=order, scale=colours, title=None),
-            strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
-        )
+    lines = _empty(long[["time", "value", "curve"]])
+    panel: alt.Chart = lines.mark_line(strokeWidth=1.5, interpolate="step-before" if steps else "linear").encode(
+        x=_time(),
+        y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4),
+        color=alt.Color("curve:N", sort=order, scale=colours, title=None),
+        strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
     )
     return panel
 
 
 def _coordinate_panels(simulation: Simulation, begin: float, found: list[Incident]) -> list[Panel]:
     """Return a panel for each coordinate with a name, switching points as dots."""
-    drawn = simulation.plan.scene.coordinates
-    times = simulation.times
-    shown = times >= begin
-    curves = _curves(times[shown], simulation.trajectory[shown], simulation, drawn)
+    drawn, shown = simulation.plan.scene.coordinates, simulation.times >= begin
+    curves = _curves(simulation.times[shown], simulation.trajectory[shown], simulation, drawn)
     dots = _dots(simulation, found, drawn)
     has_dots = simulation.plan.stepper.locates_switches
     return [_panel(curves, dots, name, has_legend=has_dots and not number) for number, name in enumerate(drawn)]
@@ -197,29 +192,21 @@ def _dots(simulation: Simulation, found: list[Incident], drawn: Mapping[str, int
 
 
 def _panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool) -> alt.LayerChart:
+    """Return one coordinate over time, with its dots."""
     curve = frame[["time", name]].rename(columns={name: "value"})
-    points = dots[["time", "law", name]].rename(columns={name: "value"})
-    line = _line(curve, name)
-    colour = _colour() if has_legend else _colour().legend(None)
-    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time(), y=line.encoding.y, color=colour)
-    layer: alt.LayerChart = line + marks
-    return layer
-
-
-def _line(curve: pd.DataFrame, title: str) -> alt.Chart:
-    """Return the curve of "value" over "time"."""
     scale = alt.Scale(zero=False)
     low, high = curve["value"].min(), curve["value"].max()
     size = max(abs(low), abs(high))
     if high - low <= NOISE * size:  # an axis of that range would show rounding
         middle, room = 0.5 * (low + high), 0.05 * size or 1.0
         scale = alt.Scale(zero=False, domain=[middle - room, middle + room])
-    panel: alt.Chart = (
-        alt.Chart(curve, width=WIDTH, height=HEIGHT)
-        .mark_line(color="#4d4d4d", strokeWidth=1.4)
-        .encode(x=_time(), y=alt.Y("value:Q", title=title, scale=scale))
-    )
-    return panel
+    height = alt.Y("value:Q", title=name, scale=scale)
+    line = _empty(curve).mark_line(color="#4d4d4d", strokeWidth=1.4).encode(x=_time(), y=height)
+    points = dots[["time", "law", name]].rename(columns={name: "value"})
+    colour = _colour() if has_legend else _colour().legend(None)
+    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time(), y=height, color=colour)
+    layer: alt.LayerChart = line + marks
+    return layer
 
 
 def _count_panel(found: list[Incident], steps: NDArray[np.void]) -> alt.Chart:
@@ -235,16 +222,28 @@ def _count_panel(found: list[Incident], steps: NDArray[np.void]) -> alt.Chart:
         format="d", tickMinStep=1
     )
     panel: alt.Chart = (
-        alt.Chart(frame[frame["count"] > 0], width=WIDTH, height=HEIGHT)
+        _empty(frame[frame["count"] > 0])
         .mark_bar()
         .encode(
-            x=alt.X("time:Q", title=None).bin("binned").axis(labels=False, ticks=False).scale(nice=False),
+            x=_time().bin("binned"),
             x2="end:Q",
             y=axis.scale(domainMin=0, domainMax=max(1, int(frame.groupby("time")["count"].sum().max()))),
             color=_colour(),
         )
     )
     return panel
+
+
+def _step_panel(frame: pd.DataFrame) -> alt.Chart:
+    dots = alt.OverlayMarkDef(size=8)
+    length = alt.Y("length:Q", title="step size [s]").scale(type="log", nice=False)
+    marks = _empty(frame).mark_line(color=PALETTE[0], strokeWidth=1.0, interpolate="step-before", point=dots)
+    panel: alt.Chart = marks.encode(x=_time(), y=length.axis(format=".0e", tickCount=6))
+    return panel
+
+
+def _empty(frame: pd.DataFrame) -> alt.Chart:
+    return alt.Chart(frame, width=WIDTH, height=HEIGHT)
 
 
 def _time() -> alt.X:
@@ -254,15 +253,3 @@ def _time() -> alt.X:
 def _colour() -> alt.Color:
     kinds = list(KINDS.values())
     return alt.Color("law:N", sort=kinds, scale=alt.Scale(domain=kinds, range=[PALETTE[3], PALETTE[0]]), title=None)
-
-
-def _step_panel(frame: pd.DataFrame) -> alt.Chart:
-    panel: alt.Chart = (
-        alt.Chart(frame, width=WIDTH, height=HEIGHT)
-        .mark_line(color=PALETTE[0], strokeWidth=1.0, interpolate="step-before", point=alt.OverlayMarkDef(size=8))
-        .encode(
-            x=_time(),
-            y=alt.Y("length:Q", title="step size [s]").scale(type="log", nice=False).axis(format=".0e", tickCount=6),
-        )
-    )
-    return panel

@@ -1,7 +1,6 @@
 """Result files of simulations: arrays without pickle, compressed by nothing, and JSON that says what they are.
 
-about            JSON: kind and format of the file, version of the framework, plan, plugins, names of statuses, wall
-                 time, why a step failed, files beside, doublings of the spacing of states
+about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
 steps            one row an accepted step, see ``trajectory.STEP``
 switches         one row a switching point, see ``trajectory.SWITCH``
 state_…          states, from the last of which the simulation goes on, see ``thinning``
@@ -16,6 +15,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,10 +26,10 @@ from ...problems.stepping.contact_states import LawStates
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..measure.plugins import check_again, sources
-from ..store.records import content_of, plugin_uses
+from ..store.records import Count, Number, PluginUse, Record, content_of, printable
 from .beside import beside_from
-from .failure import failure_from
-from .plan import SimulationPlan, make_simulation_plan
+from .failure import Failure
+from .plan import PlanRecord, SimulationPlan, make_simulation_plan
 from .thinning import kept_arrays, restore_kept
 from .trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
 
@@ -48,6 +48,30 @@ _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, Over
 """What content that Proxbench did not write may raise where it is read."""
 
 
+class SimulationRecord(Record, frozen=True, kw_only=True):
+    """What a result file says of itself, beside its kind and format.
+
+    Attributes:
+        version: of the framework.
+        plan: what is simulated, and how.
+        plugins: the names that it has from plugins.
+        statuses: what the statuses of steps are indices into.
+        wall_seconds: wall time of everything [s].
+        failure: why a step failed, None if none did.
+        beside: chart and recording, as seen from the folder of the file.
+        doublings: of the spacing of states, see ``thinning``.
+    """
+
+    version: str
+    plan: PlanRecord
+    plugins: list[PluginUse]
+    statuses: list[str]
+    wall_seconds: Number
+    failure: Failure | None
+    beside: dict[str, str | None]
+    doublings: Count
+
+
 def write_simulation(simulation: Simulation, path: Path) -> None:
     """Write ``simulation`` as a whole or not at all.
 
@@ -56,21 +80,20 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     """
     simulation.thinning.offer(simulation.state)  # an interruption may have come between a step and this
     plan = simulation.plan
-    about = {
-        "kind": KIND,
-        "format": FORMAT,
-        "version": metadata.version("proxbench"),
-        "plan": simulation.plan.document(),
-        "plugins": [content_of(use) for use in sources([plan.solver.name], [], [plan.scene.name])],
-        "statuses": list(simulation.statuses),
-        "wall_seconds": simulation.wall_seconds,
-        "failure": None if simulation.failure is None else simulation.failure.document(),
-        "beside": simulation.beside.document(path),
-        "doublings": simulation.thinning.doublings,
-    }
+    record = SimulationRecord(
+        version=metadata.version("proxbench"),
+        plan=plan.record,
+        plugins=sources([plan.solver.name], [], [plan.scene.name]),
+        statuses=list(simulation.statuses),
+        wall_seconds=simulation.wall_seconds,
+        failure=simulation.failure,
+        beside=simulation.beside.document(path),
+        doublings=simulation.thinning.doublings,
+    )
+    about = json.dumps({"kind": KIND, "format": FORMAT, **content_of(record)}, ensure_ascii=False)
     states = simulation.law_states or LawStates()
     arrays = {
-        ABOUT: np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
+        ABOUT: np.frombuffer(about.encode(), dtype=np.uint8),
         "steps": simulation.steps,
         "switches": simulation.switches,
         **kept_arrays(simulation.thinning),
@@ -97,15 +120,20 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     content = _stored_arrays(path)
     about = _about(content, path)
     try:
-        check_again(plugin_uses(about["plugins"]))
+        record = msgspec.convert(printable(about), SimulationRecord)
+        check_again(record.plugins)
         simulation = Simulation(
-            _plan(about["plan"], solver), tuple(about["statuses"]), float(about["wall_seconds"]), path
+            _plan(record.plan, solver),
+            tuple(record.statuses),
+            record.wall_seconds,
+            path,
+            record.failure,
+            beside_from(record.beside, path),
         )
-        simulation.failure = failure_from(about["failure"])
-        simulation.beside = beside_from(about["beside"], path)
-        steps, switches = _rows(content, len(simulation.statuses))
-        restore_kept(simulation.thinning, content, int(about["doublings"]), steps["time"])
-        simulation.restore(steps, simulation.states[-1], switches, _law_states(content))
+        _check_arrays(content, len(simulation.statuses))
+        restore_kept(simulation.thinning, content, record.doublings, content["steps"]["time"])
+        states = LawStates(tuple(content["closed"].tolist()), tuple(content["sticking"].tolist()))
+        simulation.restore(content["steps"], simulation.states[-1], content["switches"], states)
     except ProxbenchError as error:
         raise BenchError(f"cannot go on from {path}: {error.sentence}") from None
     except _UNREADABLE:
@@ -113,28 +141,21 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     return simulation
 
 
-def _plan(stored: Mapping[str, Any], solver: Solver | None) -> SimulationPlan:
-    if solver is not None and solver.name != stored["solver"]:
-        raise BenchError(f"it was simulated with {stored['solver']}, not with {solver.name}.")
-    return make_simulation_plan(**{**stored, "solver": solver or stored["solver"]})
+def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:
+    if solver is not None and solver.name != stored.solver:
+        raise BenchError(f"it was simulated with {stored.solver}, not with {solver.name}.")
+    return make_simulation_plan(**{**msgspec.structs.asdict(stored), "solver": solver or stored.solver})
 
 
-def _rows(content: Mapping[str, NDArray[Any]], n_statuses: int) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    steps, switches = content["steps"], content["switches"]
-    if steps.dtype != STEP or steps.ndim != 1 or (steps["status"] >= n_statuses).any():
-        raise ValueError("these are no steps")
-    if switches.dtype != SWITCH or switches.ndim != 1 or (switches["law"] >= len(LAWS)).any():
-        raise ValueError("these are no switching points")
-    if any((switches[name] >= len(LAW_STATES)).any() for name in ("before", "after")):
-        raise ValueError("these are no states of laws")
-    return steps, switches
-
-
-def _law_states(content: Mapping[str, NDArray[Any]]) -> LawStates:
-    closed, sticking = content["closed"], content["sticking"]
-    if closed.dtype != np.int64 or sticking.dtype != np.int64 or closed.ndim != 1 or sticking.ndim != 1:
-        raise ValueError("these are no contacts")
-    return LawStates(tuple(closed.tolist()), tuple(sticking.tolist()))
+def _check_arrays(content: Mapping[str, NDArray[Any]], n_statuses: int) -> None:
+    """Raise an error if an array has another type than rows of it have, or an index in it leads nowhere."""
+    for name, dtype in {"steps": STEP, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
+        if content[name].dtype != dtype or content[name].ndim != 1:
+            raise ValueError(f"these are no {name}")
+    most = {"status": n_statuses, "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
+    for name, number in most.items():
+        if (content["steps" if name == "status" else "switches"][name] >= number).any():
+            raise ValueError(f"there is no such {name}")
 
 
 def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import msgspec
+
 from ...problems.scenes.registry import check_option, read_scene
 from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import ContactSolver
@@ -14,6 +16,7 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..measure.remote_scene import local_or_remote_scene
 from ..measure.remote_solver import local_or_remote
+from ..store.records import Count, Positive, Record, Tolerance
 from .step_solver import StepSolver
 from .thinning import STATES
 
@@ -38,6 +41,20 @@ _EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
 
 REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "step_seconds")
 """What a resumed simulation may take other values of: how steps are taken and solved, not what is simulated."""
+
+
+class PlanRecord(Record, frozen=True, kw_only=True):
+    """A plan as it is stored, and as ``make_simulation_plan`` takes it."""
+
+    scene: str
+    options: dict[str, Any]
+    stepper: str
+    duration: Positive
+    solver: str
+    tolerance: Tolerance
+    max_iterations: Count
+    states: Count
+    step_seconds: Positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +97,20 @@ class SimulationPlan:
         """The solver as steppers take it."""
         return StepSolver(self.solver)
 
-    def document(self) -> dict[str, Any]:
-        """Return the plan as plain values, from which ``make_simulation_plan`` makes it again."""
-        return {
-            "scene": self.scene.name,
-            "options": dict(self.scene.options),
-            "stepper": self.stepper.name,
-            "duration": self.duration,
-            "solver": self.solver.name,
-            "tolerance": self.tolerance,
-            "max_iterations": self.max_iterations,
-            "states": self.states,
-            "step_seconds": self.step_seconds,
-        }
+    @property
+    def record(self) -> PlanRecord:
+        """The plan as plain values, from which ``make_simulation_plan`` makes it again."""
+        return PlanRecord(
+            scene=self.scene.name,
+            options=dict(self.scene.options),
+            stepper=self.stepper.name,
+            duration=float(self.duration),
+            solver=self.solver.name,
+            tolerance=float(self.tolerance),
+            max_iterations=int(self.max_iterations),
+            states=int(self.states),
+            step_seconds=float(self.step_seconds),
+        )
 
 
 def make_simulation_plan(
@@ -179,7 +197,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
 
     Args:
         plan: the plan as it was stored.
-        given: by the names of ``document``: a scene, with options or without; a stepper, of which only a variable one
+        given: by the names of ``PlanRecord``: a scene, with options or without; a stepper, of which only a variable one
             may be another; states; the rest may differ.
         source: what messages call the stored simulation.
 
@@ -187,8 +205,8 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
         BenchError: for the first value that contradicts the plan.
         ProxbenchError: for an unknown option, or a value out of range.
     """
+    stored = {**msgspec.structs.asdict(plan.record), **plan.scene.options}
     for name, value in _values(plan, given):
-        stored = {**plan.document(), **plan.scene.options}
         if name not in stored or value != stored[name]:
             holds = f"{name} {_word(stored[name])}" if name in stored else f"no {name}"
             raise BenchError(f"{name} {_word(value)} contradicts {source}, which has {holds}; leave it out to resume.")

@@ -56,14 +56,9 @@ def simulate(
         BenchError: if the output exists or cannot be written.
         FailedSimulationError: if a step fails; the steps before it are stored.
     """
-    simulation = new_simulation(plan, output, force)
+    simulation = Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
     advance(simulation, on_step, on_progress, should_stop, checkpoint_seconds)
     return simulation
-
-
-def new_simulation(plan: SimulationPlan, output: Path | None, force: bool = False) -> Simulation:
-    """Return a simulation without any step; arguments and errors as in ``simulate``."""
-    return Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
 
 
 def resume_simulation(
@@ -179,8 +174,12 @@ def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> Accepte
 
 def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
     """Note that the next step failed; return the error that says so."""
-    number, time = simulation.n_steps + 1, simulation.state.time
-    simulation.failure = Failure(number, time, simulation.plan.solver.name, what.rstrip("."))
+    simulation.failure = Failure(
+        step=simulation.n_steps + 1,
+        time=simulation.state.time,
+        solver=simulation.plan.solver.name,
+        reason=what.rstrip("."),
+    )
     return simulation.failure.error(simulation.file)
 
 

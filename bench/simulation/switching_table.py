@@ -21,6 +21,11 @@ MOST_ROWS = 30
 TRANSIENT = 60
 """Periods after which the woodpecker is taken to be on its limit cycle: 0.839 to this power is 3e-5."""
 
+_OF_WORDS = ("law", "contact", "from", "to")
+"""Heads of columns of words."""
+
+_HEADS = ("row", *_OF_WORDS, "t [s]")
+
 CONTACTS = {0: "beak", 1: "lower edge", 2: "upper edge"}
 """What the woodpecker's contacts are called; the paper counts them from 1."""
 
@@ -28,12 +33,13 @@ CONTACTS = {0: "beak", 1: "lower edge", 2: "upper edge"}
 def print_switches(simulation: Simulation, console: Console) -> None:
     """Print the switching points: those of a period beside the limit cycle, or else the first ones."""
     motion = _motion(simulation)
-    shown = None if motion is None else _shown(motion)
-    if motion is not None and shown is not None:
+    found = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
+    if motion is not None and found:
+        shown = found[-1]  # the last one that can be set beside the limit cycle
         console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as table 1 of the paper"))
         console.print(_published_table(motion.cycles[shown]))
     elif len(simulation.switches):
-        console.print(_plain_table(simulation.incidents, is_toy=motion is not None))
+        console.print(_switches_table(simulation.incidents, is_toy=motion is not None))
 
 
 def periods_document(simulation: Simulation) -> dict[str, Any] | None:
@@ -59,32 +65,26 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield "no complete period, from row 1 of table 1 to the next row 1, yet", ""
     else:
         good = sum(cycle.is_published for cycle in motion.cycles)
-        yield (
-            (
-                f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
-                f"{'has' if good == 1 else 'have'} the twelve switching points of table 1 in its order"
-            ),
-            "",
-        )
+        many = f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
+        yield f"{many}{'has' if good == 1 else 'have'} the twelve switching points of table 1 in its order", ""
     if not motion.count:
         yield "the section, row 2 of table 1, is not met twice yet, so there is no time from section to section", ""
         return
     last = max(1, motion.count - TRANSIENT)
     yield f"period   {motion.mean_period(last):.12f} s  ({_about(last, motion.count)})", ""
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
-    if _is_reference(simulation):
+    scene, known = simulation.plan.scene, SCENES["woodpecker"].options
+    # other options have another limit cycle
+    if all(scene.options[name] == option.default for name, option in known.items() if name != "start"):
         period, descent = relative_deviations(motion, last)
-        yield (
-            (f"limit cycle {PERIOD:.12f} s and {DESCENT:.12f} m: off by {period:+.1e} and {descent:+.1e}, relatively"),
-            "bold",
-        )
+        off = f"off by {period:+.1e} and {descent:+.1e}, relatively"
+        yield f"limit cycle {PERIOD:.12f} s and {DESCENT:.12f} m: {off}", "bold"
 
 
 def _about(last: int, count: int) -> str:
     """Return which times from section to section a mean is of."""
-    some = (
-        f"mean of the last {last} of {count}" if last > 1 else f"the last of {count}" if count > 1 else "the only one"
-    )
+    one = f"the last of {count}" if count > 1 else "the only one"
+    some = f"mean of the last {last} of {count}" if last > 1 else one
     return f"{some}, from section to section: row 2 to the next row 2"
 
 
@@ -95,21 +95,9 @@ def _motion(simulation: Simulation) -> Cycles | None:
     return cycles(simulation.incidents, simulation.times, simulation.trajectory[:, 0])
 
 
-def _is_reference(simulation: Simulation) -> bool:
-    """Whether the options are those that the limit cycle was computed for."""
-    scene = simulation.plan.scene
-    known = SCENES[scene.name].options
-    return all(scene.options[name] == option.default for name, option in known.items() if name != "start")
-
-
-def _shown(motion: Cycles) -> int | None:
-    """Return which complete period is printed, the last one that can be set beside the limit cycle, if any."""
-    return max((number for number, cycle in enumerate(motion.cycles) if cycle.is_published), default=None)
-
-
 def _published_table(cycle: Cycle) -> Table:
     """Return one period in the form of table 1 of the paper, beside the limit cycle."""
-    table = _table("row", "law", "contact", "from", "to", "t [s]", "after section [s]", "limit cycle [s]", "off by [s]")
+    table = plain_table(*_HEADS, "after section [s]", "limit cycle [s]", "off by [s]")
     rows = zip(cycle.incidents, INCIDENTS, cycle.deviations, strict=True)
     for number, (incident, reference, deviation) in enumerate(rows, start=1):
         table.add_row(
@@ -123,8 +111,8 @@ def _published_table(cycle: Cycle) -> Table:
     return table
 
 
-def _plain_table(found: list[Incident], is_toy: bool) -> Table:
-    table = _table("row", "law", "contact", "from", "to", "t [s]")
+def _switches_table(found: list[Incident], is_toy: bool) -> Table:
+    table = plain_table(*_HEADS)
     for number, incident in enumerate(found[:MOST_ROWS], start=1):
         words = _words(incident) if is_toy else (incident.law, str(incident.contact), incident.before, incident.after)
         table.add_row(str(number), *words, f"{incident.time:.9f}")
@@ -133,11 +121,11 @@ def _plain_table(found: list[Incident], is_toy: bool) -> Table:
     return table
 
 
-def _table(*heads: str) -> Table:
+def plain_table(*heads: str) -> Table:
+    """Return a table without rows; words stand on the left of their columns, numbers on the right."""
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
-    for head in heads:
-        is_text = head in ("law", "contact", "from", "to")
-        table.add_column(Text(head), justify="left" if is_text else "right", no_wrap=True)
+    for head in heads:  # as text: a string would be read as markup
+        table.add_column(Text(head), justify="left" if head in _OF_WORDS else "right", no_wrap=True)
     return table
 
 

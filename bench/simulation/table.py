@@ -1,19 +1,18 @@
 """What a simulation came to: a row per 0.1 s of simulated time, its switching points, periods, and what is over all."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from ...problems.contact.model import Model
 from ..report.text import counted, unsolved_words
-from .switching_table import period_lines, periods_document, print_switches
+from ..store.records import content_of
+from .switching_table import period_lines, periods_document, plain_table, print_switches
 from .trajectory import Ending, Simulation, switching_words
 
 WINDOW_SECONDS = 0.1
@@ -66,9 +65,12 @@ def windows(simulation: Simulation) -> Iterator[Window]:
 def summary(simulation: Simulation) -> dict[str, Any]:
     """Return what the simulation came to over all, as plain values."""
     steps, plan = simulation.steps, simulation.plan
-    whole = _window(simulation, slice(0, len(steps)), int(simulation.unsolved.sum())) if len(steps) else None
     seconds = simulation.state.time - plan.scene.start.time
-    worst = int(np.argmax(steps["residual"])) if len(steps) else 0
+    has_outlet = plan.scene.balls_through is not None and len(steps) > 0
+
+    def largest(name: str) -> float:
+        return float(steps[name].max(initial=0.0))
+
     return {
         "finished": simulation.is_finished,
         "ended": simulation.ending.value,
@@ -79,19 +81,19 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "wall_per_simulated_second": simulation.wall_seconds / seconds if seconds > 0 else None,
         "step_seconds": float(steps["seconds"].sum()),
         "iterations": int(steps["iterations"].sum()),
-        "unsolved_steps": whole.unsolved if whole else 0,
+        "unsolved_steps": int(simulation.unsolved.sum()),
         "refuted_steps": int(simulation.refuted.sum()),
-        "largest_residual": finite(whole.residual) if whole else 0.0,
-        "largest_residual_time": float(steps["time"][worst]) if whole else None,
+        "largest_residual": finite(largest("residual")),
+        "largest_residual_time": float(steps["time"][np.argmax(steps["residual"])]) if len(steps) else None,
         "solves": int(steps["solves"].sum()),
         "rejected": int(steps["rejected"].sum()),
         "incidents": len(simulation.switches),
         "shortest_step": float(steps["length"].min()) if len(steps) else None,
         "longest_step": float(steps["length"].max()) if len(steps) else None,
-        "deepest_penetration": whole.penetration if whole else 0.0,
-        "deepest_impact": whole.impact_depth if whole else 0.0,
-        "largest_contacts": int(steps["contacts"].max(initial=0)),
-        "balls_through": whole.balls_through if whole else None,
+        "deepest_penetration": largest("penetration"),
+        "deepest_impact": largest("impact_depth"),
+        "largest_contacts": int(largest("contacts")),
+        "balls_through": int(steps["balls_through"][-1]) if has_outlet else None,
         **_off_the_exact_motion(simulation),
     }
 
@@ -113,7 +115,7 @@ def document(simulation: Simulation) -> dict[str, Any]:
     rows = [{key: finite(value) for key, value in asdict(window).items()} for window in windows(simulation)]
     return {
         "file": None if simulation.file is None else str(simulation.file),
-        "plan": simulation.plan.document(),
+        "plan": content_of(simulation.plan.record),
         "summary": summary(simulation),
         "windows": rows,
         "incidents": [
@@ -141,43 +143,36 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
         console.print(Text(line, style=style))
 
 
+_COLUMNS: dict[str, Callable[[Window], str]] = {
+    "t [s]": lambda window: f"{window.time:.3g}" if window.time < 100 else f"{window.time:.1f}",
+    "steps": lambda window: str(window.steps),
+    "contacts": lambda window: _digits(window.contacts, 4),
+    "iter.": lambda window: f"{window.iterations:.1f}",
+    "ms/step": lambda window: _digits(window.step_milliseconds, 3),
+    "residual": lambda window: f"{window.residual:.0e}",
+    "missed": lambda window: str(window.unsolved or "–"),
+    "depth/r": lambda window: f"{window.penetration:.4f}",
+    "mid/r": lambda window: f"{window.impact_depth:.4f}",
+    "E [J]": lambda window: f"{window.energy:.3g}" if window.energy < 0 else f"{window.energy:.4g}",
+    "through": lambda window: str(window.balls_through),
+}
+"""Heads of columns, and what stands in each."""
+
+
+def _digits(value: float, number: int) -> str:
+    """Return a number with so many significant digits, and all before the point."""
+    return f"{value:.{number}g}" if value < 10**number else f"{value:.0f}"
+
+
 def _print_windows(simulation: Simulation, console: Console) -> None:
-    scene = simulation.plan.scene
-    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
-    has_outlet = scene.balls_through is not None
-    is_variable = simulation.plan.stepper.locates_switches
-    heads = [
-        "t [s]",
-        *(["steps"] if is_variable else []),
-        "contacts",
-        "iter.",
-        "ms/step",
-        "residual",
-        "missed",
-        "depth/r",
-        "mid/r",
-        "E [J]",
-    ]
-    for head in [*heads, *(["through"] if has_outlet else [])]:
-        table.add_column(Text(head), justify="right", no_wrap=True)  # a string would be read as markup
+    absent = set() if simulation.plan.stepper.locates_switches else {"steps"}
+    if simulation.plan.scene.balls_through is None:
+        absent.add("through")
+    columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
+    table = plain_table(*columns)
     for window in windows(simulation):
-        cells = [
-            Text(f"{window.time:.3g}" if window.time < 100 else f"{window.time:.1f}"),
-            *([Text(str(window.steps))] if is_variable else []),
-            Text(f"{window.contacts:.4g}" if window.contacts < 1e4 else f"{window.contacts:.0f}"),
-            Text(f"{window.iterations:.1f}"),
-            Text(
-                f"{window.step_milliseconds:.3g}"
-                if window.step_milliseconds < 1e3
-                else f"{window.step_milliseconds:.0f}"
-            ),
-            Text(f"{window.residual:.0e}"),
-            Text(str(window.unsolved or "–"), style="bold red" if window.unsolved else ""),
-            Text(f"{window.penetration:.4f}"),
-            Text(f"{window.impact_depth:.4f}"),
-            Text(f"{window.energy:.3g}" if window.energy < 0 else f"{window.energy:.4g}"),
-        ]
-        table.add_row(*cells, *([Text(str(window.balls_through))] if has_outlet else []))
+        styles = {"missed": "bold red"} if window.unsolved else {}
+        table.add_row(*(Text(cell(window), style=styles.get(head, "")) for head, cell in columns.items()))
     if console.measure(table, options=console.options.update(width=500)).maximum > console.width:
         table.padding = (0, 0, 0, 0)  # closer columns, rather than numbers that are cut
     console.print(table)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import pytest
+from msgspec.structs import asdict
 from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.plan import SimulationPlan, check_agreement, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
@@ -39,9 +40,9 @@ def test_the_last_step_reaches_the_end_of_the_duration(duration: float, step_siz
     assert simulate(plan).n_steps == steps
 
 
-def test_a_plan_made_again_from_its_document_is_the_same(pour: Pour) -> None:
-    document = pour(options={"friction": None, "drag": 0.1}, solver="SORprox(relaxation=1.2)").document()
-    assert make_simulation_plan(**document).document() == document
+def test_a_plan_made_again_from_its_record_is_the_same(pour: Pour) -> None:
+    record = pour(options={"friction": None, "drag": 0.1}, solver="SORprox(relaxation=1.2)").record
+    assert make_simulation_plan(**asdict(record)).record == record
 
 
 @pytest.mark.parametrize(

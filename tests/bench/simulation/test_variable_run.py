@@ -72,7 +72,7 @@ def test_what_is_stored_is_what_was_simulated(tmp_path: Path) -> None:
     simulation = simulate(plan(), file)
     stored = read_simulation(file)
     assert stored.is_finished
-    assert stored.plan.document() == simulation.plan.document()
+    assert stored.plan.record == simulation.plan.record
     for name in ("steps", "switches", "trajectory"):
         np.testing.assert_array_equal(getattr(stored, name), getattr(simulation, name))
 
