@@ -18,6 +18,7 @@ import psutil
 
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugins import Names, register
+from ...problems.errors import first_line
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
 from .process_tree import die_with
@@ -114,10 +115,9 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
 def _in_one_line(error: BaseException) -> str:
     """Return an exception in one line, whatever its __str__ does."""
     try:
-        said = str(error).strip().splitlines()
+        return first_line(error)
     except BaseException:
-        said = []
-    return type(error).__name__ + (f": {said[0][:200]}" if said else "")
+        return type(error).__name__
 
 
 def _flush() -> None:

@@ -9,7 +9,6 @@ import os
 import pickle
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import threading
@@ -17,13 +16,13 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from .child import Assignment
-from .pipe import is_readable
+from .pipe import is_readable, read_message, write_message
 from .process_tree import send
 from .supervisor import NUMBER, keep
 
-_HEADER = struct.Struct("!Q")
-
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
+
+_REQUEST = b"F"
 
 _N_DESCRIPTORS = 3
 """Open files that every request brings: the case's pipe, its supervisor's orders, and the file for its output."""
@@ -106,8 +105,8 @@ class _Server:
         report = b""
         with case_pipe, supervisor_orders, contextlib.suppress(OSError):
             descriptors = [case_pipe.fileno(), supervisor_orders.fileno(), output]
-            socket.send_fds(self._socket, [_HEADER.pack(len(content))], descriptors)
-            self._socket.sendall(content)
+            socket.send_fds(self._socket, [_REQUEST], descriptors)
+            write_message(self._socket.fileno(), content)
         if is_readable(orders.fileno(), START_SECONDS):
             report = orders.recv(NUMBER.size)
         if len(report) == NUMBER.size:
@@ -168,11 +167,11 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
     while True:
-        header, descriptors, _, _ = socket.recv_fds(requests, _HEADER.size, _N_DESCRIPTORS)
-        content = _received(requests, _HEADER.unpack(header)[0]) if len(header) == _HEADER.size else b""
-        if not content:
+        _, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
+        try:
+            assignment: Assignment = pickle.loads(read_message(requests.fileno()))
+        except EOFError:  # the client is gone
             os._exit(0)
-        assignment: Assignment = pickle.loads(content)
         if assignment.module.startswith(_FRAMEWORK):
             import_module(assignment.module)  # once here, not in each case
         if os.fork() == 0:
@@ -182,15 +181,3 @@ def serve(descriptor: int) -> None:
             keep(pipe, orders, output, assignment)
         for received in descriptors:
             os.close(received)
-
-
-def _received(requests: socket.socket, length: int) -> bytes:
-    """Return ``length`` bytes, or none if the client goes before they are complete."""
-    content = bytearray(length)
-    rest = memoryview(content)
-    while rest:
-        count = requests.recv_into(rest)
-        if not count:
-            return b""
-        rest = rest[count:]
-    return bytes(content)

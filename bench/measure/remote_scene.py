@@ -144,11 +144,8 @@ class RemoteSystem(RenewedWorker):
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q after ``seconds`` with u."""
-
-        def read(arrays: Arrays) -> FloatArray:
-            return _array(arrays["position"], position.shape)
-
-        return self._arrays(read, "move", position, velocity, seconds)
+        shape = position.shape
+        return self._arrays(lambda arrays: _array(arrays["position"], shape), "move", position, velocity, seconds)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         """Linearise at q_M."""

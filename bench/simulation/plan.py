@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import msgspec
@@ -127,16 +127,9 @@ def make_simulation_plan(
 ) -> SimulationPlan:
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
-    Args:
-        scene: the scene, with options or without.
-        options: further options of it.
-        stepper: the stepper; the scene's if None.
-        duration: simulated time [s]; the scene's if None.
-        solver: the solver; one that suits stepper and scene if None, as are its tolerance and iterations.
-        tolerance: judged residual that each one-step inclusion shall reach.
-        max_iterations: of the solver, in one of them.
-        states: how many states are kept.
-        step_seconds: wall time that a plugin's scene or solver may take for one answer in a step [s].
+    Scene, stepper and solver are named with their options, and ``options`` are further ones of the scene; for the
+    numbers see ``SimulationPlan``. Where nothing is said, stepper and duration are the scene's, and solver, tolerance
+    and iterations suit the two.
 
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
@@ -173,23 +166,13 @@ def _default(scene: Scene, stepper: Stepper) -> _Default:
 
 
 def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
-    """Return ``plan`` with other values: duration [s], stepper, solver, tolerance, max_iterations.
-
-    Raises:
-        ProxbenchError: for an unknown stepper or solver or option of it, or a number out of range.
-    """
-    seconds = changes.get("step_seconds", plan.step_seconds)
-    _check_seconds(seconds)
-    if "step_seconds" in changes:
-        changes["scene"] = local_or_remote_scene(plan.scene.name, plan.scene.options, seconds)
-        changes.setdefault("solver", plan.solver.name)
-    if isinstance(changes.get("solver"), str):
-        changes["solver"] = local_or_remote(changes["solver"], seconds)
-    if isinstance(changes.get("stepper"), str):
-        changes["stepper"] = make_stepper(changes["stepper"])
-    other = replace(plan, **changes)
-    _check_numbers(other)
-    return other
+    """Return ``plan`` with other values, by the names of ``make_simulation_plan``, which has the errors."""
+    if not changes:
+        return plan
+    # a solver of a plugin is given its seconds when it is made
+    solver = plan.solver.name if "step_seconds" in changes else plan.solver
+    kept = {**msgspec.structs.asdict(plan.record), "stepper": plan.stepper, "solver": solver}
+    return make_simulation_plan(**{**kept, **changes})
 
 
 def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str) -> None:

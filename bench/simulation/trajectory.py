@@ -94,9 +94,6 @@ class Rows:
     def __init__(self, begun: NDArray[Any]) -> None:
         self._array, self._count = begun, len(begun)
 
-    def __len__(self) -> int:
-        return self._count
-
     def append(self, row: Any) -> None:
         """Add one row."""
         if self._count == len(self._array):
@@ -200,14 +197,8 @@ class Simulation:
     def incidents(self) -> list[Incident]:
         """The switching points in order of time, in words."""
         return [
-            Incident(
-                0.5 * float(row["begin"] + row["end"]),
-                LAWS[row["law"]],
-                int(row["contact"]),
-                LAW_STATES[row["before"]],
-                LAW_STATES[row["after"]],
-            )
-            for row in self.switches
+            Incident(0.5 * (begin + end), LAWS[law], contact, LAW_STATES[before], LAW_STATES[after])
+            for begin, end, law, contact, before, after in self.switches.tolist()
         ]
 
     @property
@@ -218,28 +209,24 @@ class Simulation:
     @property
     def ending(self) -> "Ending":
         """Why the simulation is over, or that it is not."""
-        if self._is_emptied:
-            return Ending.EMPTIED
-        if self._is_jammed:
-            return Ending.JAMMED
+        if self.plan.scene.balls_through is not None and self.n_steps:
+            if self.steps["balls_through"][-1] == self.plan.scene.n_balls:
+                return Ending.EMPTIED
+            if self._is_jammed:
+                return Ending.JAMMED
         if self.plan.stepper.ends(self.plan.scene, self.state, self.plan.until):
             return Ending.DURATION
         return Ending.STOPPED if self.failure is None else Ending.FAILED
 
     @property
-    def _is_emptied(self) -> bool:
-        has_outlet = self.plan.scene.balls_through is not None and self.n_steps > 0
-        return has_outlet and bool(self.steps["balls_through"][-1] == self.plan.scene.n_balls)
-
-    @property
     def _is_jammed(self) -> bool:
         """Whether balls are left above the outlet, and have rested there, none leaving, for ``JAM_SECONDS``."""
         steps = self.steps
-        if self.plan.scene.balls_through is None or not len(steps) or steps["agitation"][-1] > JAM_AGITATION:
-            return False
         since = int(np.searchsorted(steps["time"], steps["time"][-1] - JAM_SECONDS, side="right"))
+        if not since or steps["agitation"][-1] > JAM_AGITATION:
+            return False
         last = steps[since:]
-        rested = since > 0 and bool((last["agitation"] <= JAM_AGITATION).all())
+        rested = bool((last["agitation"] <= JAM_AGITATION).all())
         return rested and bool(last["balls_through"][0] == last["balls_through"][-1])
 
     @property
@@ -294,11 +281,5 @@ def switching_words(found: Sequence[Incident]) -> str:
 
 
 def _switch_row(switch: SwitchingPoint) -> tuple[float, ...]:
-    return (
-        switch.begin,
-        switch.end,
-        LAWS.index(switch.law),
-        switch.contact,
-        LAW_STATES.index(switch.before),
-        LAW_STATES.index(switch.after),
-    )
+    law, before, after = LAWS.index(switch.law), LAW_STATES.index(switch.before), LAW_STATES.index(switch.after)
+    return switch.begin, switch.end, law, switch.contact, before, after

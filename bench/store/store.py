@@ -94,11 +94,10 @@ class Store:
                 raise BenchError(f"another process is writing to {self.folder}; wait until it has ended.") from None
             except OSError:
                 pass  # a file system without locks
-            for part in (
-                part for place in (self.folder, self._cases, self._problems) for part in place.glob(f".*{PART}")
-            ):
-                with suppress(OSError):
-                    part.unlink()
+            for place in (self.folder, self._cases, self._problems):
+                for part in place.glob(f".*{PART}"):
+                    with suppress(OSError):
+                        part.unlink()
             yield
         finally:
             os.close(folder)
