@@ -13,7 +13,7 @@ import cloudpickle
 from ...problems.catalog.catalog import load, plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugin_scenes import plugin_scene, plugin_scenes, scene_options
-from ...problems.catalog.plugins import KINDS, Names, Offer, forget, register
+from ...problems.catalog.plugins import KINDS, Names, forget, register
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
@@ -127,13 +127,8 @@ class Describing:
             return {"refused": error.sentence}, b""
 
 
-def file_offers(file: PluginFile) -> list[Offer]:
-    """Return what a registered plugin file offers, solvers first; runs the file, so in a child only.
-
-    Raises:
-        PluginError: if it fails to import, offers nothing, a name that is not free, or a solver that breaks the
-            contract.
-    """
+def _offers(file: PluginFile) -> dict[str, list[str]]:
+    """Return the names that a plugin file offers by kind, each solver made once, or raise ``PluginError``."""
     forget(file)  # what is known of its names came from a run of it, which this is
     register(file)
     file.check_offers()
@@ -144,11 +139,6 @@ def file_offers(file: PluginFile) -> list[Offer]:
             raise PluginError(offer.refusal)
         if offer.kind == "solver":
             registry.create(offer.name)
-    return found
-
-
-def _offers(file: PluginFile) -> dict[str, list[str]]:
-    found = file_offers(file)
     return {kind: [offer.name for offer in found if offer.kind == kind] for kind in KINDS}
 
 
@@ -169,9 +159,8 @@ def _solver(name: str, pickled: bytes) -> dict[str, Any]:
 def _scene_options(name: str) -> list[str]:
     offer = plugin_scene(name)
     assert offer is not None
-    return [
-        f"{key}={value!r}" for key, value in scene_options(offer.load(), f"scene {name!r} of {offer.source}").items()
-    ]
+    options = scene_options(offer.load(), f"scene {name!r} of {offer.source}")
+    return [f"{key}={value!r}" for key, value in options.items()]
 
 
 def _form(solver: Solver, source: str, options: list[str]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """The files that are made of a result: its chart and its recording, which are made anew as it goes on."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,10 +62,10 @@ def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force
     """
     chosen = Beside(chart or own.chart, recording or own.recording)
     if chosen.chart is not None:
-        is_own = own.chart is not None and _places(picture_files(own.chart)) == _places(picture_files(chosen.chart))
+        is_own = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
         refuse_pictures(chosen.chart, force or is_own)
     if chosen.recording is not None:
-        is_own = own.recording is not None and _places([own.recording]) == _places([chosen.recording])
+        is_own = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
         from ..recordings.file import refuse_bad_path  # rerun takes a second to import
 
         refuse_bad_path(chosen.recording, force or is_own)
@@ -89,5 +89,5 @@ def recorded(record: Callable[[Path], None], recording: Path | None, result: Pat
     return drawn(made, result, "recording", "make it with: proxbench record {}")
 
 
-def _places(files: Iterable[Path]) -> list[str]:
-    return [os.path.abspath(file) for file in files]
+def _picture(path: Path) -> str:
+    return os.path.abspath(picture_files(path)[0])

@@ -38,6 +38,14 @@ def test_prepared_problems_may_be_solved_in_turn() -> None:
                 assert one.solve(STOP).impulses.tobytes() == own.impulses.tobytes()
 
 
+def test_a_problem_that_was_offered_since_is_not_solved_in_place_of_the_prepared_one() -> None:
+    first, second = load("hard-groove"), load("hard-sticking-box")
+    with RemoteSolver(contestant("NSGS")) as solver:
+        prepared = solver.prepare(first)
+        assert solver.supports(second) is None
+        assert prepared.solve(STOP).impulses.tobytes() == create("NSGS").prepare(first).solve(STOP).impulses.tobytes()
+
+
 def test_the_reason_of_a_refusal_comes_back() -> None:
     with RemoteSolver(contestant("Enumeration")) as solver:
         assert solver.supports(load("funnel-30")) == create("Enumeration").supports(load("funnel-30"))
@@ -70,3 +78,11 @@ def test_a_solver_that_hangs_is_ended_in_time() -> None:
         with pytest.raises(FailedSolveError) as raised:
             prepared.solve(Stop(1e-8, 10, 0.1))
     assert raised.value.outcome is Outcome.TIMEOUT
+
+
+def test_a_solve_has_its_own_seconds_beyond_those_of_a_request() -> None:
+    with RemoteSolver(contestant(Misbehaving("sleep")), seconds=0.5) as solver:
+        prepared = solver.prepare(load("hard-groove"))
+        with pytest.raises(FailedSolveError) as raised:
+            prepared.solve(Stop(1e-8, 10, 1.0))
+    assert "longer than its 1.5 s" in raised.value.reason
