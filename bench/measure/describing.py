@@ -13,7 +13,7 @@ import cloudpickle
 from ...problems.catalog.catalog import load, plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugin_scenes import plugin_scene, plugin_scenes, scene_options
-from ...problems.catalog.plugins import KINDS, Names, forget, register
+from ...problems.catalog.plugins import KINDS, Names, Offer, forget, register
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
@@ -42,6 +42,11 @@ def contestant(solver: str | Solver | Contestant) -> Contestant:
     if type(solver).__module__.startswith(f"{registry.__package__}."):
         return built_in(solver.name)
     return _described("", carried(solver), BenchError)
+
+
+def all_offers() -> tuple[Offer, ...]:
+    """Return what plugins offer of every kind, as far as it is known without running them; solvers first."""
+    return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 
 def offered(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
@@ -132,8 +137,7 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
     forget(file)  # what is known of its names came from a run of it, which this is
     register(file)
     file.check_offers()
-    offered = (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
-    found = [offer for offer in offered if offer.file == file]
+    found = [offer for offer in all_offers() if offer.file == file]
     for offer in found:
         if offer.refusal:
             raise PluginError(offer.refusal)

@@ -3,9 +3,7 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ...problems.catalog.catalog import plugin_problems
 from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugin_scenes import plugin_scenes
 from ...problems.catalog.plugins import forget, register, registered
 from ...problems.errors import PluginError
 from ...problems.spelling import either
@@ -14,7 +12,7 @@ from ...solvers.interface import SolverError
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..store.records import PluginUse
-from .describing import offered
+from .describing import all_offers, offered
 
 
 def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECONDS) -> None:
@@ -39,7 +37,7 @@ def _use(file: PluginFile, seconds: float) -> None:
     register(file, {}, runs_here=False)
     try:
         register(file, offered(file, seconds), runs_here=False)
-        for offer in (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes()):
+        for offer in all_offers():
             if offer.file == file and offer.refusal:
                 raise PluginError(offer.refusal)
     except PluginError:
@@ -58,11 +56,7 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
         scenes: names of scenes, without options.
     """
     plain = {plain for name in solvers for plain in _plain_names(name)}
-    used = [offer for offer in registry.plugin_solvers() if offer.name in plain]
-    chosen = set(problems)
-    used += [offer for offer in plugin_problems() if offer.name in chosen]
-    wanted = set(scenes)
-    used += [offer for offer in plugin_scenes() if offer.name in wanted]
+    used = {"solver": plain, "problem": set(problems), "scene": set(scenes)}
     return [
         PluginUse(
             kind=offer.kind,
@@ -71,8 +65,8 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
             file=str(offer.file.path) if offer.file else "",
             sha256=offer.file.sha256 if offer.file else "",
         )
-        for offer in used
-        if not offer.refusal
+        for offer in all_offers()
+        if offer.name in used[offer.kind] and not offer.refusal
     ]
 
 
