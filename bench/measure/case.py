@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual, judge
-from ...problems.contact.model import Model
+from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Status, Stop
 from ..isolation.worker import LARGEST_CONTENT, Fault, Worker, numbers_of
-from ..store.outcome import Outcome, point_outcome
+from ..store.outcome import Outcome, point_outcome, verdicts
 from ..store.records import CaseRecord, Curve, Limits, Measured, Point, Quartiles
 from .contestants import Contestant
 from .protocol import MeasuringTask, round_fault
@@ -95,8 +94,7 @@ class Case:
         last = rounds[-1]
         times = np.array([pair for answer in rounds for pair in answer["times"]])
         status, impulses = Status(last["status"]), last["impulses"]
-        coulomb = judge(self.problem, impulses)
-        own = coulomb if self.solver.model == Model.COULOMB else judge(self.problem, impulses, self.solver.model)
+        own, coulomb = verdicts(self.problem, impulses, self.solver.model)
         outcome = point_outcome(status, tolerance, self.solver.model, own, coulomb)
         measured = Measured(
             iterations=last["iterations"],

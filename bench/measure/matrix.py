@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.contact.judge import Residual, judge
-from ...problems.contact.model import Model
+from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Solver, Status, Stop
+from ...solvers.interface import Solver, Stop
 from ...solvers.registry import available
-from ..store.outcome import FAULTS, Outcome, point_outcome
+from ..store.outcome import FAULTS, Outcome, claim_reason, point_outcome, verdicts
 from .describing import contestant
 from .plan import DEFAULT_SOLVERS
 from .problems import resolved
@@ -101,13 +100,13 @@ def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) 
         solution = solver.prepare(problem).solve(stop)
     except FailedSolveError as fault:
         return Cell(name, solver.name, fault.outcome, reason=fault.reason)
-    status, impulses = solution.status, solution.impulses
-    coulomb = judge(problem, impulses)
-    own = coulomb if solver.model == Model.COULOMB else judge(problem, impulses, solver.model)
-    outcome = point_outcome(status, stop.tolerance, solver.model, own, coulomb)
-    known = problem.answer
+    impulses = solution.impulses
+    own, coulomb = verdicts(problem, impulses, solver.model)
+    outcome = point_outcome(solution.status, stop.tolerance, solver.model, own, coulomb)
+    reason = claim_reason(outcome, stop.tolerance, solver.model, own.residual)
+    is_finite, known = bool(np.isfinite(impulses).all()), problem.answer
     error = None
-    if known is not None and np.isfinite(impulses).all():
+    if known is not None and is_finite:
         error = known.error(impulses, problem.relative_velocity(impulses), Residual(problem).scale)
     return Cell(
         name,
@@ -116,15 +115,7 @@ def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) 
         coulomb.residual,
         own.residual,
         solution.iterations,
-        "" if outcome is Outcome.SOLVED else _reason(outcome, status, solution.message, solver.model, own.residual),
-        bool(np.isfinite(impulses).all()),
+        "" if outcome is Outcome.SOLVED else reason or solution.message or solution.status.sentence,
+        is_finite,
         error,
     )
-
-
-def _reason(outcome: Outcome, status: Status, message: str, model: Model, own_residual: float) -> str:
-    if outcome is Outcome.RELAXED:
-        return f"solves the {model} model, not Coulomb friction"
-    if outcome is Outcome.WRONG:
-        return f"claims to have solved, the judge of its model reads {own_residual:.1e}"
-    return message or status.sentence

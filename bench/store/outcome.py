@@ -2,8 +2,10 @@
 
 from enum import StrEnum
 
-from ...problems.contact.judge import Verdict
+from ...problems.arrays import FloatArray
+from ...problems.contact.judge import Verdict, judge
 from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Status
 
 WRONG_FACTOR = 10.0
@@ -42,6 +44,12 @@ FAULTS = (Outcome.TIMEOUT, Outcome.CRASHED, Outcome.OUT_OF_MEMORY, Outcome.MISBE
 """Ways in which a whole case fails."""
 
 
+def verdicts(problem: ContactProblem, impulses: FloatArray, model: Model) -> tuple[Verdict, Verdict]:
+    """Return the judge's verdict on impulses [N s] under a solver's own model, and that under Coulomb's law."""
+    coulomb = judge(problem, impulses)
+    return (coulomb if model == Model.COULOMB else judge(problem, impulses, model)), coulomb
+
+
 def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, coulomb: Verdict) -> Outcome:
     """Return the outcome of a solve that claims ``status`` at ``tolerance``.
 
@@ -66,3 +74,13 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
         if not coulomb.residual <= min(tolerance, RELAXED_FACTOR * own_accuracy):
             return Outcome.RELAXED
     return Outcome.SOLVED
+
+
+def claim_reason(outcome: str, tolerance: float, model: Model | str, own_residual: float) -> str:
+    """Say why a claim to have solved does not count, with the residual under the solver's own model.
+
+    Empty for outcomes that are no claims.
+    """
+    if outcome == Outcome.WRONG:
+        return f"claimed {tolerance:.0e}, the judge reads {own_residual:.1e}"
+    return f"solves the {model} model, not Coulomb friction" if outcome == Outcome.RELAXED else ""
