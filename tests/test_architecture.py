@@ -48,6 +48,7 @@ AT_HOME = {
         "bench/runs.py",
         "bench/report/tables.py",
         "bench/report/fitting.py",
+        "bench/report/matrix.py",
         "bench/report/charts.py",
         "bench/report/summary_charts.py",
         "bench/simulation/chart.py",

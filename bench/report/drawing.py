@@ -1,7 +1,7 @@
 """How charts look and are written: panels one below the other, as SVG and PNG, drawn without a browser."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -100,6 +100,11 @@ def round_values(domain: Sequence[float]) -> list[float]:
     return [value for value in values if low <= value <= high]
 
 
+def log_axis(channel: Any, field: str, title: str, domain: Sequence[float]) -> Any:
+    """Return an encoding of numbers on a logarithmic axis with the ends ``domain``."""
+    return channel(f"{field}:Q", title=title).scale(type="log", domain=list(domain), nice=False)
+
+
 def key(names: Mapping[str, Look], width: float) -> alt.LayerChart:
     """Return what colours, dashes and shapes stand for, as a panel: a line with a mark, and the name, in columns.
 
@@ -182,16 +187,11 @@ class _Box:
     right: float
     bottom: float
 
-    def meets(self, points: Points) -> bool:
-        x, y = points.T
-        inside = (x > self.left - CLEAR) & (x < self.right + CLEAR) & (y > self.top - CLEAR) & (y < self.bottom + CLEAR)
-        return bool(inside.any())
-
-    def distances(self, points: Points) -> Points:
-        """Return how far points are from the box, shape (n,)."""
+    def gaps(self, points: Points) -> tuple[Points, Points]:
+        """Return how far points are from the box across and up, each of shape (n,); 0 where they are level with it."""
         x, y = points.T
         across = np.maximum(0.0, np.maximum(self.left - x, x - self.right))
-        return np.asarray(np.hypot(across, np.maximum(0.0, np.maximum(self.top - y, y - self.bottom))))
+        return across, np.maximum(0.0, np.maximum(self.top - y, y - self.bottom))
 
     def overlaps(self, other: "_Box") -> bool:
         return not (
@@ -212,7 +212,7 @@ def placed_labels(curves: Mapping[str, Points], width: float, height: float, mar
         margin: how far labels may stand out to the right of the plot [pixels].
     """
     ends = {name: points[-1] for name, points in curves.items()}
-    drawn = {name: _sampled(points) for name, points in curves.items()}
+    drawn = np.concatenate([np.empty((0, 2)), *map(_sampled, curves.values())])
     taken: list[_Box] = []
     labels = {}
     for name, end in ends.items():
@@ -221,32 +221,31 @@ def placed_labels(curves: Mapping[str, Points], width: float, height: float, mar
         others = np.array([other for label, other in ends.items() if label != name]).reshape(-1, 2)
         if (np.hypot(*(others - end).T) < REACH).any():
             continue
-        for label, box in _candidates(name, float(end[0]), float(end[1])):
+        for label in _candidates(float(end[0]), float(end[1])):
+            box = _box(label, CHARACTER_WIDTH * len(name))
             inside = box.left >= 0.0 and box.right <= width + margin and box.top >= 0.0 and box.bottom <= height
-            nearest = bool((box.distances(others) > box.distances(end[None])).all())
-            free = not any(map(box.overlaps, taken)) and not any(map(box.meets, drawn.values()))
-            if inside and nearest and free:
+            nearest = (np.hypot(*box.gaps(others)) > np.hypot(*box.gaps(end[None]))).all()
+            clear = np.maximum(*box.gaps(drawn)) >= CLEAR
+            if inside and nearest and clear.all() and not any(map(box.overlaps, taken)):
                 labels[name] = label
                 taken.append(box)
                 break
     return labels
 
 
-def _candidates(name: str, x: float, y: float) -> Iterator[tuple[Label, _Box]]:
-    """Yield where the label of a curve that ends at (x, y) may stand, the best place first."""
-    length, half = CHARACTER_WIDTH * len(name), HEIGHT / 2.0
-    step = half + CLEAR + 1.0
-    for shift in (0.0, -step, step):
-        yield (
-            Label(x + REACH, y + shift, "left"),
-            _Box(x + REACH, y + shift - half, x + REACH + length, y + shift + half),
-        )
-    for shift in (-REACH - half, REACH + half):
-        yield (
-            Label(x, y + shift, "center"),
-            _Box(x - length / 2.0, y + shift - half, x + length / 2.0, y + shift + half),
-        )
-    yield Label(x - REACH, y, "right"), _Box(x - REACH - length, y - half, x - REACH, y + half)
+def _candidates(x: float, y: float) -> list[Label]:
+    """Return where the label of a curve that ends at (x, y) may stand, the best place first."""
+    step, above = HEIGHT / 2.0 + CLEAR + 1.0, REACH + HEIGHT / 2.0
+    return [
+        *(Label(x + REACH, y + shift, "left") for shift in (0.0, -step, step)),
+        *(Label(x, y + shift, "center") for shift in (-above, above)),
+        Label(x - REACH, y, "right"),
+    ]
+
+
+def _box(label: Label, length: float) -> _Box:
+    left = label.x - {"left": 0.0, "center": length / 2.0, "right": length}[label.align]
+    return _Box(left, label.y - HEIGHT / 2.0, left + length, label.y + HEIGHT / 2.0)
 
 
 def _sampled(points: Points) -> Points:

@@ -1,5 +1,6 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,10 @@ from ..errors import BenchError
 from ..measure.matrix import Cell
 from ..store.condition import run_state, steadiness, warnings
 from ..store.frames import RunFrames
-from ..store.outcome import Outcome
+from ..store.outcome import Outcome, claim_reason
 from .fitting import hanging, print_table
 from .matrix import matrix_page
-from .text import counted, inline
+from .text import counted, inline, markdown_table
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals that tables give the time to, if the run has more tolerances than these."""
@@ -74,10 +75,8 @@ def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
 
     Points that claim what the judge refutes (WRONG) do not count.
     """
-    if points.empty:
-        return float("nan")
     reached = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG)]
-    return float(reached["total_seconds"].min()) if len(reached) else float("nan")
+    return float(reached["total_seconds"].min())
 
 
 def mean_time(times: FloatArray, limit: float) -> float:
@@ -97,31 +96,47 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     Columns: problem, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
     outcome, reason.
     """
-    shown = accuracies(frames)
-    keys = [_TIME + _tag(accuracy) for accuracy in shown]
+    shown = {_TIME + _tag(accuracy): accuracy for accuracy in accuracies(frames)}
     rows = []
     for case in frames.cases.to_dict("records"):
-        points = _points_of(frames, case)
-        measured = points[points["total_seconds"].notna()] if len(points) else points
+        measured = measured_points(frames, case)
         row = {key: case[key] for key in _CASE_COLUMNS}
-        row |= {key: time_to_accuracy(measured, accuracy) for key, accuracy in zip(keys, shown, strict=True)}
-        row |= _best(measured)
+        row |= {key: time_to_accuracy(measured, accuracy) for key, accuracy in shown.items()}
+        trusted = measured[measured["outcome"] != Outcome.WRONG]
+        row["residual"], row["iterations"] = np.nan, np.nan
+        if len(trusted):
+            best = trusted.iloc[int(trusted["residual"].argmin())]
+            row["residual"], row["iterations"] = float(best["residual"]), float(best["iterations"])
         row["outcome"], row["reason"] = ending(case, measured)
         rows.append(row)
-    return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *keys, "residual", "iterations", "outcome", "reason"])
+    return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *shown, "residual", "iterations", "outcome", "reason"])
 
 
-def common_problems(frames: RunFrames) -> list[str]:
-    """Return the problems of a run that all its solvers support, those left out that support none at all."""
-    cases = supported(frames)
-    number = cases["solver"].nunique()
-    return [str(problem) for problem, own in cases.groupby("problem", sort=False) if own["solver"].nunique() == number]
+def measured_points(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
+    """Return the points of a case that were attempted."""
+    points = frames.points
+    is_own = (points["problem"] == case["problem"]) & (points["solver"] == case["solver"])
+    chosen: pd.DataFrame = points[is_own & points["total_seconds"].notna()]
+    return chosen
 
 
-def supported(frames: RunFrames) -> pd.DataFrame:
-    """Return the cases of a run whose solver supports the problem."""
-    cases: pd.DataFrame = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
-    return cases
+def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
+    """Return one row a solver, problem that it supports, and accuracy of ``levels``, solvers in the order of the run.
+
+    Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
+    solver says that it is), common (whether all solvers of the table support the problem).
+    """
+    cases = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
+    counts = cases.groupby("problem")["solver"].nunique()
+    common = counts.index[counts == cases["solver"].nunique()]
+    rows = []
+    for solver in frames.info.plan.solvers:
+        for case in cases[cases["solver"] == solver].to_dict("records"):
+            points, problem = measured_points(frames, case), case["problem"]
+            for accuracy in levels:
+                seconds, claimed = time_to_accuracy(points, accuracy), _claims(points, accuracy)
+                rows.append((solver, case["model"], problem, accuracy, seconds, claimed, problem in common))
+    return pd.DataFrame(rows, columns=["solver", "model", "problem", "accuracy", "seconds", "claimed", "common"])
 
 
 def summary_table(frames: RunFrames) -> pd.DataFrame:
@@ -133,24 +148,17 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     at the time limit of a solve, NaN without a common problem; then the number of wrong claims.
     """
     shown = summary_accuracies(frames)
-    limit = frames.info.plan.limits.solve_seconds
-    all_cases, common = supported(frames), common_problems(frames)
+    tried = attempts(frames, shown)
+    points, limit = frames.points, frames.info.plan.limits.solve_seconds
     rows = []
-    for solver in frames.info.plan.solvers:
-        cases = all_cases[all_cases["solver"] == solver]
-        if cases.empty:
-            continue
-        row: dict[str, Any] = {"solver": solver, "model": cases["model"].iloc[0], "problems": len(cases)}
-        row["common"] = len(common)
-        of_cases = {case["problem"]: _points_of(frames, case) for case in cases.to_dict("records")}
+    for (solver, model), own in tried.groupby(["solver", "model"], sort=False):
+        row: dict[str, Any] = {"solver": solver, "model": model, "problems": own["problem"].nunique()}
+        row["common"] = own["problem"][own["common"]].nunique()
         for accuracy in shown:
-            claimed = [claims(points, accuracy) for points in of_cases.values()]
-            times = {problem: time_to_accuracy(points, accuracy) for problem, points in of_cases.items()}
-            row[f"success_{_tag(accuracy)}"] = float(np.mean(claimed))
-            row[f"correct_{_tag(accuracy)}"] = float(np.mean(~np.isnan(list(times.values()))))
-            row[f"mean_time_{_tag(accuracy)}"] = mean_time(np.array([times[problem] for problem in common]), limit)
-        measured = [points for points in of_cases.values() if len(points)]
-        row["wrong"] = int(sum((points["outcome"] == Outcome.WRONG).sum() for points in measured))
+            tag, reached = _tag(accuracy), own[own["accuracy"] == accuracy]
+            row[f"success_{tag}"], row[f"correct_{tag}"] = reached["claimed"].mean(), reached["seconds"].notna().mean()
+            row[f"mean_time_{tag}"] = mean_time(reached["seconds"][reached["common"]].to_numpy(), limit)
+        row["wrong"] = int(((points["solver"] == solver) & (points["outcome"] == Outcome.WRONG)).sum())
         rows.append(row)
     of_accuracies = [f"{kind}_{_tag(accuracy)}" for accuracy in shown for kind in ("success", "correct", "mean_time")]
     return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *of_accuracies, "wrong"])
@@ -185,13 +193,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 def matrix_of_run(frames: RunFrames) -> str:
     """Return the matrix of solvers and problems of a run as a Markdown page, with the reason of every failure."""
     cells = [
-        Cell(
-            row["problem"],
-            row["solver"],
-            Outcome(row["outcome"]),
-            row["residual"],
-            reason="" if row["outcome"] == Outcome.SOLVED else row["reason"],
-        )
+        Cell(row["problem"], row["solver"], Outcome(row["outcome"]), row["residual"], reason=row["reason"])
         for row in results_table(frames).to_dict("records")
     ]
     finest = min(frames.info.plan.tolerances)
@@ -227,42 +229,22 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     console.print(Text(_legend(list(_times(results)), summary), style="dim"))
 
 
-def _points_of(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
-    points = frames.points
-    chosen: pd.DataFrame = points[(points["problem"] == case["problem"]) & (points["solver"] == case["solver"])]
-    return chosen
-
-
-def _best(measured: pd.DataFrame) -> dict[str, float]:
-    """Best judged residual among points that are not wrong, and the iterations that it took."""
-    trusted = measured[measured["outcome"] != Outcome.WRONG] if len(measured) else measured
-    if trusted.empty:
-        return {"residual": float("nan"), "iterations": float("nan")}
-    best = trusted.iloc[int(trusted["residual"].astype(float).argmin())]
-    return {"residual": float(best["residual"]), "iterations": float(best["iterations"])}
-
-
 def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
-    """How the case ended: its fault, else the worst of what its ladder shows, with the reason in words."""
+    """Return how a case ended: its fault, else the worst of what its ladder shows, with the reason in words."""
     if case["outcome"] != Outcome.MEASURED or measured.empty:
         return str(case["outcome"]), str(case["reason"])
-    wrong = measured[measured["outcome"] == Outcome.WRONG]
-    if len(wrong):
-        first = wrong.iloc[0]
-        reason = f"claimed {first['tolerance']:.0e}, the judge reads {first['model_residual']:.1e}"
-        return Outcome.WRONG.value, reason
+    for outcome in (Outcome.WRONG, Outcome.RELAXED):
+        if len(claims := measured[measured["outcome"] == outcome]):
+            first = claims.iloc[0]
+            return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
     last = measured.iloc[-1]
-    if (measured["outcome"] == Outcome.RELAXED).any():
-        return Outcome.RELAXED.value, f"solves the {case['model']} model, not Coulomb friction"
     if last["outcome"] == Outcome.SOLVED:
         return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"
     return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
 
 
-def claims(points: pd.DataFrame, accuracy: float) -> bool:
+def _claims(points: pd.DataFrame, accuracy: float) -> bool:
     """Whether the solver says that it solved to ``accuracy``."""
-    if points.empty:
-        return False
     finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
     return bool((finer["status"] == Outcome.SOLVED).any())
 
@@ -301,27 +283,24 @@ def duration(seconds: float) -> str:
 
 
 def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
-    shown = pd.DataFrame({"problem": results["problem"], "contacts": results["n_contacts"]})
-    shown["solver"] = results["solver"]
-    shown["model"] = results["model"]
-    for head, key in _times(results).items():
-        shown[head] = results[key].map(duration)
-    shown["residual"] = [f"{value:.0e}" if np.isfinite(value) else "–" for value in results["residual"]]
-    shown["iter."] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in results["iterations"]]
-    shown["ended"] = results["outcome"]
-    shown["why"] = results["reason"]
+    times = _times(results)
+    heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
+    shown = results.rename(columns=heads | {key: head for head, key in times.items()})
+    for head in times:
+        shown[head] = shown[head].map(duration)
+    for head, form in (("residual", ".0e"), ("iter.", ".0f")):
+        shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
     return shown
 
 
 def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:
-    shown = pd.DataFrame({key: summary[key] for key in ("solver", "model")})
+    shown = summary[["solver", "model"]].copy()
     for tag in (key.removeprefix("success_") for key in summary.columns if key.startswith("success_")):
         for head, share in (("says", f"success_{tag}"), ("true", f"correct_{tag}")):
             pairs = zip(summary[share], summary["problems"], strict=True)
             shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
         shown[f"mean\n{tag}"] = summary[f"mean_time_{tag}"].map(duration)
-    shown["wrong"] = summary["wrong"]
-    return shown
+    return shown.assign(wrong=summary["wrong"])
 
 
 def _markdown_head(frames: RunFrames) -> str:
@@ -330,6 +309,5 @@ def _markdown_head(frames: RunFrames) -> str:
 
 
 def _markdown(shown: pd.DataFrame) -> str:
-    rows = [[str(column).replace("\n", " ") for column in shown.columns], ["---"] * len(shown.columns)]
-    rows += [[inline(value) for value in row] for row in shown.itertuples(index=False)]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    heads = [str(column).replace("\n", " ") for column in shown.columns]
+    return markdown_table(heads, shown.map(inline).itertuples(index=False))

@@ -1,11 +1,19 @@
 """Words and text in reports: numbers of things, and text of others that stays text in Markdown, whatever it holds."""
 
+from collections.abc import Iterable
 from html import escape
 
 
 def inline(value: object) -> str:
     """Return ``value`` as text for a line or a table cell, in which nothing is markup of HTML or ends the cell."""
     return escape(str(value), quote=False).replace("|", r"\|")
+
+
+def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return a table in Markdown, of texts that ``inline`` has been through."""
+    heads = list(map(str, head))
+    lines = (map(str, line) for line in (heads, ["---"] * len(heads), *rows))
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def counted(number: int, noun: str, many: str = "") -> str:
