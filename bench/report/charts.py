@@ -1,5 +1,6 @@
 """Charts of a run's problems: what accuracy costs, and how the iterations converge, one file a problem."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
 
@@ -20,6 +21,7 @@ from .drawing import (
     by_name,
     heading,
     key,
+    log_axis,
     placed_labels,
     round_values,
     stacked,
@@ -27,7 +29,7 @@ from .drawing import (
 )
 from .palette import Look, looks
 from .summary_charts import summary_charts
-from .tables import ending
+from .tables import ending, measured_points
 from .text import counted
 
 SMALLEST_RESIDUAL = 1e-16
@@ -35,6 +37,8 @@ SMALLEST_RESIDUAL = 1e-16
 
 POWERS = [10.0**power for power in range(-16, 4)]
 """Where residual axes have ticks and grid lines."""
+
+RESIDUAL_AXIS = {"format": ".0e", "values": POWERS, "labelOverlap": True}
 
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
@@ -58,6 +62,38 @@ ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 _TIME_TITLE = "time, preparing included [ms] (better below)"
 
 
+@dataclass(frozen=True)
+class _Curves:
+    """What solvers have to show on a problem, along two logarithmic axes with the ends ``across`` and ``up``."""
+
+    rows: pd.DataFrame
+    x: str
+    y: str
+    across: list[float]
+    up: list[float]
+
+    @property
+    def labels(self) -> dict[str, Label]:
+        """The names of solvers at the ends of their curves, as far as there is room."""
+        points: dict[str, Points] = {}
+        for solver, curve in self.rows.groupby("solver", sort=False):
+            columns = (_pixels(curve[self.x], self.across, WIDTH), HEIGHT - _pixels(curve[self.y], self.up, HEIGHT))
+            points[str(solver)] = np.column_stack(columns)
+        return placed_labels(points, WIDTH, HEIGHT, MARGIN)
+
+    def panel(self, layers: list[alt.Chart], named: dict[str, Look], title: str, notes: list[str]) -> alt.LayerChart:
+        """Return layers and the labels as a chart with a title and notes."""
+        labels = self.labels
+        for align in sorted({label.align for label in labels.values()}):
+            rows = [{"solver": name, "x": at.x, "y": at.y} for name, at in labels.items() if at.align == align]
+            text = alt.Chart(pd.DataFrame(rows)).mark_text(align=align, baseline="middle", fontSize=FONT_SIZE)
+            places = {"x": alt.X("x:Q", scale=None), "y": alt.Y("y:Q", scale=None)}
+            layers.append(text.encode(**places, text="solver:N", color=by_name(alt.Color, "solver", named, "colour")))
+        head = heading(title, notes, WIDTH + MARGIN, 13)
+        panel: alt.LayerChart = alt.LayerChart(layer=layers, width=WIDTH, height=HEIGHT, title=head)
+        return panel
+
+
 def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
     """Write a chart of every problem that has anything to show, and those of the whole run, as SVG and PNG.
 
@@ -73,7 +109,7 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
     for problem in frames.cases["problem"].unique():
-        if len(_drawable(frames.points, problem)) or len(_drawable(frames.iterations, problem)):
+        if len(_costs(frames, problem).rows) or len(_iterations(frames, problem).rows):
             files += write_drawing(problem_chart(frames, problem), folder / plain_name(problem))
     for name, chart in summary_charts(frames).items():
         files += write_drawing(chart, folder / name)
@@ -86,15 +122,14 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     A solver has the same colour, shape and dashes in all charts of a run. Its name stands at the end of its curve where
     there is room; unless all do, a key below names all.
     """
-    panels, named = [], []
-    if len(points := _drawable(frames.points, problem)):
-        panels.append(work_precision(frames, problem))
-        named.append((set(points["solver"]), set(_work_labels(points))))
-    if len(curves := _drawable(frames.iterations, problem)):
-        panels.append(convergence(frames, problem))
-        named.append((set(curves["solver"]), set(_convergence_labels(curves))))
-    if any(labelled != shown for shown, labelled in named):
-        shown = set().union(*(shown for shown, _ in named))
+    panels, has_key = [], False
+    shown: set[str] = set()
+    for curves, draw in ((_costs(frames, problem), work_precision), (_iterations(frames, problem), convergence)):
+        if len(curves.rows):
+            panels.append(draw(frames, problem))
+            own = set(curves.rows["solver"])
+            shown, has_key = shown | own, has_key or own != set(curves.labels)
+    if has_key:
         panels.append(key({name: look for name, look in _looks(frames).items() if name in shown}, WIDTH + MARGIN))
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
@@ -108,25 +143,20 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     The tolerance of a solve appears nowhere. A filled mark is a solve that ended solved, at its true residual;
     a hollow one is the best iterate of a solve that did not; a cross is a wrong claim.
     """
-    points = _drawable(frames.points, problem)
+    costs, named = _costs(frames, problem), _looks(frames)
     columns = ["solver", "tolerance", "residual", "milliseconds", "low", "high", "iterations", "outcome"]
-    residuals, times = _work_domains(points)
-    base = alt.Chart(points[columns], width=WIDTH, height=HEIGHT).encode(
-        x=alt.X("residual:Q", title="judged residual (velocity error, relative; better to the right)")
-        .scale(type="log", domain=residuals, nice=False)
-        .axis(format=".0e", values=POWERS, labelOverlap=True),
-        y=alt.Y("milliseconds:Q", title=_TIME_TITLE)
-        .scale(type="log", domain=times, nice=False)
-        .axis(format="~g", values=round_values(times)),
-        color=by_name(alt.Color, "solver", _looks(frames), "colour"),
+    residual = "judged residual (velocity error, relative; better to the right)"
+    base = alt.Chart(costs.rows[columns], width=WIDTH, height=HEIGHT).encode(
+        x=log_axis(alt.X, "residual", residual, costs.across).axis(**RESIDUAL_AXIS),
+        y=log_axis(alt.Y, "milliseconds", _TIME_TITLE, costs.up).axis(format="~g", values=round_values(costs.up)),
+        color=by_name(alt.Color, "solver", named, "colour"),
     )
     spread = base.mark_rule(strokeWidth=1).encode(y=alt.Y("low:Q", title=_TIME_TITLE), y2="high:Q")
-    dash = by_name(alt.StrokeDash, "solver", _looks(frames), "dash")
+    dash = by_name(alt.StrokeDash, "solver", named, "dash")
     line = base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q")
     legend = "upright lines: quartiles; hollow: ended short of its tolerance; ×: wrong claim"
-    notes = [legend, _absent(frames, problem)]
-    layers = [spread, line, *_marks(base, frames), *_label_layer(_work_labels(points), frames)]
-    return _panel(layers, "What accuracy costs", notes)
+    layers = [spread, line, *_marks(base, frames)]
+    return costs.panel(layers, named, "What accuracy costs", [legend, _absent(frames, problem, costs.rows)])
 
 
 def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
@@ -134,28 +164,24 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
 
     Curves that grow beyond LARGEST_RESIDUAL leave the chart there.
     """
-    curves = _drawable(frames.iterations, problem)
-    iterations, residuals = _convergence_domains(curves)
-    base = alt.Chart(curves[["solver", "iteration", "residual"]], width=WIDTH, height=HEIGHT).encode(
-        x=alt.X("iteration:Q", title="iteration")
-        .scale(type="log", domain=iterations, nice=False)
-        .axis(format="~s", values=round_values(iterations)),
-        y=alt.Y("residual:Q", title="judged residual (velocity error, relative)")
-        .scale(type="log", domain=residuals, nice=False)
-        .axis(format=".0e", values=POWERS, labelOverlap=True),
-        color=by_name(alt.Color, "solver", _looks(frames), "colour"),
+    curves, named = _iterations(frames, problem), _looks(frames)
+    columns = ["solver", "iteration", "residual"]
+    values = round_values(curves.across)
+    residual = "judged residual (velocity error, relative)"
+    base = alt.Chart(curves.rows[columns], width=WIDTH, height=HEIGHT).encode(
+        x=log_axis(alt.X, "iteration", "iteration", curves.across).axis(format="~s", values=values),
+        y=log_axis(alt.Y, "residual", residual, curves.up).axis(**RESIDUAL_AXIS),
+        color=by_name(alt.Color, "solver", named, "colour"),
     )
     line = base.mark_line(strokeWidth=1.8, clip=True)
-    line = line.encode(strokeDash=by_name(alt.StrokeDash, "solver", _looks(frames), "dash"))
-    marks = base.mark_point(filled=True, size=45, opacity=1, clip=True)
-    marks = marks.properties(data=_marked(curves)).encode(shape=by_name(alt.Shape, "solver", _looks(frames), "shape"))
-    notes = [_absent(frames, problem, curves=True)]
-    layers = [line, marks, *_label_layer(_convergence_labels(curves), frames)]
-    return _panel(layers, "How the iterations converge", notes)
+    line = line.encode(strokeDash=by_name(alt.StrokeDash, "solver", named, "dash"))
+    marks = base.mark_point(filled=True, size=45, opacity=1, clip=True).properties(data=_marked(curves.rows)[columns])
+    marks = marks.encode(shape=by_name(alt.Shape, "solver", named, "shape"))
+    return curves.panel([line, marks], named, "How the iterations converge", [_absent(frames, problem, curves.rows)])
 
 
 def _marks(base: alt.Chart, frames: RunFrames) -> list[alt.Chart]:
-    """Marks of the solves by how they ended: filled, hollow, crossed."""
+    """Return marks of the solves by how they ended: filled, hollow, crossed."""
     shaped = base.encode(
         shape=by_name(alt.Shape, "solver", _looks(frames), "shape"),
         tooltip=["solver", "residual", "milliseconds", "iterations", "outcome"],
@@ -182,56 +208,41 @@ def _marked(curves: pd.DataFrame) -> pd.DataFrame:
         shares = (np.arange(MARKS) + (rank + 0.5) / of_solvers.ngroups) / MARKS
         at = np.searchsorted(iterations, iterations[0] + shares * (iterations[-1] - iterations[0]))
         rows.append(curve.iloc[np.unique(np.append(at, len(curve) - 1))])
-    return pd.concat(rows)[["solver", "iteration", "residual"]]
+    return pd.concat(rows)
+
+
+def _costs(frames: RunFrames, problem: str) -> _Curves:
+    """Return time [ms] with its quartiles over judged residual."""
+    points = _drawable(frames.points, problem)
+    points = points[points["total_seconds"].notna()].sort_values("tolerance", ascending=False, kind="stable")
+    times = {"milliseconds": "total_seconds", "low": "total_seconds_q1", "high": "total_seconds_q3"}
+    points = points.assign(**{name: 1e3 * points[time] for name, time in times.items()})
+    residuals = _padded(points["residual"].min(), points["residual"].max())[::-1]
+    return _Curves(points, "residual", "milliseconds", residuals, _padded(points["low"].min(), points["high"].max()))
+
+
+def _iterations(frames: RunFrames, problem: str) -> _Curves:
+    """Return judged residual over iterations."""
+    curves = _drawable(frames.iterations, problem)
+    curves = curves[curves["iteration"] > 0]
+    largest = min(2.0 * float(curves["residual"].max()), LARGEST_RESIDUAL)
+    smallest = min(float(curves["residual"].min()), LARGEST_RESIDUAL) / 2.0
+    last = max(float(curves["iteration"].max()), 2.0)
+    return _Curves(curves, "iteration", "residual", [1.0, 1.05 * last], [smallest, largest])
 
 
 def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
-    """Rows of a problem with a finite residual, which a logarithmic axis can show, with times in milliseconds."""
+    """Return the rows of a problem with a finite residual, which a logarithmic axis can show."""
     chosen = rows[rows["problem"] == problem]
     residual = chosen["residual"].astype(float).clip(lower=SMALLEST_RESIDUAL)
-    chosen = chosen.assign(residual=residual)[np.isfinite(residual)]
-    if "iteration" in chosen:
-        return chosen[chosen["iteration"] > 0]
-    chosen = chosen[chosen["total_seconds"].notna()].sort_values("tolerance", ascending=False, kind="stable")
-    for name, time in (("milliseconds", "total_seconds"), ("low", "total_seconds_q1"), ("high", "total_seconds_q3")):
-        chosen[name] = 1e3 * chosen[time] if len(chosen) else []
-    return chosen
-
-
-def _work_domains(points: pd.DataFrame) -> tuple[list[float], list[float]]:
-    residuals = _padded(points["residual"].min(), points["residual"].max())[::-1]
-    return residuals, _padded(points["low"].min(), points["high"].max())
-
-
-def _convergence_domains(curves: pd.DataFrame) -> tuple[list[float], list[float]]:
-    largest = min(2.0 * float(curves["residual"].max()), LARGEST_RESIDUAL)
-    smallest = min(float(curves["residual"].min()), LARGEST_RESIDUAL) / 2.0
-    return [1.0, 1.05 * max(float(curves["iteration"].max()), 2.0)], [smallest, largest]
+    drawable: pd.DataFrame = chosen.assign(residual=residual)[np.isfinite(residual)]
+    return drawable
 
 
 def _padded(low: float, high: float) -> list[float]:
     """Return the ends of a logarithmic axis with a little room beyond the values."""
     room = max((high / low) ** 0.03, 1.2)
     return [float(low) / room, float(high) * room]
-
-
-def _work_labels(points: pd.DataFrame) -> dict[str, Label]:
-    residuals, times = _work_domains(points)
-    return _labels(points, "residual", residuals, "milliseconds", times)
-
-
-def _convergence_labels(curves: pd.DataFrame) -> dict[str, Label]:
-    iterations, residuals = _convergence_domains(curves)
-    return _labels(curves, "iteration", iterations, "residual", residuals)
-
-
-def _labels(rows: pd.DataFrame, x: str, across: list[float], y: str, up: list[float]) -> dict[str, Label]:
-    """Place the names of solvers at the ends of their curves, as far as there is room."""
-    curves: dict[str, Points] = {}
-    for solver, curve in rows.groupby("solver", sort=False):
-        columns = (_pixels(curve[x], across, WIDTH), HEIGHT - _pixels(curve[y], up, HEIGHT))
-        curves[str(solver)] = np.column_stack(columns)
-    return placed_labels(curves, WIDTH, HEIGHT, MARGIN)
 
 
 def _pixels(values: "pd.Series[float]", domain: list[float], length: float) -> Points:
@@ -241,50 +252,25 @@ def _pixels(values: "pd.Series[float]", domain: list[float], length: float) -> P
     return pixels
 
 
-def _label_layer(labels: dict[str, Label], frames: RunFrames) -> list[alt.Chart]:
-    layers = []
-    for align in sorted({label.align for label in labels.values()}):
-        rows = [{"solver": name, "x": label.x, "y": label.y} for name, label in labels.items() if label.align == align]
-        text = alt.Chart(pd.DataFrame(rows)).mark_text(align=align, baseline="middle", fontSize=FONT_SIZE)
-        layers.append(
-            text.encode(
-                x=alt.X("x:Q", scale=None),
-                y=alt.Y("y:Q", scale=None),
-                text="solver:N",
-                color=by_name(alt.Color, "solver", _looks(frames), "colour"),
-            )
-        )
-    return layers
-
-
 def _looks(frames: RunFrames) -> dict[str, Look]:
     return looks(frames.info.plan.solvers)
 
 
-def _absent(frames: RunFrames, problem: str, curves: bool = False) -> str:
+def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
     """Say which solvers have no points on a problem, or no curve although they have points, and why."""
-    points = _drawable(frames.points, problem)
-    shown = set((_drawable(frames.iterations, problem) if curves else points)["solver"])
+    with_points = set(_costs(frames, problem).rows["solver"])
+    cases = frames.cases[frames.cases["problem"] == problem].set_index("solver", drop=False)
     reasons: dict[str, list[str]] = {}
-    cases = frames.cases[frames.cases["problem"] == problem]
     for solver in frames.info.plan.solvers:
-        if solver in shown:
+        if solver in set(shown["solver"]):
             continue
         reason = "not measured yet"
-        if solver in set(points["solver"]):
+        if solver in with_points:
             reason = "no iterates"
-        elif (cases["solver"] == solver).any():
-            case = cases[cases["solver"] == solver].iloc[0].to_dict()
-            mine = frames.points[(frames.points["problem"] == problem) & (frames.points["solver"] == solver)]
-            reason = ": ".join(ending(case, mine[mine["total_seconds"].notna()]))
+        elif solver in cases.index:
+            case = cases.loc[solver].to_dict()
+            reason = ": ".join(ending(case, measured_points(frames, case)))
         reasons.setdefault(shorten(reason.rstrip("."), LONGEST_REASON, placeholder=" …"), []).append(solver)
     if not reasons:
         return ""
     return "not shown: " + "; ".join(f"{', '.join(names)} ({reason})" for reason, names in reasons.items())
-
-
-def _panel(layers: list[alt.Chart], title: str, notes: list[str]) -> alt.LayerChart:
-    panel: alt.LayerChart = alt.LayerChart(
-        layer=layers, width=WIDTH, height=HEIGHT, title=heading(title, notes, WIDTH + MARGIN, 13)
-    )
-    return panel
