@@ -15,33 +15,38 @@ _VALUES = {"str": "NAME", "float": "NUMBER", "int": "NUMBER", "path": "PATH", "P
 """What stands for the value of an option, by its type, where the option does not say it itself."""
 
 
-class HelpCommand(TyperCommand):
+class _WithExamples:
+    """Writes the epilog as examples, a line each, below all topics."""
+
+    epilog: str | None
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        if self.epilog:
+            with formatter.section("Examples"):
+                for line in self.epilog.splitlines():
+                    formatter.write(f"  {line}\n")
+
+
+class HelpCommand(_WithExamples, TyperCommand):
     """A command whose options stand under the topics named by their ``rich_help_panel``, its examples below them."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options, those of the output and those without a topic last."""
         _write_topics(formatter, [(_topic(parameter), _row(parameter, ctx)) for parameter in self.get_params(ctx)])
 
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the examples, a line each."""
-        _write_examples(formatter, self.epilog)
 
-
-class HelpGroup(TyperGroup):
+class HelpGroup(_WithExamples, TyperGroup):
     """The whole program; its commands stand under the topics named by their ``rich_help_panel``."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the commands, and the program's own options below them."""
-        rows = []
-        for name, command in self.commands.items():
-            if not command.hidden:
-                rows.append((getattr(command, "rich_help_panel", None) or OPTIONS, (name, command.short_help or "")))
+        rows = [
+            (getattr(command, "rich_help_panel", None) or OPTIONS, (name, command.short_help or ""))
+            for name, command in self.commands.items()
+            if not command.hidden
+        ]
         rows += [(OPTIONS, _row(parameter, ctx)) for parameter in self.get_params(ctx)]
         _write_topics(formatter, rows)
-
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the examples, a line each."""
-        _write_examples(formatter, self.epilog)
 
 
 def _topic(parameter: Any) -> str:
@@ -80,10 +85,3 @@ def _write_topics(formatter: Any, rows: Iterable[tuple[str, tuple[str, str]]]) -
             with formatter.section(topic):
                 # all topics get the width of the widest name, which the library would measure anew for each
                 formatter.write_dl([(name.ljust(widest), text) for name, text in members], col_max=widest)
-
-
-def _write_examples(formatter: Any, examples: str | None) -> None:
-    if examples:
-        with formatter.section("Examples"):
-            for line in examples.splitlines():
-                formatter.write(f"  {line}\n")

@@ -1,6 +1,5 @@
 """What there is to run, as plain values and as text."""
 
-import inspect
 import shutil
 import textwrap
 from collections.abc import Callable, Sequence
@@ -14,9 +13,9 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
 from ...problems.hard import CASE_GROUPS
 from ...problems.scenes.registry import SCENES
-from ...solvers.registry import available, composites, create, factory, plugin_solvers
+from ...solvers.registry import available, composites, create, plugin_solvers
 from ..errors import BenchError
-from ..measure.describing import described_scene, described_solver, plugin_problem
+from ..measure.describing import described_scene, described_solver, option_texts, plugin_problem
 from ..report.text import counted
 
 KINDS = ("solvers", "suites", "scenes", "problems")
@@ -44,7 +43,7 @@ def listed(what: str = "", suite: str = "") -> dict[str, list[dict[str, Any]]]:
     if suite:
         if what != "problems":
             raise BenchError(f"a suite has problems only; write: proxbench list problems --suite {suite}")
-        return {"problems": _problems(suite_members(suite))}
+        return {"problems": [_standard_problem(name) for name in suite_members(suite)]}
     makers = {"solvers": _solvers, "suites": _suites, "problems": _problems, "scenes": _scenes}
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
@@ -70,19 +69,11 @@ def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
     """Print names and a text to each, in aligned columns."""
     columns = shutil.get_terminal_size((80, 24)).columns
     width = max((len(name) for name, _ in rows), default=0)
+    lines = textwrap.TextWrapper(columns, break_on_hyphens=False, break_long_words=False)
+    lines.subsequent_indent = " " * (width + 4)
     for name, text in rows:
-        start = f"  {name:<{width}}  "
-        indent = " " * len(start)
-        print(
-            textwrap.fill(
-                text,
-                columns,
-                initial_indent=start,
-                subsequent_indent=indent,
-                break_on_hyphens=False,
-                break_long_words=False,
-            )
-        )
+        lines.initial_indent = f"  {name:<{width}}  "
+        print(lines.fill(text))
 
 
 def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
@@ -107,11 +98,8 @@ def _families(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]
 
 
 def _solver_text(row: dict[str, Any]) -> str:
-    return row["error"] or ", ".join((f"{row['model']} model", *row["options"], *_origin(row)))
-
-
-def _origin(row: dict[str, Any]) -> list[str]:
-    return [f"from {row['source']}"] if row["source"] else []
+    origin = [f"from {row['source']}"] if row["source"] else []
+    return row["error"] or ", ".join((f"{row['model']} model", *row["options"], *origin))
 
 
 def _suite_text(row: dict[str, Any]) -> str:
@@ -138,25 +126,21 @@ def _scene_text(row: dict[str, Any]) -> str:
 def _solvers() -> list[dict[str, Any]]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
-    rows = [_built_in(name) for name in available() if name not in of_plugins]
-    rows += [_composite(name, example) for name, example in composites().items()]
-    return rows + [_offered(offer, _described_solver) for offer in offers]
+    built_in = [name for name in available() if name not in of_plugins]
+    rows = [_row(name, "", model=str(create(name).model), options=option_texts(name)) for name in built_in]
+    for name, example in composites().items():
+        rows.append(_row(name, "", model="its parts'", options=[f"as in {example}", *option_texts(name)]))
+    return rows + [_offered(offer, _solver_of_plugin) for offer in offers]
 
 
-def _built_in(name: str) -> dict[str, Any]:
-    options = [f"{option.name}={option.default!r}" for option in inspect.signature(factory(name)).parameters.values()]
-    return {"name": name, "model": str(create(name).model), "options": options, "source": "", "error": ""}
-
-
-def _composite(name: str, example: str) -> dict[str, Any]:
-    parameters = inspect.signature(factory(name)).parameters.values()
-    options = [f"{option.name}={option.default!r}" for option in parameters if option.default is not option.empty]
-    return {"name": name, "model": "its parts'", "options": [f"as in {example}", *options], "source": "", "error": ""}
-
-
-def _described_solver(offer: Offer) -> dict[str, Any]:
+def _solver_of_plugin(offer: Offer) -> dict[str, Any]:
     solver = described_solver(offer.name)
-    return {key: solver[key] for key in ("name", "model", "options", "source")} | {"error": ""}
+    return _row(solver["name"], solver["source"], model=solver["model"], options=solver["options"])
+
+
+def _row(name: str, source: str, **known: Any) -> dict[str, Any]:
+    """Return what is known of a name, and the plugin that it comes from, empty if none."""
+    return {"name": name, **known, "source": source, "error": ""}
 
 
 def _offered(offer: Offer, described: Callable[[Offer], dict[str, Any]]) -> dict[str, Any]:
@@ -177,42 +161,37 @@ def _scenes() -> list[dict[str, Any]]:
     rows = []
     for name, kind in SCENES.items():
         options = [f"{key}={option.default!r}" for key, option in kind.options.items()]
-        rows.append({"name": name, "summary": kind.summary, "options": options, "source": "", "error": ""})
-    return rows + [_offered(offer, _described_scene) for offer in plugin_scenes()]
+        rows.append(_row(name, "", summary=kind.summary, options=options))
+    return rows + [_offered(offer, _scene_of_plugin) for offer in plugin_scenes()]
 
 
-def _described_scene(offer: Offer) -> dict[str, Any]:
-    options, source = described_scene(offer.name), offer.source
-    return {"name": offer.name, "summary": f"from {source}", "options": options, "source": source, "error": ""}
+def _scene_of_plugin(offer: Offer) -> dict[str, Any]:
+    return _row(offer.name, offer.source, summary=f"from {offer.source}", options=described_scene(offer.name))
 
 
-def _problems(members: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """Return the rows of standard problems, or of all that there are."""
-    if members is not None:
-        return [_standing(name) for name in members]
+def _problems() -> list[dict[str, Any]]:
     offers = plugin_problems()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
-    rows = [_standing(name) for name in problem_names() if name not in of_plugins]
-    return rows + [
-        _offered(offer, lambda offer: _described(plugin_problem(offer.name), offer.source)) for offer in offers
-    ]
+    rows = [_standard_problem(name) for name in problem_names() if name not in of_plugins]
+    return rows + [_offered(offer, _problem_of_plugin) for offer in offers]
 
 
-def _standing(name: str) -> dict[str, Any]:
+def _problem_of_plugin(offer: Offer) -> dict[str, Any]:
+    return _problem(plugin_problem(offer.name), offer.source)
+
+
+def _standard_problem(name: str) -> dict[str, Any]:
     """Return the row of a standard problem, or of one in the cache folder."""
-    if is_available(name):
-        return _described(load(name), "")
-    return {"name": name, "available": False, "source": "", "error": ""}
+    return _problem(load(name), "") if is_available(name) else _row(name, "", available=False)
 
 
-def _described(problem: ContactProblem, source: str) -> dict[str, Any]:
-    return {
-        "name": problem.name,
-        "available": True,
-        "contacts": problem.n_contacts,
-        "rows": problem.n_rows,
-        "laws": [LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))],
-        "form": "factors" if problem.factors is not None else "Delassus",
-        "source": source,
-        "error": "",
-    }
+def _problem(problem: ContactProblem, source: str) -> dict[str, Any]:
+    return _row(
+        problem.name,
+        source,
+        available=True,
+        contacts=problem.n_contacts,
+        rows=problem.n_rows,
+        laws=[LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))],
+        form="factors" if problem.factors is not None else "Delassus",
+    )

@@ -4,7 +4,6 @@ Imports that take long happen inside the commands, so that help is there at once
 measured failed, 2 wrong usage, 130 interrupted.
 """
 
-import json
 import sys
 from collections.abc import Callable
 from importlib import metadata
@@ -14,9 +13,9 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.exceptions import TyperException
 
-from .help import OUTPUT, HelpCommand, HelpGroup
+from . import options
+from .help import HelpCommand, HelpGroup
 from .matrix import matrix
-from .options import LIMITS, SELECTION, Charts, Json, PluginFiles, Quiet, refuse_two_prints
 from .record import record
 from .run import report_run, run
 from .simulate import SceneCommand, simulate
@@ -161,20 +160,19 @@ proxbench check my_solver.py --quiet""",
 )
 def check(
     target: Annotated[str, typer.Argument(metavar="NAME|FILE", help="Solver with options, problem, or plugin file.")],
-    seconds: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Time of one check.", rich_help_panel=LIMITS)
-    ] = 60.0,
-    plugin: PluginFiles = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print failed checks only.", rich_help_panel=OUTPUT)] = False,
-    as_json: Json = False,
+    seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one check.")] = 60.0,
+    plugin: options.PluginFiles = None,
+    quiet: Annotated[bool, options.output("--quiet", help="Print failed checks only.")] = False,
+    as_json: options.Json = False,
 ) -> int:
     """Test a solver or problem for conformance; the exit code is 1 if a check fails."""
     from rich.console import Console
 
     from ..conformance.run import checked, print_checks
     from ..report.progress import ProgressBar
+    from ..report.text import print_json
 
-    refuse_two_prints(quiet, as_json)
+    options.refuse_two_prints(quiet, as_json)
     with ProgressBar(Console(stderr=True), hidden=quiet or as_json) as shown:
 
         def show(what: str, done: int, total: int) -> None:
@@ -183,7 +181,7 @@ def check(
 
         subjects = checked(target, seconds, show)
     if as_json:
-        print(json.dumps(subjects, indent=1, ensure_ascii=False))
+        print_json(subjects)
     else:
         print_checks(subjects, failed_only=quiet)
     return int(not all(subject["passed"] for subject in subjects))
@@ -212,13 +210,13 @@ def report(
     run_dir: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder of a run, or file of a study (.json) or simulation (.npz).")
     ],
-    plugin: PluginFiles = None,
-    charts: Charts = True,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    plugin: options.PluginFiles = None,
+    charts: options.Charts = True,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> int:
     """Print the tables of a stored run, study or simulation, and draw its charts again."""
-    refuse_two_prints(quiet, as_json)
+    options.refuse_two_prints(quiet, as_json)
     if run_dir.suffix == ".json":
         from .study import report_study
 
@@ -254,18 +252,17 @@ def list_names(
     what: Annotated[
         str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; a summary of all if left out.")
     ] = "",
-    suite: Annotated[
-        str, typer.Option(metavar="SUITE", help="List the problems of this suite only.", rich_help_panel=SELECTION)
-    ] = "",
-    plugin: PluginFiles = None,
-    as_json: Json = False,
+    suite: Annotated[str, options.selection(metavar="SUITE", help="List the problems of this suite only.")] = "",
+    plugin: options.PluginFiles = None,
+    as_json: options.Json = False,
 ) -> None:
     """List solvers and scenes with their options, suites with their sizes, or problems by family."""
+    from ..report.text import print_json
     from .listing import listed, print_listing
 
     names = listed(what, suite)
     if as_json:
-        print(json.dumps(names, indent=1, ensure_ascii=False))
+        print_json(names)
     else:
         print_listing(names)
 
@@ -281,16 +278,11 @@ proxbench generate --suite woodpecker --output problems""",
 def generate(
     names: Annotated[list[str] | None, typer.Argument(metavar="PROBLEM", help="Problems to make.")] = None,
     suite: Annotated[
-        str,
-        typer.Option(
-            metavar="SUITE", help="Make all problems of a suite that come from scenes.", rich_help_panel=SELECTION
-        ),
+        str, options.selection(metavar="SUITE", help="Make all problems of a suite that come from scenes.")
     ] = "",
-    output: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where to; the cache if left out.", rich_help_panel=OUTPUT)
-    ] = None,
-    plugin: PluginFiles = None,
-    as_json: Json = False,
+    output: Annotated[Path | None, options.output(metavar="FOLDER", help="Where to; the cache if left out.")] = None,
+    plugin: options.PluginFiles = None,
+    as_json: options.Json = False,
 ) -> None:
     """Simulate scenes up to the step that a problem is taken from; print each file with the digest of its numbers."""
     from ...problems.catalog.catalog import suite_members
@@ -298,6 +290,7 @@ def generate(
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..generate import generate as make
+    from ..report.text import print_json
 
     chosen = list(names or [])
     if suite:
@@ -308,7 +301,7 @@ def generate(
         raise BenchError("name the problems to generate, or a --suite.")
     digests = {str(file): read_problem(file).digest for file in make(chosen, output)}
     if as_json:
-        print(json.dumps(digests, indent=1))
+        print_json(digests)
     else:
         for file, digest in digests.items():
             print(f"{digest[:16]}  {file}")

@@ -1,32 +1,24 @@
 """``proxbench matrix``, the command."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from .help import OUTPUT
-from .options import LIMITS, SELECTION, Json, PluginFiles, Problems, Progress, Quiet, Solvers, refuse_two_prints
+from . import options
 
 
 def matrix(
-    suite: Annotated[str, typer.Option(metavar="SUITE", help="Suite of problems.", rich_help_panel=SELECTION)] = "hard",
-    problem: Problems = None,
-    solver: Solvers = None,
-    tolerance: Annotated[float, typer.Option(help="Residual to reach.", rich_help_panel=LIMITS)] = 1e-8,
-    solve_seconds: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Time of one solve.", rich_help_panel=LIMITS)
-    ] = 5.0,
-    max_iterations: Annotated[int, typer.Option(help="Iterations of one solve.", rich_help_panel=LIMITS)] = 200_000,
-    output: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Markdown page; printed if left out.", rich_help_panel=OUTPUT)
-    ] = None,
-    plugin: PluginFiles = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
-    progress: Progress = True,
+    suite: options.Suite = "hard",
+    problem: options.Problems = None,
+    solver: options.Solvers = None,
+    tolerance: Annotated[float, options.limits(help="Residual to reach.")] = 1e-8,
+    solve_seconds: options.SolveSeconds = 5.0,
+    max_iterations: Annotated[int, options.limits(help="Iterations of one solve.")] = 200_000,
+    output: Annotated[Path | None, options.output(metavar="FILE", help="Markdown page; printed if left out.")] = None,
+    plugin: options.PluginFiles = None,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
+    progress: options.Progress = True,
 ) -> int:
     """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
     from rich.console import Console
@@ -37,8 +29,9 @@ def matrix(
     from ..measure.matrix import Cell, default_solvers, measured_matrix
     from ..report.matrix import count_bad, matrix_page
     from ..report.progress import ProgressBar
+    from ..report.text import print_json
 
-    refuse_two_prints(quiet, as_json)
+    options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet prints no page; name a file for it: --output FILE.")
     if output is not None and not output.parent.is_dir():
@@ -52,11 +45,10 @@ def matrix(
             shown.advance()
 
         cells = measured_matrix(names, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
-    if as_json:
-        print(json.dumps([asdict(cell) for cell in cells], indent=1, ensure_ascii=False))
-        return int(count_bad(cells) > 0)
     page = matrix_page(cells, tolerance, _command(suite, problem, solver, tolerance, output))
-    if output is None:
+    if as_json:
+        print_json([asdict(cell) for cell in cells])
+    elif output is None:
         print(page, end="")
     else:
         try:

@@ -1,5 +1,6 @@
 """Options that commands share: plugin files, what is printed, and which solvers."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,9 @@ from .help import OUTPUT
 SELECTION, LIMITS = "Problems and solvers", "Limits"
 """Topics that several help pages have."""
 
+selection, limits, output = (partial(typer.Option, rich_help_panel=topic) for topic in (SELECTION, LIMITS, OUTPUT))
+"""Make options that stand under these topics."""
+
 
 def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
     if paths:
@@ -17,6 +21,11 @@ def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
 
         use_plugin_files(paths)
     return paths
+
+
+def given(context: typer.Context) -> set[str]:
+    """Return the names of the parameters that stand on the command line."""
+    return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
@@ -29,42 +38,42 @@ def refuse_two_prints(quiet: bool, as_json: bool) -> None:
 
 PluginFiles = Annotated[
     list[Path] | None,
-    typer.Option(
+    selection(
         "--plugin",
         metavar="FILE",
         help="Python file with solvers, problems or scenes; repeatable.",
-        rich_help_panel=SELECTION,
         callback=_take_into_use,
     ),
 ]
 """Plugin files; they are in use when the command begins."""
 
+Suite = Annotated[str, selection(metavar="SUITE", help="Suite of problems.")]
+"""Name of a suite."""
+
 Solvers = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--solver", metavar="SOLVER", help='Like "SORprox(relaxation=1.5)"; repeatable.', rich_help_panel=SELECTION
-    ),
+    list[str] | None, selection("--solver", metavar="SOLVER", help='Like "SORprox(relaxation=1.5)"; repeatable.')
 ]
 """Names of solvers with options."""
 
 Problems = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--problem", metavar="PROBLEM", help="Problem instead of a suite; repeatable.", rich_help_panel=SELECTION
-    ),
+    list[str] | None, selection("--problem", metavar="PROBLEM", help="Problem instead of a suite; repeatable.")
 ]
 """Names of problems."""
 
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document.", rich_help_panel=OUTPUT)]
+SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time of one solve.")]
+"""Time limit of one solve [s]."""
+
+Json = Annotated[bool, output("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""
 
-Charts = Annotated[bool, typer.Option("--charts/--no-charts", help="Draw charts.", rich_help_panel=OUTPUT)]
+Charts = Annotated[bool, output("--charts/--no-charts", help="Draw charts.")]
 """Draw charts beside the tables."""
 
-Progress = Annotated[bool, typer.Option("--progress/--no-progress", help="Show the progress.", rich_help_panel=OUTPUT)]
+Progress = Annotated[bool, output("--progress/--no-progress", help="Show the progress.")]
 """Show on standard error how far the command is."""
 
-Quiet = Annotated[
-    bool, typer.Option("--quiet", help="Print errors and the places of files only.", rich_help_panel=OUTPUT)
-]
+Quiet = Annotated[bool, output("--quiet", help="Print errors and the places of files only.")]
 """Print nothing but errors and where the files are."""
+
+Force = Annotated[bool, output("--force", help="Replace existing files.")]
+"""Replace files that exist."""

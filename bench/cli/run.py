@@ -2,18 +2,18 @@
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .help import OUTPUT
-from .options import LIMITS, SELECTION, Charts, Json, PluginFiles, Problems, Progress, Quiet, Solvers, refuse_two_prints
+from . import options
 
 if TYPE_CHECKING:
     from ..runs import Run
 
-_CONTINUED = "Continue an interrupted run"
+_continued = partial(typer.Option, rich_help_panel="Continue an interrupted run")
 
 _STORED_WITH_THE_RUN = (
     "suite",
@@ -31,42 +31,25 @@ _STORED_WITH_THE_RUN = (
 
 def run(
     context: typer.Context,
-    suite: Annotated[
-        str, typer.Option(metavar="SUITE", help="Suite of problems.", rich_help_panel=SELECTION)
-    ] = "quick",
-    problem: Problems = None,
-    solver: Solvers = None,
+    suite: options.Suite = "quick",
+    problem: options.Problems = None,
+    solver: options.Solvers = None,
     tolerance: Annotated[
-        list[float] | None,
-        typer.Option(metavar="NUMBER", help="Accuracy to measure the time to; repeatable.", rich_help_panel=SELECTION),
+        list[float] | None, options.selection(metavar="NUMBER", help="Accuracy to measure the time to; repeatable.")
     ] = None,
-    results: Annotated[
-        Path, typer.Option(metavar="FOLDER", help="Where the run gets its folder.", rich_help_panel=OUTPUT)
-    ] = Path("results"),
-    run_id: Annotated[
-        str, typer.Option(metavar="NAME", help="Name of its folder; the time if left out.", rich_help_panel=OUTPUT)
-    ] = "",
-    resume: Annotated[
-        Path | None, typer.Option(metavar="RUN", help="Finish the run in this folder.", rich_help_panel=_CONTINUED)
-    ] = None,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Measure its failed cases again.", rich_help_panel=_CONTINUED)
-    ] = False,
-    solve_seconds: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Time of one solve.", rich_help_panel=LIMITS)
-    ] = 0.5,
-    case_seconds: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Time of one case.", rich_help_panel=LIMITS)
-    ] = 60.0,
-    memory: Annotated[int, typer.Option(metavar="MB", help="Memory of one case.", rich_help_panel=LIMITS)] = 2048,
-    record: Annotated[
-        bool, typer.Option("--record", help="Record the iterations, one file a problem.", rich_help_panel=OUTPUT)
-    ] = False,
-    plugin: PluginFiles = None,
-    charts: Charts = True,
-    quiet: Quiet = False,
-    as_json: Json = False,
-    progress: Progress = True,
+    results: Annotated[Path, options.output(metavar="FOLDER", help="Where the run gets its folder.")] = Path("results"),
+    run_id: Annotated[str, options.output(metavar="NAME", help="Name of its folder; the time if left out.")] = "",
+    resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
+    retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
+    solve_seconds: options.SolveSeconds = 0.5,
+    case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
+    memory: Annotated[int, options.limits(metavar="MB", help="Memory of one case.")] = 2048,
+    record: Annotated[bool, options.output("--record", help="Record the iterations, one file a problem.")] = False,
+    plugin: options.PluginFiles = None,
+    charts: options.Charts = True,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
+    progress: options.Progress = True,
 ) -> int:
     """Measure how long solvers take to reach an accuracy; print tables and store all results."""
     from rich.console import Console
@@ -75,7 +58,7 @@ def run(
     from ..report.progress import RunProgress
 
     _refuse_contradictions(context)
-    refuse_two_prints(quiet, as_json)
+    options.refuse_two_prints(quiet, as_json)
     with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         if resume is not None:
             made = runs.resume(resume, retry_failed, on_event=shown)
@@ -104,6 +87,7 @@ def report_run(run: "Run", charts: bool, quiet: bool, as_json: bool) -> int:
     from rich.console import Console
 
     from ..report.tables import print_tables
+    from ..report.text import print_json
     from ..store.outcome import FAULTS, Outcome
     from ..store.records import content_of
 
@@ -111,7 +95,7 @@ def report_run(run: "Run", charts: bool, quiet: bool, as_json: bool) -> int:
     for sentence in run.damaged:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:
-        document: dict[str, Any] = {
+        document = {
             "run": str(run.folder),
             "is_finished": run.is_finished,
             "info": content_of(run.info),
@@ -120,7 +104,7 @@ def report_run(run: "Run", charts: bool, quiet: bool, as_json: bool) -> int:
             "files": [str(file) for file in (*made.tables, *made.charts)],
             "damaged": run.damaged,
         }
-        print(json.dumps(document, indent=1, ensure_ascii=False))
+        print_json(document)
     else:
         console = Console()
         if not quiet:
@@ -140,9 +124,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
     """Raise a BenchError if one option of ``run`` would make it ignore another."""
     from ..errors import BenchError
 
-    given = {
-        name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
-    }
+    given = options.given(context)
     if "resume" in given:
         for name in _STORED_WITH_THE_RUN:
             if name in given:

@@ -1,18 +1,19 @@
 """The command ``proxbench simulate``."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from .help import OUTPUT, HelpCommand
-from .options import Json, PluginFiles, Progress, Quiet, refuse_two_prints
+from . import options
+from .help import HelpCommand
 
 _NUMBERS = ("stepper", "solver", "tolerance", "max_iterations", "states", "step_seconds")
 
 _ARGUMENTS = "proxbench.arguments"
 
-_METHOD = "Method"
+_method = partial(typer.Option, rich_help_panel="Method")
 
 
 class SceneCommand(HelpCommand):
@@ -52,56 +53,32 @@ def simulate(
     scene: Annotated[
         str, typer.Argument(metavar="SCENE", help='Like "funnel(balls=300)"; not needed with --resume.')
     ] = "",
-    duration: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Simulated time.", rich_help_panel=_METHOD)
-    ] = None,
-    stepper: Annotated[
-        str | None,
-        typer.Option(metavar="STEPPER", help='Like "Moreau(step=5e-4)" or Extrapolated.', rich_help_panel=_METHOD),
-    ] = None,
-    solver: Annotated[
-        str | None, typer.Option(metavar="SOLVER", help='Like "SORprox(relaxation=1.5)".', rich_help_panel=_METHOD)
-    ] = None,
-    tolerance: Annotated[
-        float | None, typer.Option(help="Judged residual that each step shall reach.", rich_help_panel=_METHOD)
-    ] = None,
-    max_iterations: Annotated[
-        int | None, typer.Option(help="Iterations of the solver in one step.", rich_help_panel=_METHOD)
-    ] = None,
+    duration: Annotated[float | None, _method(metavar="SECONDS", help="Simulated time.")] = None,
+    stepper: Annotated[str | None, _method(metavar="STEPPER", help='Like "Moreau(step=5e-4)" or Extrapolated.')] = None,
+    solver: Annotated[str | None, _method(metavar="SOLVER", help='Like "SORprox(relaxation=1.5)".')] = None,
+    tolerance: Annotated[float | None, _method(help="Judged residual that each step shall reach.")] = None,
+    max_iterations: Annotated[int | None, _method(help="Iterations of the solver in one step.")] = None,
     step_seconds: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Time of one answer of a plugin in a step.", rich_help_panel=_METHOD),
+        float | None, _method(metavar="SECONDS", help="Time of one answer of a plugin in a step.")
     ] = None,
-    study: Annotated[
-        bool, typer.Option("--study", help="Measure what accuracy costs instead.", rich_help_panel=_METHOD)
-    ] = False,
-    plugin: PluginFiles = None,
-    resume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Go on with this result.", rich_help_panel=OUTPUT)
-    ] = None,
-    output: Annotated[
-        Path, typer.Option(metavar="FILE", help="Result (.npz), or its folder.", rich_help_panel=OUTPUT)
-    ] = Path("results"),
-    states: Annotated[
-        int | None, typer.Option(help="States kept, at least; twice as many at most.", rich_help_panel=OUTPUT)
-    ] = None,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Recording to write (.rrd).", rich_help_panel=OUTPUT)
-    ] = None,
-    chart: Annotated[
-        Path | None, typer.Option(metavar="NAME", help="Chart to write, .svg and .png.", rich_help_panel=OUTPUT)
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace existing files.", rich_help_panel=OUTPUT)] = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
-    progress: Progress = True,
+    study: Annotated[bool, _method("--study", help="Measure what accuracy costs instead.")] = False,
+    plugin: options.PluginFiles = None,
+    resume: Annotated[Path | None, options.output(metavar="FILE", help="Go on with this result.")] = None,
+    output: Annotated[Path, options.output(metavar="FILE", help="Result (.npz), or its folder.")] = Path("results"),
+    states: Annotated[int | None, options.output(help="States kept, at least; twice as many at most.")] = None,
+    record: Annotated[Path | None, options.output(metavar="FILE", help="Recording to write (.rrd).")] = None,
+    chart: Annotated[Path | None, options.output(metavar="NAME", help="Chart to write, .svg and .png.")] = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
+    progress: options.Progress = True,
 ) -> int:
     """Simulate a scene step by step; every step is judged and stored. SCENE -h shows the options of a scene."""
     from .simulation import Request, run_simulation
     from .study import run_study_command, wants_study
 
     _refuse_contradictions(context)
-    refuse_two_prints(quiet, as_json)
+    options.refuse_two_prints(quiet, as_json)
     numbers = {name: context.params[name] for name in _NUMBERS if context.params[name] is not None}
     request = Request(scene, numbers, duration, output, force, resume, record, chart)
     if wants_study(study, resume):
@@ -120,5 +97,5 @@ def _refuse_contradictions(context: typer.Context) -> None:
         return
     writes_more = given["record"] is not None or given["chart"] is not None  # which --force may replace
     for name in ("output",) if writes_more else ("output", "force"):
-        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE":
+        if name in options.given(context):
             raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own file; leave it out.")

@@ -1,8 +1,7 @@
 """A simulation as the command line carries it out, shows it, and makes its files from the result alone."""
 
 import contextlib
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from rich.console import Console
 
 from ..errors import FailedSimulationError, InterruptedSimulationError
 from ..report.output_file import drawn, output_file
-from ..report.presenting import present, simulation_files
+from ..report.presenting import present
 from ..simulation.beside import Beside, chosen_beside, recorded
 from ..simulation.file import SUFFIX, read_simulation, write_simulation
 from ..simulation.live import LiveSummary
@@ -74,9 +73,12 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     """
     file = simulation.file
     assert file is not None
-    files = simulation_files(file, lambda: _drawn(simulation, file), lambda: _recorded(simulation, file))
     present(
-        lambda: document(simulation), lambda console: print_simulation(simulation, console), files, as_json, quiet=quiet
+        lambda: document(simulation),
+        lambda console: print_simulation(simulation, console),
+        _files(simulation, file),
+        as_json,
+        quiet=quiet,
     )
     if simulation.failure is not None:
         raise simulation.failure.error(file)
@@ -102,29 +104,13 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     return show_simulation(simulation, as_json, quiet)
 
 
-def record_simulation(file: Path, output: Path | None, still: Path | None, force: bool, as_json: bool) -> int:
-    """Write the recording of a stored simulation, beside it if ``output`` is None, and a picture of its end; return 0.
+def record_simulation(file: Path, recording: Path, force: bool) -> None:
+    """Write the recording of a stored simulation.
 
     Raises:
-        BenchError: if the file is missing, damaged or foreign, or a file exists or cannot be written.
+        BenchError: if the file is missing, damaged or foreign, or the recording exists or cannot be written.
     """
-    from ..recordings.blueprints import STEP  # rerun takes a second to import
-    from ..recordings.still import refuse_still, write_still
-
-    recording = file.with_suffix(".rrd") if output is None else output
-    if still is not None:
-        refuse_still(still, force)
     _record(read_simulation(file), recording, force)
-    if still is not None:
-        write_still(recording, still, STEP)
-    if as_json:
-        written = {"file": str(recording)} | ({} if still is None else {"still": str(still)})
-        print(json.dumps(written, ensure_ascii=False))
-        return 0
-    print(f"watch it with: rerun {recording}")
-    if still is not None:
-        print(f"still: {still}")
-    return 0
 
 
 def _begun(request: Request) -> Simulation:
@@ -144,23 +130,23 @@ def _begun(request: Request) -> Simulation:
     return Simulation(plan, file=file, beside=beside)
 
 
-def _record(simulation: Simulation, file: Path, force: bool = False) -> None:
+def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path]]:
+    """Yield what the files of a simulation are; its chart and its recording are made when everything is printed."""
+    yield "result", file
+    chart, recording = simulation.beside.chart, simulation.beside.recording
+    if simulation.n_steps and chart is not None:
+        from ..simulation.chart import write_chart  # altair and pandas take a second to import
+
+        for path in drawn(lambda: write_chart(simulation, chart), file):
+            yield "chart", path
+    if simulation.n_steps:
+        for path in recorded(lambda path: _record(simulation, path, force=True), recording, file):
+            yield "watch", f"rerun {path}"
+
+
+def _record(simulation: Simulation, file: Path, force: bool) -> None:
     from ..recordings.replay import record_stored  # rerun takes a second to import
 
     scene = simulation.plan.scene
     seconds = scene.step_size if simulation.plan.stepper.holds_forces else None
     record_stored(scene, simulation.steps, simulation.states, file, impulse_seconds=seconds, force=force)
-
-
-def _recorded(simulation: Simulation, file: Path) -> Iterable[Path]:
-    recording = simulation.beside.recording if simulation.n_steps else None
-    return recorded(lambda path: _record(simulation, path, force=True), recording, file)
-
-
-def _drawn(simulation: Simulation, file: Path) -> Iterable[Path]:
-    chart = simulation.beside.chart
-    if chart is None or not simulation.n_steps:
-        return []
-    from ..simulation.chart import write_chart  # altair and pandas take a second to import
-
-    return drawn(lambda: write_chart(simulation, chart), file)

@@ -73,6 +73,12 @@ def described_solver(name: str) -> dict[str, Any]:
     return _ask(f"the solver {name!r} cannot be made", PluginError, "solver", name, b"")[0]
 
 
+def option_texts(name: str) -> list[str]:
+    """Return the options of a solver with their defaults: ``"relaxation=1.0"``; a plugin's is imported for it."""
+    options = inspect.signature(registry.factory(name)).parameters.values()
+    return [f"{option.name}={option.default!r}" for option in options if option.default is not option.empty]
+
+
 def described_scene(name: str) -> list[str]:
     """Return the options of a scene of a plugin, each with its default.
 
@@ -149,15 +155,9 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
     if pickled:
         return _form(_unpickled(pickled), "", [])
-    solver = registry.create(name)
-    plain, offer = registry.parse(name).plain, registry.find(name)
+    solver, offer = registry.create(name), registry.find(name)
     source = offer.source if offer is not None else ""
-    options = [
-        f"{one.name}={one.default!r}"
-        for one in inspect.signature(registry.factory(plain)).parameters.values()
-        if one.default is not one.empty
-    ]
-    return _form(solver, source, options)
+    return _form(solver, source, option_texts(registry.parse(name).plain))
 
 
 def _scene_options(name: str) -> list[str]:

@@ -1,26 +1,16 @@
 """How a command prints its result: JSON, or tables and the files that were written."""
 
-import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
+from .text import print_json
+
 FILE_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""
-
-
-def simulation_files(
-    result: Path, draw: Callable[[], Iterable[Path]], record: Callable[[], Iterable[Path]]
-) -> Iterator[tuple[str, str | Path]]:
-    """Yield what the files of a simulation are, its charts and its recording made last."""
-    yield "result", result
-    for path in draw():
-        yield "chart", path
-    for path in record():
-        yield "watch", f"rerun {path}"
 
 
 def present(
@@ -44,7 +34,7 @@ def present(
     """
     console = Console(width=None if sys.stdout.isatty() else width, quiet=as_json)
     if as_json:
-        print(json.dumps(document(), indent=1, ensure_ascii=False), flush=True)
+        print_json(document())
     elif not quiet:
         show(console)
         console.print()

@@ -1,7 +1,9 @@
-"""Words and text in reports: numbers of things, and text of others that stays text in Markdown, whatever it holds."""
+"""Words and text in reports: numbers of things, JSON, and text of others that stays text in Markdown."""
 
+import json
 from collections.abc import Iterable
 from html import escape
+from typing import Any
 
 
 def inline(value: object) -> str:
@@ -14,6 +16,11 @@ def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> 
     heads = list(map(str, head))
     lines = (map(str, line) for line in (heads, ["---"] * len(heads), *rows))
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def print_json(document: Any) -> None:
+    """Print one JSON document."""
+    print(json.dumps(document, indent=1, ensure_ascii=False), flush=True)
 
 
 def counted(number: int, noun: str, many: str = "") -> str:
