@@ -54,7 +54,7 @@ AT_HOME = {
         "bench/simulation/chart.py",
         "bench/study/chart.py",
     },
-    "typer": {f"bench/cli/{name}.py" for name in ("help", "main", "matrix", "options", "record", "run", "simulate")},
+    "typer": {f"bench/cli/{name}.py" for name in ("help", "main", "options", "record", "run", "simulate")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
 }

@@ -48,15 +48,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def _command(
     topic: str, name: str, summary: str, examples: str, kind: type[HelpCommand] = HelpCommand
 ) -> Callable[[Command], Command]:
-    """Register a command.
-
-    Args:
-        topic: under which the help of the program names it.
-        name: of the command.
-        summary: one line about it there.
-        examples: command lines that its own help ends with.
-        kind: how its help is written.
-    """
+    """Register a command: its topic and summary in the help of the program, and the examples that end its own help."""
     return app.command(name, cls=kind, short_help=summary, epilog=examples, rich_help_panel=topic)
 
 

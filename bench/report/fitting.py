@@ -45,16 +45,13 @@ def fitted(shown: pd.DataFrame, width: int, optional: Sequence[str]) -> pd.DataF
     """
     shown = shown.astype(str)
     least = max(map(narrowest, shown["solver"]), default=0)
-    for _ in range(len(optional) + 1):
-        others = sum(_width(shown, column) + 1 for column in shown.columns if column != "solver")
-        if least + others <= width:
-            break
-        dropped = next((column for column in optional if column in shown.columns), None)
-        if dropped is None:
-            break
-        shown = shown.drop(columns=dropped)
-    room = max(least, width - others)
-    return shown.assign(solver=[wrapped_name(name, room) for name in shown["solver"]])
+    widths = {column: _width(shown, column) + 1 for column in shown.columns if column != "solver"}
+    for column in optional:
+        if least + sum(widths.values()) > width:
+            widths.pop(column, None)
+    room = max(least, width - sum(widths.values()))
+    names = [wrapped_name(name, room) for name in shown["solver"]]
+    return shown[[column for column in shown.columns if column in ("solver", *widths)]].assign(solver=names)
 
 
 def print_table(
