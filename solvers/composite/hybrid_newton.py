@@ -13,21 +13,19 @@ time (``linear_solver``).
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
 from ..interface import Observer, Solution, Status, Stop
-from ..iteration.loop import Advance, confirmed, first_impulses, left_by_rounding, rounding
-from ..iteration.stopping import Monitor, sweeps_to_next_look
+from ..iteration.loop import Advance, first_impulses, looked, refuted, rounding
+from ..iteration.stopping import Monitor
+from ..method import Method
 from ..newton.linearised import Equations
 from ..newton.steps import DAMPED, SHARP, THOROUGH
-from ..sweeps.delassus import DelassusSweep
+from ..sweeps.delassus import DelassusIterates, DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .attempts import Attempts
@@ -51,7 +49,7 @@ STUCK = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
 
 
 @dataclass(frozen=True)
-class HybridNewton:
+class HybridNewton(Method):
     """Safeguarded sweeps, with Newton's method on the projection equations Λ_i = prox(Λ_i − ξ_i/α_i) in between.
 
     One iteration is a sweep or a Newton step.
@@ -65,26 +63,13 @@ class HybridNewton:
 
     relaxation: float = 1.5
 
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         check_relaxation(self.relaxation)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedHybrid":
         """Assemble G, and the first step sizes of the sweeps."""
         residual = Residual(problem)
-        sizes = diagonal_step_sizes(problem, self.relaxation)
-        sweep = DelassusSweep.over(problem, problem.delassus_blocks(), sizes)
+        sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
         return PreparedHybrid(problem, residual, sweep, Equations(problem, residual))
 
 
@@ -101,24 +86,15 @@ class PreparedHybrid:
         """Sweep, and try Newton's method where that is slow; see ``Prepared.solve``."""
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
-            return Solution(first, Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+            return refuted(self.problem)
         monitor = Monitor(stop)
-        iterates = SafeguardedIterates(self.sweep.iterates(first))
+        iterates = SafeguardedIterates(DelassusIterates(self.sweep, first))
         advance = Advance(iterates, monitor, observe)
         attempts = Attempts(self.problem, self.residual, self.equations, advance)
         restarts = Restarts(attempts, self.sweep, first)
         pace, wait, tried = Pace(), SWEEPS_BEFORE, 0
         while True:
-            impulses = iterates.impulses()
-            residual = self.residual(impulses, iterates.relative_velocity())
-            if residual <= stop.tolerance:
-                residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
-            ended = monitor.look(advance.iteration, residual, impulses)
-            repeats = None
-            if ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
-                repeats = advance.cycle(impulses)
-            if ended is None and (repeats is not None or monitor.lacks_progress):
-                ended = left_by_rounding(self.problem, self.residual, monitor) or repeats
+            impulses, residual, ended = looked(self.problem, self.residual, advance)
             if leads_nowhere(ended, monitor) and not self._is_rounding(monitor) and restarts.are_due:
                 before = monitor.best_residual
                 over = restarts.tried()
@@ -138,8 +114,7 @@ class PreparedHybrid:
                     tried, wait = tried + 1, 2 * wait
                     pace = Pace()
                 continue
-            count = min(stop.max_iterations - advance.iteration, sweeps_to_next_look(advance.iteration))
-            advance.by(count)
+            count = advance.to_next_look()
             attempts.work.count_sweeps(count)
             pace.note(count, residual)
 

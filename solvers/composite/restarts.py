@@ -26,7 +26,7 @@ from ..iteration.loop import Iterates
 from ..iteration.stopping import LONGEST_INTERVAL
 from ..newton.steps import THOROUGH
 from ..sweeps.blocks import BlockIterates, BlockSweep
-from ..sweeps.delassus import DelassusSweep
+from ..sweeps.delassus import DelassusIterates, DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from .attempts import Attempts
 
@@ -105,7 +105,7 @@ class Restarts:
             starts.pop()
         blocks = BlockSweep.over(self._attempts.problem, 1.0)
         block_wise = [Predictor(SafeguardedIterates(BlockIterates(blocks, start))) for start in starts]
-        plain = [Predictor(SafeguardedIterates(self._sweep.iterates(start)), attempted=0) for start in starts]
+        plain = [Predictor(SafeguardedIterates(DelassusIterates(self._sweep, start)), attempted=0) for start in starts]
         return [*block_wise, *plain]
 
     def _followed(self, predictor: Predictor, work_until: float) -> tuple[Status, str] | None:

@@ -57,35 +57,48 @@ class PreparedIteration:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep until the residual reaches the tolerance; see ``Prepared.solve``."""
-        n_rows = self.problem.n_rows
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
-            return Solution(first, Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
-        monitor = Monitor(stop)
-        iterates = self.begin(first)
-        advance = Advance(iterates, monitor, observe)
+            return refuted(self.problem)
+        advance = Advance(self.begin(first), Monitor(stop), observe)
         while True:
-            impulses = iterates.impulses()
-            residual = self.residual(impulses, iterates.relative_velocity())
-            if residual <= stop.tolerance:
-                residual = confirmed(self.problem, self.residual, impulses, residual, stop.tolerance)
-            ended = monitor.look(advance.iteration, residual, impulses)
-            repeats = None
-            if (
-                ended is None
-                and monitor.suspects_cycle
-                and isinstance(iterates, Accelerated)
-                and iterates.reduce_momentum()
-            ):
-                monitor.restart_progress()
-            elif ended is None and monitor.suspects_cycle and advance.iteration + 2 <= stop.max_iterations:
-                repeats = advance.cycle(impulses)
-            if ended is None and (repeats is not None or monitor.lacks_progress):
-                ended = left_by_rounding(self.problem, self.residual, monitor) or repeats
+            _, _, ended = looked(self.problem, self.residual, advance)
             if ended is not None:
-                return monitor.solution(ended, advance.iteration, n_rows)
-            left = stop.max_iterations - advance.iteration
-            advance.by(min(left, sweeps_to_next_look(advance.iteration)))
+                return advance.monitor.solution(ended, advance.iteration, self.problem.n_rows)
+            advance.to_next_look()
+
+
+def looked(
+    problem: ContactProblem, residual: Residual, advance: "Advance"
+) -> tuple[FloatArray, float, tuple[Status, str] | None]:
+    """Return the present Λ, its residual, and status and reason if sweeps need not go on, else None.
+
+    Where progress has ended momentum is reduced, and the iterates of two more sweeps are compared with the present one.
+    """
+    monitor, iterates = advance.monitor, advance.iterates
+    impulses = iterates.impulses()
+    found = residual(impulses, iterates.relative_velocity())
+    if found <= monitor.stop.tolerance:
+        found = confirmed(problem, residual, impulses, found, monitor.stop.tolerance)
+    ended, repeats = monitor.look(advance.iteration, found, impulses), None
+    if ended is None and monitor.suspects_cycle:
+        if isinstance(iterates, Accelerated) and iterates.reduce_momentum():
+            monitor.restart_progress()
+        elif advance.iteration + 2 <= monitor.stop.max_iterations:
+            repeats = advance.cycle(impulses)
+    if ended is None and (repeats is not None or monitor.lacks_progress):
+        ended = left_by_rounding(problem, residual, monitor) or repeats
+    return impulses, found, ended
+
+
+def refuted(problem: ContactProblem) -> Solution:
+    """Return the solution of an infeasible problem."""
+    return Solution(np.zeros(problem.n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+
+
+def judged(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
+    """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic: rounding must not pass for progress."""
+    return residual(impulses, problem.relative_velocity(impulses))
 
 
 def first_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
@@ -112,7 +125,7 @@ def confirmed(
     """
     if rounding(problem, residual, impulses) <= tolerance:
         return found
-    return max(found, residual(impulses, problem.relative_velocity(impulses)))
+    return max(found, judged(problem, residual, impulses))
 
 
 def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
@@ -128,7 +141,7 @@ def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monit
         return None
     limit = rounding(problem, residual, impulses)
     # the iteration's own ξ comes first because it costs nothing
-    if monitor.best_residual > limit or residual(impulses, problem.relative_velocity(impulses)) > limit:
+    if monitor.best_residual > limit or judged(problem, residual, impulses) > limit:
         return None
     return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
 
@@ -147,11 +160,9 @@ def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[Flo
     Raises:
         SolverError: from ``solve``, if the generator ends or yields an array of another shape.
     """
-
-    def begin(start: FloatArray) -> _GeneratedIterates:
-        return _GeneratedIterates(problem, sweeps(start), start)
-
-    return PreparedIteration(problem, Residual(problem), begin)
+    return PreparedIteration(
+        problem, Residual(problem), lambda start: _GeneratedIterates(problem, sweeps(start), start)
+    )
 
 
 @dataclass
@@ -198,6 +209,13 @@ class Advance:
         for _ in range(count):
             self.iterates.sweep(1)
             self.arrive(self.iterates.impulses())
+
+    def to_next_look(self) -> int:
+        """Do the sweeps until the residual is looked at again, within the limit; return how many they are."""
+        left = self.monitor.stop.max_iterations - self.iteration
+        count = min(left, sweeps_to_next_look(self.iteration))
+        self.by(count)
+        return count
 
     def cycle(self, before: FloatArray) -> tuple[Status, str] | None:
         """Do two sweeps from ``before``, the latest Λ; return how it ended if they lead back there."""

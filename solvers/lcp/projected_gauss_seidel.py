@@ -9,23 +9,20 @@ and every scalar unknown is visited in turn with the newest values of all others
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.delassus import DelassusBlocks
 from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
-from ..interface import SolverError
 from ..iteration.loop import PreparedIteration
-from ..sweeps.delassus import DelassusSweep, block_product
-from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
+from ..method import Method, check_option
+from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, law_arguments, spatial_velocity
+from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides
 
 DECOMPOSITIONS = 100
@@ -33,7 +30,7 @@ DECOMPOSITIONS = 100
 
 
 @dataclass(frozen=True)
-class PyramidPGS:
+class PyramidPGS(Method):
     """Projected Gauss–Seidel over scalar laws, with a friction pyramid in place of the cone.
 
     Attributes:
@@ -47,39 +44,25 @@ class PyramidPGS:
     sides: int = 8
     relaxation: float = 1.0
 
-    has_iterates: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         check_sides(self.sides)
-        if self.sides % 2:
-            raise SolverError(
-                f"sides must be even, got {self.sides}: only then is the pyramid a sum of friction laws along lines."
-            )
+        is_valid = self.sides % 2 == 0
+        check_option("sides", self.sides, is_valid, "even, so that the pyramid is a sum of friction laws along lines")
         check_relaxation(self.relaxation)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
 
     @property
     def model(self) -> Model:
         """The pyramid of ``sides`` sides."""
         return Model.pyramid(self.sides)
 
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
-
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G, the segments of every friction law and their step sizes."""
-        blocks = problem.delassus_blocks()
         if problem.layout.width < 3:  # one segment a contact: the sweep of SORprox, law by law
-            sizes = diagonal_step_sizes(problem, self.relaxation)
-            return PreparedIteration(problem, Residual(problem), DelassusSweep.over(problem, blocks, sizes).begin)
-        segments = Segments.of(problem, blocks, self.sides, self.relaxation)
+            sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
+            return PreparedIteration(problem, Residual(problem), sweep.begin)
+        delassus, segments = FlatDelassus.of(problem), Segments.of(problem, self.sides, self.relaxation)
         residual = ModelResidual(problem, self.model)
-        return PreparedIteration(problem, residual, lambda start: PyramidIterates(problem, blocks, segments, start))
+        return PreparedIteration(problem, residual, lambda start: PyramidIterates(delassus, segments, start))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +82,9 @@ class Segments:
     normal_sizes: FloatArray
 
     @staticmethod
-    def of(problem: ContactProblem, blocks: DelassusBlocks, sides: int, relaxation: float) -> "Segments":
+    def of(problem: ContactProblem, sides: int, relaxation: float) -> "Segments":
         """Return the segments of pyramids with ``sides`` sides."""
+        blocks = problem.delassus_blocks()
         kind = np.append(problem.laws.kind, LawKind.UNILATERAL)[problem.layout.friction_law]  # the last: no friction
         angle = np.pi / sides * (2 * np.arange(sides // 2) + 1) + np.pi / 2
         edges = np.zeros((len(kind), sides // 2, 2))
@@ -109,12 +93,7 @@ class Segments:
         share = np.where(kind == LawKind.SPATIAL_FRICTION, np.sin(np.pi / sides), 1.0)
         own = blocks.values[blocks.starts[:-1]]
         curvature = np.einsum("bsi,bij,bsj->bs", edges, own[:, 1:, 1:], edges)
-        return Segments(edges, share, _inverse(curvature, relaxation), _inverse(own[:, 0, 0], relaxation))
-
-    @property
-    def arguments(self) -> tuple[FloatArray, ...]:
-        """What the kernel takes."""
-        return self.edges, self.share, self.sizes, self.normal_sizes
+        return Segments(edges, share, inverse(curvature, relaxation), inverse(own[:, 0, 0], relaxation))
 
     def shared_out(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
         """Return x with Σ_s e_s x_s = Λ_T within its bounds, as nearly as there is one, shape (n_blocks, n_segments).
@@ -135,44 +114,25 @@ class Segments:
         return shares
 
 
-class PyramidIterates:
-    """Λ of the iteration and its shares; see ``prox.iteration.Iterates``."""
+class PyramidIterates(DelassusState):
+    """Λ of the iteration and its shares."""
 
-    def __init__(self, problem: ContactProblem, blocks: DelassusBlocks, segments: Segments, start: FloatArray) -> None:
-        self._layout = layout = problem.layout
-        lanes = (3 * blocks.columns).astype(np.uint32)
-        self._matrix: tuple[Any, Any, FloatArray] = (blocks.starts.astype(np.uint64), lanes, blocks.values.reshape(-1))
-        self._free = layout.pad(problem.free_velocity).reshape(-1)
-        partner = (3 * layout.partner).astype(np.uint64)
-        laws = (layout.friction_coefficient, layout.fixed_bound, partner, *segments.arguments)
-        padded = layout.pad(start)
-        self._shares = segments.shared_out(layout, padded) if start.any() else np.zeros(segments.sizes.shape)
-        self._impulses = padded.reshape(-1)
-        self._velocity = np.empty_like(self._impulses)
-        self._arguments: tuple[Any, ...] = (*self._matrix, self._free, *laws, self._shares, self._impulses)
+    def __init__(self, delassus: FlatDelassus, segments: Segments, start: FloatArray) -> None:
+        super().__init__(delassus, start)
+        shares = np.zeros(segments.sizes.shape)
+        if start.any():
+            shares = segments.shared_out(self.layout, self.padded.reshape(-1, 3))
+        laws = law_arguments(self.layout, segments.normal_sizes)
+        self._arguments = (*delassus.arrays, *laws, segments.edges, segments.share, segments.sizes, shares, self.padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         _sweep(count, *self._arguments)
 
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._layout.unpad(self._impulses)
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        block_product(3, *self._matrix, self._impulses, self._free, self._velocity)
-        return self._layout.unpad(self._velocity)
-
-
-def _inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
-    """Return ω/curvature, 0 where nothing moves."""
-    return np.divide(relaxation, curvature, out=np.zeros_like(curvature), where=curvature > 0.0)
-
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, friction, fixed, partner, edges, share, sizes, normal_sizes, shares, impulses
+    count, starts, lanes, values, free, normal_sizes, friction, fixed, partner, edges, share, sizes, shares, impulses
 ):
     one, two, three = uint64(1), uint64(2), uint64(3)
     segments = uint64(sizes.shape[1])
@@ -180,13 +140,7 @@ def _sweep(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k = three * i
-            normal, first, second = free[k], free[k + one], free[k + two]
-            for p in range(starts[i], starts[i + one]):
-                j, v = uint64(lanes[p]), uint64(9) * p
-                n, t, s = impulses[j], impulses[j + one], impulses[j + two]
-                normal += values[v] * n + values[v + one] * t + values[v + two] * s
-                first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
-                second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+            normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
             own = uint64(9) * starts[i]
             old = impulses[k]
             new = max(old - normal_sizes[i] * normal, 0.0)

@@ -1,19 +1,19 @@
 """JORprox: projected Jacobi over-relaxation (Studer & Glocker 2005, [51–53]), with the sweeps of ``sweeps.jacobi``."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import partial
 
 from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
 from ..iteration.loop import PreparedIteration
+from ..method import Method
+from ..sweeps.delassus import DelassusSweep
 from ..sweeps.jacobi import JacobiIterates
-from ..sweeps.step_size import StepSize, check_options, diagonal_step_sizes, row_sum_step_sizes, row_sums_of_blocks
+from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, step_sizes
 
 
 @dataclass(frozen=True)
-class JORprox:
+class JORprox(Method):
     """Projected Jacobi over-relaxation.
 
     Attributes:
@@ -27,26 +27,11 @@ class JORprox:
     step_size: StepSize = "diagonal"
     relaxation: float = 1.0
 
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         check_options(self.step_size, self.relaxation)
 
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
-
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the step sizes."""
-        if self.step_size == "diagonal":
-            sizes = diagonal_step_sizes(problem, self.relaxation)
-        else:
-            sums = row_sums_of_blocks(problem.delassus_blocks(), problem)
-            sizes = row_sum_step_sizes(problem, sums, self.relaxation)
-        return PreparedIteration(problem, Residual(problem), lambda start: JacobiIterates(problem, sizes, start))
+        sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
+        sweep = DelassusSweep.over(problem, sizes)
+        return PreparedIteration(problem, Residual(problem), partial(JacobiIterates, sweep))

@@ -4,34 +4,17 @@ With r_i = 1/α_i and G_ii = α_i I + B_i the argument of the prox reads −1/α
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
-from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
 from ..iteration.loop import PreparedIteration
-from ..sweeps.jacobi import JacobiIterates
-from ..sweeps.step_size import diagonal_step_sizes
+from ..method import Method
+from .jorprox import JORprox
 
 
 @dataclass(frozen=True)
-class Jprox:
+class Jprox(Method):
     """Projected Jacobi, [46]: JORprox with r_i = 1/α_i, the paper's first and simplest method."""
-
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """Class name."""
-        return described(self)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the step sizes."""
-        sizes = diagonal_step_sizes(problem, 1.0)
-        return PreparedIteration(problem, Residual(problem), lambda start: JacobiIterates(problem, sizes, start))
+        return JORprox().prepare(problem)

@@ -5,23 +5,21 @@ friction.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
 from ..iteration.loop import PreparedIteration
+from ..method import Method
 from ..sweeps.blocks import BlockIterates, BlockSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import check_relaxation
 
 
 @dataclass(frozen=True)
-class NSGS:
+class NSGS(Method):
     """Nonsmooth (block) Gauss–Seidel: every contact is solved exactly, to rounding, with all others held still.
 
-    Contacts of high friction may oscillate among each other; ω is cut at those that do (``iteration.safeguard``).
+    Contacts of high friction may oscillate among each other; ω is cut at those that do (``sweeps.safeguarded``).
 
     Attributes:
         relaxation: ω; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.
@@ -32,20 +30,8 @@ class NSGS:
 
     relaxation: float = 1.0
 
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         check_relaxation(self.relaxation)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G."""

@@ -9,30 +9,19 @@ The unilateral law of a contact comes before its friction law, so the friction b
 
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
-from ..interface import SolverError
 from ..iteration.loop import PreparedIteration
+from ..method import Method, check_form, check_option
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.factors import FactorSweep
-from ..sweeps.step_size import (
-    StepSize,
-    check_options,
-    diagonal_step_sizes,
-    row_sum_step_sizes,
-    row_sums_of_blocks,
-    row_sums_of_factors,
-)
-
-Form = Literal["delassus", "factors"]
+from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, row_sums_of_factors, step_sizes
 
 
 @dataclass(frozen=True)
-class SORprox:
+class SORprox(Method):
     """Projected Gauss–Seidel with relaxation; the paper's method of choice for many contacts.
 
     Attributes:
@@ -49,23 +38,14 @@ class SORprox:
 
     step_size: StepSize = "diagonal"
     relaxation: float = 1.0
-    form: Form = "delassus"
+    form: Literal["delassus", "factors"] = "delassus"
     momentum: float = 0.0
-
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         check_options(self.step_size, self.relaxation)
-        if self.form not in ("delassus", "factors"):
-            raise SolverError(f"form must be 'delassus' or 'factors', got {self.form!r}.")
-        if not (isinstance(self.momentum, int | float) and 0.0 <= self.momentum < 1.0):
-            raise SolverError(f"momentum must be a number from 0 to below 1, got {self.momentum!r}.")
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
+        check_form(self.form)
+        is_valid = isinstance(self.momentum, int | float) and 0.0 <= self.momentum < 1.0
+        check_option("momentum", self.momentum, is_valid, "a number from 0 to below 1")
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
@@ -75,21 +55,12 @@ class SORprox:
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble what the form needs, and the step sizes."""
-        residual = Residual(problem)
+        self.check_supports(problem)
+        sweep: DelassusSweep | FactorSweep
         if self.form == "factors":
-            if problem.factors is None:
-                raise SolverError(f"{self.name} cannot treat {problem.name!r}: {self.supports(problem)}.")
-            factors = problem.factors
-            if self.step_size == "diagonal":
-                sizes = diagonal_step_sizes(problem, self.relaxation)
-            else:
-                sizes = row_sum_step_sizes(problem, row_sums_of_factors(factors), self.relaxation)
-            begin = FactorSweep.over(problem, sizes).begin
-            return PreparedIteration(problem, residual, partial(begin, momentum=self.momentum))
-        blocks = problem.delassus_blocks()
-        if self.step_size == "diagonal":
-            sizes = diagonal_step_sizes(problem, self.relaxation)
+            sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_factors)
+            sweep = FactorSweep.over(problem, sizes)
         else:
-            sizes = row_sum_step_sizes(problem, row_sums_of_blocks(blocks, problem), self.relaxation)
-        begin = DelassusSweep.over(problem, blocks, sizes).begin
-        return PreparedIteration(problem, residual, partial(begin, momentum=self.momentum))
+            sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
+            sweep = DelassusSweep.over(problem, sizes)
+        return PreparedIteration(problem, Residual(problem), partial(sweep.begin, momentum=self.momentum))

@@ -11,9 +11,8 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
-from .delassus import block_product
+from .delassus import DelassusState, FlatDelassus, law_arguments, planar_velocity, spatial_velocity
 from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial
 from .slip_angle import WORKSPACE
 from .step_size import diagonal_step_sizes
@@ -24,17 +23,13 @@ class BlockSweep:
     """Everything a sweep reads and never writes.
 
     Attributes:
-        layout: the padded blocks.
-        matrix: first stored block of each row, first lane of each stored block's column, and the values of G, flat.
-        free: c, padded and flat.
+        delassus: G and c.
         laws: μ of the contact's own normal impulse, μ of another's, a, and the N lane of each block's partner.
         step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
         relaxation: ω.
     """
 
-    layout: BlockLayout
-    matrix: tuple[Any, Any, FloatArray]
-    free: FloatArray
+    delassus: FlatDelassus
     laws: tuple[FloatArray, FloatArray, FloatArray, Any]
     step_sizes: FloatArray
     relaxation: float
@@ -42,53 +37,35 @@ class BlockSweep:
     @staticmethod
     def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
-        layout, blocks = problem.layout, problem.delassus_blocks()
-        lanes = (layout.width * blocks.columns).astype(np.uint32)
-        matrix = (blocks.starts.astype(np.uint64), lanes, blocks.values.reshape(-1))
+        layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
         own = layout.partner == np.arange(layout.n_blocks)
         own_friction = np.where(own, layout.friction_coefficient, 0.0)
-        remote_friction = layout.friction_coefficient - own_friction
-        partner = (layout.width * layout.partner).astype(np.uint64)
-        laws = (own_friction, remote_friction, layout.fixed_bound, partner)
-        free, sizes = layout.pad(problem.free_velocity).reshape(-1), diagonal_step_sizes(problem, 1.0)
-        return BlockSweep(layout, matrix, free, laws, sizes, relaxation)
+        laws = (own_friction, layout.friction_coefficient - own_friction, *law_arguments(layout, sizes)[2:])
+        return BlockSweep(FlatDelassus.of(problem), laws, sizes, relaxation)
 
 
-class BlockIterates:
+class BlockIterates(DelassusState):
     """Λ of a block Gauss–Seidel iteration.
 
     Attributes:
-        layout: the padded blocks.
-        padded: Λ padded and flat.
         step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
     """
 
     def __init__(self, sweep: BlockSweep, start: FloatArray) -> None:
-        self.layout, self.padded = sweep.layout, sweep.layout.pad(start).reshape(-1)
+        super().__init__(sweep.delassus, start)
         self._sweep, self.step_sizes = sweep, sweep.step_sizes
-        self._velocity = np.empty_like(self.padded)
-        kernel = {1: _sweep_frictionless, 2: _sweep_planar, 3: _sweep_spatial}[sweep.layout.width]
-        self._kernel, self._work = kernel, np.empty(WORKSPACE)
-        self._relaxation = np.full(sweep.layout.n_blocks, float(sweep.relaxation))
+        self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
+        self._work = np.empty(WORKSPACE)
+        self._relaxation = np.full(self.layout.n_blocks, float(sweep.relaxation))
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        own = self._sweep
-        self._kernel(count, self._relaxation, *own.matrix, own.free, *own.laws, self.padded, self._work)
+        arrays = (*self._delassus.arrays, *self._sweep.laws, self.padded, self._work)
+        self._kernel(count, self._relaxation, *arrays)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Let ω of each block be this fraction of what it was at first, shape (n_blocks,)."""
         self._relaxation[:] = self._sweep.relaxation * fraction
-
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self.layout.unpad(self.padded)
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        own = self._sweep
-        block_product(self.layout.width, *own.matrix, self.padded, own.free, self._velocity)
-        return self.layout.unpad(self._velocity)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -113,12 +90,7 @@ def _sweep_planar(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k, own = two * i, four * starts[i]
-            normal, tangent = free[k], free[k + one]
-            for p in range(starts[i] + one, starts[i + one]):
-                j, v = uint64(lanes[p]), four * p
-                n, t = impulses[j], impulses[j + one]
-                normal += values[v] * n + values[v + one] * t
-                tangent += values[v + two] * n + values[v + three] * t
+            normal, tangent = planar_velocity(i, 1, starts, lanes, values, free, impulses)
             nn, nt, tn, tt = values[own], values[own + one], values[own + two], values[own + three]
             old_n, old_t = impulses[k], impulses[k + one]
             bound = fixed[i]
@@ -140,13 +112,7 @@ def _sweep_spatial(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k, own = three * i, nine * starts[i]
-            normal, first, second = free[k], free[k + one], free[k + two]
-            for p in range(starts[i] + one, starts[i + one]):  # the diagonal block comes first
-                j, v = uint64(lanes[p]), nine * p
-                n, t, s = impulses[j], impulses[j + one], impulses[j + two]
-                normal += values[v] * n + values[v + one] * t + values[v + two] * s
-                first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
-                second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+            normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
             old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
             bound = fixed[i]
             if remote[i] > 0.0:

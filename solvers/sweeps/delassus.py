@@ -9,6 +9,7 @@ which makes a sweep about a third faster than the same loops over blocks of thre
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.delassus import DelassusBlocks
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import with_momentum
@@ -24,69 +24,45 @@ from .one_contact import disc_scale
 
 
 @dataclass(frozen=True, eq=False)
-class DelassusSweep:
-    """Everything a sweep reads and never writes.
+class FlatDelassus:
+    """G and c as kernels read them.
 
     Attributes:
         layout: the padded blocks.
-        matrix: first stored block of each row, first lane of each stored block's column, and the values of G, flat.
-        free: c, padded and flat.
-        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
-        kernel: the sweep for this width.
+        arrays: first stored block of each row, first lane of each stored block's column, the values of G, flat, and c,
+            padded and flat.
     """
 
     layout: BlockLayout
-    matrix: tuple[Any, Any, FloatArray]
-    free: FloatArray
-    laws: tuple[FloatArray, FloatArray, FloatArray, Any]
-    kernel: Callable[..., None]
+    arrays: tuple[Any, Any, FloatArray, FloatArray]
 
     @staticmethod
-    def over(problem: ContactProblem, blocks: DelassusBlocks, sizes: FloatArray) -> "DelassusSweep":
-        """Return the sweep of ``problem`` with step sizes of shape (n_blocks, 2)."""
-        layout = problem.layout
-        kernel = {1: _sweep_frictionless, 2: _sweep_planar, 3: _sweep_spatial}[layout.width]
+    def of(problem: ContactProblem) -> "FlatDelassus":
+        """Return G and c of ``problem``."""
+        layout, blocks = problem.layout, problem.delassus_blocks()
         lanes = (layout.width * blocks.columns).astype(np.uint32)
-        matrix = (blocks.starts.astype(np.uint64), lanes, blocks.values.reshape(-1))
         free = layout.pad(problem.free_velocity).reshape(-1)
-        return DelassusSweep(layout, matrix, free, law_arguments(layout, sizes), kernel)
+        return FlatDelassus(layout, (blocks.starts.astype(np.uint64), lanes, blocks.values.reshape(-1), free))
 
-    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
-        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
-        return with_momentum(self.iterates(start), momentum)
+    def relative_velocity(self, impulses: FloatArray, velocity: FloatArray) -> None:
+        """Write ξ = GΛ + c, padded and flat."""
+        if self.layout.width == 3:
+            _product_spatial(*self.arrays, impulses, velocity)
+        else:
+            _product(self.layout.width, *self.arrays, impulses, velocity)
 
-    def iterates(self, start: FloatArray) -> "DelassusIterates":
-        """Return the iterates without momentum that begin at ``start``, shape (n_rows,)."""
-        return DelassusIterates(self, start)
 
-
-class DelassusIterates:
-    """Λ of a Gauss–Seidel iteration.
+class DelassusState:
+    """Λ of an iteration over the assembled G, whose sweeps change it in place.
 
     Attributes:
         layout: the padded blocks.
         padded: Λ padded and flat.
-        step_sizes: r of the N lane and the T lanes of each block [kg], shape (n_blocks, 2).
     """
 
-    def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
-        self.layout, self.padded = sweep.layout, sweep.layout.pad(start).reshape(-1)
-        self.step_sizes = sweep.laws[0].reshape(-1, 2)
-        self._sweep, self._laws = sweep, sweep.laws
-        self._velocity = np.empty_like(self.padded)
-
-    def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps."""
-        self._sweep.kernel(count, *self._sweep.matrix, self._sweep.free, *self._laws, self.padded)
-
-    def scale_steps(self, fraction: FloatArray) -> None:
-        """Let the step of each block be this fraction of what it was at first, shape (n_blocks,)."""
-        sizes, *others = self._sweep.laws
-        self._laws = (sizes * np.repeat(fraction, 2), *others)
-
-    def linear(self) -> tuple[FloatArray, int]:
-        """Return Λ, which sweeps change in place, and its length."""
-        return self.padded, len(self.padded)
+    def __init__(self, delassus: FlatDelassus, start: FloatArray) -> None:
+        self.layout, self.padded = delassus.layout, delassus.layout.pad(start).reshape(-1)
+        self._delassus, self._velocity = delassus, np.empty_like(self.padded)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -94,9 +70,61 @@ class DelassusIterates:
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        own = self._sweep
-        block_product(self.layout.width, *own.matrix, self.padded, own.free, self._velocity)
+        self._delassus.relative_velocity(self.padded, self._velocity)
         return self.layout.unpad(self._velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class DelassusSweep:
+    """Everything a sweep reads and never writes.
+
+    Attributes:
+        delassus: G and c.
+        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
+    """
+
+    delassus: FlatDelassus
+    laws: tuple[FloatArray, FloatArray, FloatArray, Any]
+
+    @staticmethod
+    def over(problem: ContactProblem, sizes: FloatArray) -> "DelassusSweep":
+        """Return the sweep of ``problem`` with step sizes of shape (n_blocks, 2)."""
+        return DelassusSweep(FlatDelassus.of(problem), law_arguments(problem.layout, sizes))
+
+    @cached_property
+    def kernel(self) -> Callable[..., None]:
+        """The sweep for this width."""
+        kernels: tuple[Callable[..., None], ...] = _sweep_frictionless, _sweep_planar, _sweep_spatial
+        return kernels[self.delassus.layout.width - 1]
+
+    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+        return with_momentum(DelassusIterates(self, start), momentum)
+
+
+class DelassusIterates(DelassusState):
+    """Λ of a Gauss–Seidel iteration.
+
+    Attributes:
+        step_sizes: r of the N lane and the T lanes of each block [kg], shape (n_blocks, 2).
+    """
+
+    def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
+        super().__init__(sweep.delassus, start)
+        self.step_sizes = sweep.laws[0].reshape(-1, 2)
+        self._kernel, self._laws = sweep.kernel, sweep.laws
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        self._kernel(count, *self._delassus.arrays, *self._laws, self.padded)
+
+    def scale_steps(self, fraction: FloatArray) -> None:
+        """Let the step of each block be this fraction of what it was at first, shape (n_blocks,)."""
+        self._laws = ((self.step_sizes * fraction[:, None]).reshape(-1), *self._laws[1:])
+
+    def linear(self) -> tuple[FloatArray, int]:
+        """Return Λ, which sweeps change in place, and its length."""
+        return self.padded, len(self.padded)
 
 
 def law_arguments(layout: BlockLayout, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Any]:
@@ -105,18 +133,35 @@ def law_arguments(layout: BlockLayout, sizes: FloatArray) -> tuple[FloatArray, F
     return sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes
 
 
-def block_product(
-    width: int, starts: Any, lanes: Any, values: Any, impulses: FloatArray, free: FloatArray, velocity: FloatArray
-) -> None:
-    """Write ξ = GΛ + c, padded and flat."""
-    if width == 3:
-        _product_spatial(starts, lanes, values, impulses, free, velocity)
-    else:
-        _product(width, starts, lanes, values, impulses, free, velocity)
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def planar_velocity(i, first, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
+    """Return ξ_N, ξ_T of block i, all but its ``first`` stored blocks counted."""
+    one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
+    normal, tangent = free[two * i], free[two * i + one]
+    for p in range(starts[i] + uint64(first), starts[i + one]):
+        j, v = uint64(lanes[p]), four * p
+        n, t = impulses[j], impulses[j + one]
+        normal += values[v] * n + values[v + one] * t
+        tangent += values[v + two] * n + values[v + three] * t
+    return normal, tangent
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def spatial_velocity(i, first, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
+    """Return ξ_N, ξ_T1, ξ_T2 of block i, all but its ``first`` stored blocks counted."""
+    one, two, three = uint64(1), uint64(2), uint64(3)
+    normal, tangent, other = free[three * i], free[three * i + one], free[three * i + two]
+    for p in range(starts[i] + uint64(first), starts[i + one]):
+        j, v = uint64(lanes[p]), uint64(9) * p
+        n, t, s = impulses[j], impulses[j + one], impulses[j + two]
+        normal += values[v] * n + values[v + one] * t + values[v + two] * s
+        tangent += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
+        other += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+    return normal, tangent, other
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product(width, starts, lanes, values, impulses, free, velocity):  # type: ignore[no-untyped-def]
+def _product(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
     one, width = uint64(1), uint64(width)
     for i in range(uint64(len(starts) - 1)):
         for lane in range(width):
@@ -129,18 +174,11 @@ def _product(width, starts, lanes, values, impulses, free, velocity):  # type: i
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial(starts, lanes, values, impulses, free, velocity):  # type: ignore[no-untyped-def]
+def _product_spatial(starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
     one, two, three = uint64(1), uint64(2), uint64(3)
     for i in range(uint64(len(starts) - 1)):
-        k = three * i
-        normal, first, second = free[k], free[k + one], free[k + two]
-        for p in range(starts[i], starts[i + one]):
-            j, v = uint64(lanes[p]), uint64(9) * p
-            n, t, s = impulses[j], impulses[j + one], impulses[j + two]
-            normal += values[v] * n + values[v + one] * t + values[v + two] * s
-            first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
-            second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
-        velocity[k], velocity[k + one], velocity[k + two] = normal, first, second
+        normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
+        velocity[three * i], velocity[three * i + one], velocity[three * i + two] = normal, first, second
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -160,16 +198,11 @@ def _sweep_frictionless(  # type: ignore[no-untyped-def]
 def _sweep_planar(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
-    one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
+    one, two, four = uint64(1), uint64(2), uint64(4)
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k = two * i
-            normal, tangent = free[k], free[k + one]
-            for p in range(starts[i], starts[i + one]):
-                j, v = uint64(lanes[p]), four * p
-                n, t = impulses[j], impulses[j + one]
-                normal += values[v] * n + values[v + one] * t
-                tangent += values[v + two] * n + values[v + three] * t
+            normal, tangent = planar_velocity(i, 0, starts, lanes, values, free, impulses)
             old = impulses[k]
             new = max(old - sizes[k] * normal, 0.0)
             impulses[k] = new
@@ -186,13 +219,7 @@ def _sweep_spatial(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k = three * i
-            normal, first, second = free[k], free[k + one], free[k + two]
-            for p in range(starts[i], starts[i + one]):
-                j, v = uint64(lanes[p]), uint64(9) * p
-                n, t, s = impulses[j], impulses[j + one], impulses[j + two]
-                normal += values[v] * n + values[v + one] * t + values[v + two] * s
-                first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
-                second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+            normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
             own = uint64(9) * starts[i]
             old = impulses[k]
             new = max(old - sizes[two * i] * normal, 0.0)

@@ -8,41 +8,25 @@ except that the friction bound μ Λ_N takes the normal impulse that the same sw
 2005, [41–51]).
 """
 
-import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
-from .delassus import DelassusSweep, block_product
+from .delassus import DelassusState, DelassusSweep
 from .one_contact import disc_scale
 
 
-class JacobiIterates:
-    """Λ and ξ of a Jacobi iteration, padded and flat."""
+class JacobiIterates(DelassusState):
+    """Λ and ξ of a Jacobi iteration."""
 
-    def __init__(self, problem: ContactProblem, sizes: FloatArray, start: FloatArray) -> None:
-        self._sweep = DelassusSweep.over(problem, problem.delassus_blocks(), sizes)
-        self._impulses = self._sweep.layout.pad(start).reshape(-1)
-        self._velocity = np.empty_like(self._impulses)
+    def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
+        super().__init__(sweep.delassus, start)
+        self._laws = sweep.laws
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        width = self._sweep.layout.width
         for _ in range(count):
-            self._update_velocity()
-            _project(width, *self._sweep.laws, self._velocity, self._impulses)
-
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._sweep.layout.unpad(self._impulses)
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        self._update_velocity()
-        return self._sweep.layout.unpad(self._velocity)
-
-    def _update_velocity(self) -> None:
-        block_product(self._sweep.layout.width, *self._sweep.matrix, self._impulses, self._sweep.free, self._velocity)
+            self._delassus.relative_velocity(self.padded, self._velocity)
+            _project(self.layout.width, *self._laws, self._velocity, self.padded)
 
 
 @njit(cache=True)

@@ -6,6 +6,7 @@
 (Studer & Glocker 2005). A law whose row of G is zero gets r = 0: no impulse of that law moves anything.
 """
 
+from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
@@ -13,35 +14,43 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.delassus import DelassusBlocks
-from ...problems.contact.factors import Factors
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError
+from ..method import check_option
 
 StepSize = Literal["diagonal", "row_sum"]
 
 
 def check_options(step_size: str, relaxation: float) -> None:
     """Raise ``SolverError`` unless both options make sense."""
-    if step_size not in get_args(StepSize):
-        raise SolverError(f"step_size must be 'diagonal' or 'row_sum', got {step_size!r}.")
+    check_option("step_size", step_size, step_size in get_args(StepSize), "'diagonal' or 'row_sum'")
     check_relaxation(relaxation)
 
 
 def check_relaxation(relaxation: float) -> None:
     """Raise ``SolverError`` unless ω is a positive number."""
-    if not (isinstance(relaxation, int | float) and 0.0 < relaxation < np.inf):
-        raise SolverError(f"relaxation must be a positive number, got {relaxation!r}.")
+    is_valid = isinstance(relaxation, int | float) and 0.0 < relaxation < np.inf
+    check_option("relaxation", relaxation, is_valid, "a positive number")
+
+
+def step_sizes(
+    problem: ContactProblem, step_size: StepSize, relaxation: float, row_sums: Callable[[ContactProblem], FloatArray]
+) -> FloatArray:
+    """Return r for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
+
+    Args:
+        problem: the contact problem.
+        step_size: which of both rules.
+        relaxation: ω.
+        row_sums: returns Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), if the rule needs them.
+    """
+    if step_size == "diagonal":
+        return diagonal_step_sizes(problem, relaxation)
+    return _per_law(problem, row_sums(problem), relaxation)
 
 
 def diagonal_step_sizes(problem: ContactProblem, relaxation: float) -> FloatArray:
     """Return ω/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2)."""
     return _per_law(problem, problem.delassus_diagonal, relaxation)
-
-
-def row_sum_step_sizes(problem: ContactProblem, row_sums: FloatArray, relaxation: float) -> FloatArray:
-    """Return ω/(largest row sum) for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2)."""
-    return _per_law(problem, row_sums, relaxation)
 
 
 def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> FloatArray:
@@ -50,23 +59,29 @@ def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> 
     sizes[:, 0] = padded[:, 0]
     if padded.shape[1] > 1:
         np.maximum(padded[:, 1], padded[:, -1], out=sizes[:, 1])  # ten times faster than max over so short an axis
-    return np.divide(relaxation, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    return inverse(sizes, relaxation)
 
 
-def row_sums_of_blocks(blocks: DelassusBlocks, problem: ContactProblem) -> FloatArray:
+def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
+    """Return ω/curvature, 0 where nothing moves."""
+    return np.divide(relaxation, curvature, out=np.zeros_like(curvature), where=curvature > 0.0)
+
+
+def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
     """Return Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), from the assembled matrix."""
+    blocks = problem.delassus_blocks()
     within = np.abs(blocks.values).sum(axis=2)
     sums = np.add.reduceat(within, blocks.starts[:-1], axis=0) if len(within) else within
     return problem.layout.unpad(np.ascontiguousarray(sums))
 
 
-def row_sums_of_factors(factors: Factors) -> FloatArray:
+def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
     """Return Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), one row of G at a time and none kept."""
-    scaled = factors.scaled_directions
-    by_dof = sp.csr_array(scaled)
-    sums: FloatArray = _row_sums(
-        scaled.indptr, scaled.indices, scaled.data, by_dof.indptr, by_dof.indices, by_dof.data, factors.n_rows
-    )
+    assert problem.factors is not None
+    by_row = problem.factors.scaled_directions
+    by_dof = sp.csr_array(by_row)
+    pattern = (by_row.indptr, by_row.indices, by_row.data, by_dof.indptr, by_dof.indices, by_dof.data)
+    sums: FloatArray = _row_sums(*pattern, problem.n_rows)
     return sums
 
 

@@ -15,15 +15,15 @@ from proxbench.solvers.iteration.loop import Advance
 from proxbench.solvers.iteration.stopping import Monitor
 from proxbench.solvers.newton.linearised import Equations
 from proxbench.solvers.newton.work import Work
-from proxbench.solvers.sweeps.delassus import DelassusSweep
+from proxbench.solvers.sweeps.delassus import DelassusIterates, DelassusSweep
 from proxbench.solvers.sweeps.safeguarded import SafeguardedIterates
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
 def restarts_of(problem: ContactProblem, first: np.ndarray, stop: Stop) -> tuple[Restarts, Advance, Attempts]:
     """The restarts of a solve that has done nothing yet."""
-    sweep = DelassusSweep.over(problem, problem.delassus_blocks(), diagonal_step_sizes(problem, 1.5))
-    advance = Advance(SafeguardedIterates(sweep.iterates(first)), Monitor(stop), None)
+    sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, 1.5))
+    advance = Advance(SafeguardedIterates(DelassusIterates(sweep, first)), Monitor(stop), None)
     residual = Residual(problem)
     attempts = Attempts(problem, residual, Equations(problem, residual), advance)
     return Restarts(attempts, sweep, first), advance, attempts
