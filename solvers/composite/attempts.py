@@ -4,9 +4,8 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Advance
-from ..newton.linear_solver import LinearSolver
 from ..newton.linearised import Equations
-from ..newton.steps import Attempt, newton_steps
+from ..newton.steps import Attempt, Newton
 from ..newton.work import Work
 
 
@@ -28,8 +27,8 @@ class Attempts:
     def __init__(self, problem: ContactProblem, residual: Residual, equations: Equations, advance: Advance) -> None:
         self.problem, self.advance = problem, advance
         self.work = Work(equations.entries)
-        self._residual, self._equations = residual, equations
-        self._solver = LinearSolver(advance.monitor.clock, self.work)
+        monitor = advance.monitor
+        self._newton = Newton(problem, residual, equations, monitor.clock, monitor.stop.tolerance, self.work)
 
     @property
     def is_over(self) -> bool:
@@ -55,9 +54,8 @@ class Attempts:
             self.advance.arrive(reached)
             return not self.is_over and self.work.seconds < work_until
 
-        tolerance = self.advance.monitor.stop.tolerance
-        return newton_steps(self._equations, self._solver, self.judged, impulses, residual, attempt, tolerance, goes_on)
+        return self._newton.followed(attempt, impulses, residual, goes_on)
 
     def judged(self, impulses: FloatArray) -> float:
         """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
-        return self._residual(impulses, self.problem.relative_velocity(impulses))
+        return self._newton.judged(impulses)

@@ -10,7 +10,6 @@ as they were.
 
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
@@ -19,9 +18,9 @@ from ...problems.contact.problem import ContactProblem
 from ..interface import Prepared, SolverError
 from ..iteration.clock import Clock
 from ..iteration.correction import Correctable
-from ..newton.linear_solver import LinearSolver
+from ..method import Method
 from ..newton.linearised import Equations
-from ..newton.steps import SEARCHING, THOROUGH, Attempt, newton_steps
+from ..newton.steps import SEARCHING, THOROUGH, Attempt, Newton
 from ..newton.work import Work
 
 CLOSE = Attempt(damping=1e-12, most_steps=4, patience=1)
@@ -38,7 +37,7 @@ FIRST_SEARCH = 4
 
 
 @dataclass(frozen=True)
-class Refined:
+class Refined(Method):
     """A fixed point over cone programs with Newton steps from its iterates: ``Refined(ClarabelCoulomb)``.
 
     Attributes:
@@ -50,8 +49,6 @@ class Refined:
 
     solver: Correctable
 
-    has_iterates: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         if not isinstance(self.solver, Correctable) or self.solver.model != Model.COULOMB:
             raise SolverError(
@@ -62,11 +59,6 @@ class Refined:
     def name(self) -> str:
         """Class name with that of the solver."""
         return f"{type(self).__name__}({self.solver.name})"
-
-    @property
-    def model(self) -> Model:
-        """The model of the solver."""
-        return self.solver.model
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
@@ -89,8 +81,7 @@ class Refinement:
 
     def __init__(self, problem: ContactProblem, residual: Residual, clock: Clock, tolerance: float) -> None:
         self._problem, self._residual, self._clock, self._tolerance = problem, residual, clock, tolerance
-        self._equations: Equations | None = None
-        self._solver = LinearSolver(clock, Work(entries=0))
+        self._newton: Newton | None = None
         self.begin_phase()
 
     def begin_phase(self) -> None:
@@ -115,25 +106,15 @@ class Refinement:
         return found, reached
 
     def _tried(self, attempts: tuple[Attempt, ...], impulses: FloatArray, residual: float) -> tuple[FloatArray, float]:
-        if self._equations is None:  # assembles G, which is not needed if nothing is refined
-            self._equations = Equations(self._problem, self._residual)
+        if self._newton is None:  # assembles G, which is not needed if nothing is refined
+            equations = Equations(self._problem, self._residual)
+            work = Work(equations.entries)
+            self._newton = Newton(self._problem, self._residual, equations, self._clock, self._tolerance, work)
         best, lowest = impulses, residual
         for attempt in attempts:
             if lowest <= self._tolerance or self._clock.is_up:
                 break
-            found, reached = newton_steps(
-                self._equations,
-                self._solver,
-                self._judged,
-                impulses,
-                residual,
-                attempt,
-                self._tolerance,
-                lambda _: not self._clock.is_up,
-            )
+            found, reached = self._newton.followed(attempt, impulses, residual, lambda _: not self._clock.is_up)
             if reached < lowest:
                 best, lowest = found, reached
         return best, lowest
-
-    def _judged(self, impulses: FloatArray) -> float:
-        return self._residual(impulses, self._problem.relative_velocity(impulses))

@@ -7,22 +7,19 @@ circle through states for ever, which is why it serves best as a part of a ``Fal
 """
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
-from ..iteration.loop import first_impulses, rounding
+from ..iteration.loop import first_impulses, refuted, rounding
 from ..iteration.stopping import ROUNDING
-from .linear_solver import LinearSolver
+from ..method import Method
 from .linearised import Equations
-from .steps import DIVERGENCE, THOROUGH, Attempt, newton_steps
+from .steps import DIVERGENCE, THOROUGH, Attempt, Newton
 from .work import Work
 
 PHASES = tuple(attempt for attempt in THOROUGH if attempt.shortest < 1.0)
@@ -30,23 +27,11 @@ PHASES = tuple(attempt for attempt in THOROUGH if attempt.shortest < 1.0)
 
 
 @dataclass(frozen=True)
-class SemismoothNewton:
+class SemismoothNewton(Method):
     """Newton's method on the equations Λ_i = prox(Λ_i − ξ_i/α_i), damped and with a search along its steps.
 
     One iteration is one Newton step.
     """
-
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """Class name."""
-        return described(self)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedNewton":
         """Assemble G."""
@@ -66,7 +51,7 @@ class PreparedNewton:
         """Follow Newton's method to the judge's residual; see ``Prepared.solve``."""
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
-            return Solution(first, Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+            return refuted(self.problem)
         newton = _Solve(self, stop, observe, first)
         for phase in (*PHASES[:-1], replace(PHASES[-1], patience=stop.max_iterations)):
             ended = newton.ended()
@@ -82,24 +67,16 @@ class _Solve:
     def __init__(self, prepared: PreparedNewton, stop: Stop, observe: Observer | None, first: FloatArray) -> None:
         self._prepared, self._stop, self._observe = prepared, stop, observe
         self._clock = Clock(stop.max_seconds)
-        self._solver = LinearSolver(self._clock, Work(prepared.equations.entries))
-        self._best, self._lowest = first, self._judged(first)
+        problem, residual, equations = prepared.problem, prepared.residual, prepared.equations
+        self._newton = Newton(problem, residual, equations, self._clock, stop.tolerance, Work(equations.entries))
+        self._best, self._lowest = first, self._newton.judged(first)
         self._iteration, self._repeats = 0, Repeats(first)
 
     def follow(self, phase: Attempt) -> None:
         """Do Newton steps from the best Λ so far, as long as the phase has patience."""
         self._repeats = Repeats(self._best)
         steps = replace(phase, most_steps=self._stop.max_iterations)
-        self._best, self._lowest = newton_steps(
-            self._prepared.equations,
-            self._solver,
-            self._judged,
-            self._best,
-            self._lowest,
-            steps,
-            self._stop.tolerance,
-            self._goes_on,
-        )
+        self._best, self._lowest = self._newton.followed(steps, self._best, self._lowest, self._goes_on)
 
     def ended(self) -> tuple[Status, str] | None:
         """Return status and reason if the solve is over, None if another phase may follow."""
@@ -110,7 +87,7 @@ class _Solve:
             return Status.ITERATION_LIMIT, reached
         if self._clock.is_up:
             return Status.TIME_LIMIT, reached
-        if self._solver.lacks_time:
+        if self._newton.solver.lacks_time:
             return Status.TIME_LIMIT, f"{reached}; the next one would not end in time"
         if self._lowest <= rounding(self._prepared.problem, self._prepared.residual, self._best):
             return Status.STALLED, f"rounding leaves the residual at {self._lowest:.1e}"
@@ -122,7 +99,7 @@ class _Solve:
             return Status.STALLED, f"the impulses no longer change at residual {self._lowest:.1e}"
         if self._repeats.status is Status.OSCILLATING:
             return Status.OSCILLATING, f"the steps repeat themselves, best residual {self._lowest:.1e}"
-        if not self._judged(self._repeats.latest) <= DIVERGENCE * self._lowest:
+        if not self._newton.judged(self._repeats.latest) <= DIVERGENCE * self._lowest:
             return Status.DIVERGED, f"the residual grows, best residual {self._lowest:.1e}"
         return Status.STALLED, f"the equations have no further step at residual {self._lowest:.1e}"
 
@@ -136,9 +113,6 @@ class _Solve:
         self._repeats.note(reached)
         within_limits = self._iteration < self._stop.max_iterations and not self._clock.is_up
         return within_limits and self._repeats.status is None
-
-    def _judged(self, impulses: FloatArray) -> float:
-        return self._prepared.residual(impulses, self._prepared.problem.relative_velocity(impulses))
 
 
 class Repeats:

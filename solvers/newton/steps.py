@@ -22,8 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.judge import Residual
+from ...problems.contact.problem import ContactProblem
+from ..iteration.clock import Clock
+from ..iteration.loop import judged
 from .linear_solver import LinearSolver
 from .linearised import Equations
+from .work import Work
 
 DIVERGENCE = 1e2
 """An attempt ends when the residual exceeds this many times the one it began with."""
@@ -71,66 +76,84 @@ SEARCHING = THOROUGH[1]
 """The one of them that helps most often."""
 
 
-def newton_steps(
-    equations: Equations,
-    solver: LinearSolver,
-    measure: Callable[[FloatArray], float],
-    impulses: FloatArray,
-    first: float,
-    attempt: Attempt,
-    tolerance: float,
-    goes_on: Callable[[FloatArray], bool],
-) -> tuple[FloatArray, float]:
-    """Do Newton steps from Λ, whose residual is ``first``; return the best Λ of all and its residual.
+class Newton:
+    """Newton's method within the limits of one solve.
 
     Args:
-        equations: the projection equations.
-        solver: of their linear systems.
-        measure: the judge's residual by the judge's arithmetic: rounding must not pass for progress.
-        impulses: Λ [N s], shape (n_rows,).
-        first: its residual.
-        attempt: how.
+        problem: the contact problem.
+        residual: its residual.
+        equations: its projection equations.
+        clock: the time that is left; no step is begun that would not end in it.
         tolerance: the residual to stop at.
-        goes_on: is shown each iterate, and says whether there may be another.
+        work: what has been done, to which each step is added.
+
+    Attributes:
+        solver: of the linear systems.
     """
-    best, lowest, present, waited = impulses, first, first, 0
-    for _ in range(attempt.most_steps):
-        step = newton_step(equations, solver, impulses, attempt.damping)
-        if step is None:
-            break
-        before = present
-        impulses, present = _shortened(measure, impulses, before, step, attempt.shortest)
-        is_over = not goes_on(impulses)
-        waited += 1
-        is_new = present < lowest
-        if is_new:
-            best, lowest, waited = impulses, present, 0
-        converged = lowest <= tolerance or (is_new and present > attempt.gain * before)
-        if is_over or converged or waited >= attempt.patience or not present <= DIVERGENCE * first:
-            break
-    return best, lowest
 
+    def __init__(
+        self,
+        problem: ContactProblem,
+        residual: Residual,
+        equations: Equations,
+        clock: Clock,
+        tolerance: float,
+        work: Work,
+    ) -> None:
+        self.solver = LinearSolver(clock, work)
+        self._problem, self._residual, self._equations, self._tolerance = problem, residual, equations, tolerance
 
-def _shortened(
-    measure: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, shortest: float
-) -> tuple[FloatArray, float]:
-    """Return the first point on the way from ``goal`` back where the residual falls, or the last, and its residual."""
-    part, point, present = 1.0, goal, measure(goal)
-    while part > shortest and not present < (1.0 - SUFFICIENT * part) * before:
-        part *= 0.5
-        point = origin + part * (goal - origin)
-        present = measure(point)
-    return point, present
+    def judged(self, impulses: FloatArray) -> float:
+        """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
+        return judged(self._problem, self._residual, impulses)
 
+    def followed(
+        self, attempt: Attempt, impulses: FloatArray, first: float, goes_on: Callable[[FloatArray], bool]
+    ) -> tuple[FloatArray, float]:
+        """Do Newton steps from Λ, whose residual is ``first``; return the best Λ of all and its residual.
 
-def newton_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, damping: float) -> FloatArray | None:
-    """Return Λ after one step, shape (n_rows,), or None where the system cannot be solved or would take too long."""
-    system = equations.linearised(impulses)
-    if len(system.active) == 0:
-        return system.base
-    step = solver.solve(system, 1.0 / np.sqrt(equations.row_alpha[system.active]), damping)
-    if step is None or not np.isfinite(step).all():
-        return None
-    moved = system.base
-    moved[system.active] += step
-    return moved
+        Args:
+            attempt: how.
+            impulses: Λ [N s], shape (n_rows,).
+            first: its residual.
+            goes_on: is shown each iterate, and says whether there may be another.
+        """
+        best, lowest, present, waited = impulses, first, first, 0
+        for _ in range(attempt.most_steps):
+            step = self._stepped(impulses, attempt.damping)
+            if step is None:
+                break
+            before = present
+            impulses, present = self._shortened(impulses, before, step, attempt.shortest)
+            is_over = not goes_on(impulses)
+            waited += 1
+            is_new = present < lowest
+            if is_new:
+                best, lowest, waited = impulses, present, 0
+            converged = lowest <= self._tolerance or (is_new and present > attempt.gain * before)
+            if is_over or converged or waited >= attempt.patience or not present <= DIVERGENCE * first:
+                break
+        return best, lowest
+
+    def _shortened(
+        self, origin: FloatArray, before: float, goal: FloatArray, shortest: float
+    ) -> tuple[FloatArray, float]:
+        """Return the first point from ``goal`` back where the residual falls, or the last, and its residual."""
+        part, point, present = 1.0, goal, self.judged(goal)
+        while part > shortest and not present < (1.0 - SUFFICIENT * part) * before:
+            part *= 0.5
+            point = origin + part * (goal - origin)
+            present = self.judged(point)
+        return point, present
+
+    def _stepped(self, impulses: FloatArray, damping: float) -> FloatArray | None:
+        """Return Λ after one step, or None where the system cannot be solved or would take too long."""
+        system = self._equations.linearised(impulses)
+        if len(system.active) == 0:
+            return system.base
+        step = self.solver.solve(system, 1.0 / np.sqrt(self._equations.row_alpha[system.active]), damping)
+        if step is None or not np.isfinite(step).all():
+            return None
+        moved = system.base
+        moved[system.active] += step
+        return moved
