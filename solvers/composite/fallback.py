@@ -16,6 +16,8 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
 from ..iteration.clock import Clock
+from ..iteration.loop import judged
+from ..method import Method, check_option
 
 WARM_ITERATIONS = 500
 """In flow either start is as good as the other; in a pile at rest the impulses of the last step are nearly the answer,
@@ -26,7 +28,7 @@ ITERATIONS = 2000
 
 
 @dataclass(frozen=True, init=False)
-class Fallback:
+class Fallback(Method):
     """Solvers tried in turn: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
     The limits of a solve hold for all tries together. The first solution is returned, else the best impulses of all
@@ -55,8 +57,7 @@ class Fallback:
                 f"{other.name} {other.model}."
             )
         for option, value in (("warm_iterations", warm_iterations), ("iterations", iterations)):
-            if type(value) is not int or value < 1:
-                raise SolverError(f"{option} must be a whole number, 1 or more, got {value!r}.")
+            check_option(option, value, type(value) is int and value >= 1, "a whole number, 1 or more")
             object.__setattr__(self, option, value)
         object.__setattr__(self, "parts", parts)
 
@@ -88,9 +89,8 @@ class Fallback:
 
     def prepare(self, problem: ContactProblem) -> "PreparedFallback":
         """Prepare the first part that takes the problem; the others are prepared when their turn comes."""
+        self.check_supports(problem)
         parts = tuple(part for part in self.parts if part.supports(problem) is None)
-        if not parts:
-            raise SolverError(f"{self.name} cannot treat {problem.name!r}: {self.supports(problem)}.")
         return PreparedFallback(problem, self, parts, [parts[0].prepare(problem)])
 
 
@@ -156,7 +156,7 @@ class PreparedFallback:
         """Return the judge's residual of the model that the parts solve."""
         model, problem = self.fallback.model, self.problem
         residual = Residual(problem) if model == Model.COULOMB else ModelResidual(problem, model)
-        return residual(solution.impulses, problem.relative_velocity(solution.impulses))
+        return judged(problem, residual, solution.impulses)
 
 
 def _message(ran: list[str], last: Solution) -> str:

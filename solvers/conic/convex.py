@@ -6,15 +6,20 @@ how near to that edge a solver comes is a matter of luck. A solve to a tighter r
 to a looser residual tries, and ends no worse.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import ModelResidual
+from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ..interface import Observer, Solution, Status, Stop
+from ..iteration.loop import judged, refuted
+from ..method import Method
 from .programs import ConicProgram, Ended
 
 LADDER = tuple(10.0**-digits for digits in range(3, 16))
@@ -29,6 +34,21 @@ STRIDE = 2
 _LIMITS = {Ended.ITERATION_LIMIT: Status.ITERATION_LIMIT, Ended.TIME_LIMIT: Status.TIME_LIMIT}
 
 
+class ConvexMethod(Method, ABC):
+    """A solver of the convex model by one cone program."""
+
+    has_iterates: ClassVar[bool] = False
+
+    @abstractmethod
+    def program(self, problem: ContactProblem) -> ConicProgram:
+        """Return the program of ``problem``, set up."""
+
+    def prepare(self, problem: ContactProblem) -> "PreparedConvex":
+        """Set the program up."""
+        self.check_supports(problem)
+        return PreparedConvex(problem, ModelResidual(problem, Model.CONVEX), self.program(problem))
+
+
 @dataclass(frozen=True)
 class PreparedConvex:
     """The cone program of one problem."""
@@ -41,7 +61,7 @@ class PreparedConvex:
         """Solve to the judge's residual of the convex model; a start has no use here, and no iterates are shown."""
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
-            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+            return refuted(self.problem)
         if n_rows == 0 or self.residual.scale == 0.0:
             return Solution(np.zeros(n_rows), Status.SOLVED, 0)
         seconds, iterations = 0.0, 0
@@ -52,13 +72,12 @@ class PreparedConvex:
         accuracies = _Accuracies(stop.tolerance, self.program.can_be_careful)
         for accuracy, is_careful in accuracies:
             left = stop.max_iterations - iterations
-            result = self.program.run(
-                self.problem.free_velocity, accuracy, left, stop.max_seconds - seconds, is_careful
-            )
+            velocity, seconds_left = self.problem.free_velocity, stop.max_seconds - seconds
+            result = self.program.run(velocity, accuracy, left, seconds_left, is_careful)
             seconds += result.seconds
             iterations += result.iterations
             if np.isfinite(result.impulses).all():
-                residual = self.residual(result.impulses, self.problem.relative_velocity(result.impulses))
+                residual = judged(self.problem, self.residual, result.impulses)
                 if residual < best_residual:
                     best, best_residual = result.impulses, residual
             if best_residual <= stop.tolerance:

@@ -133,10 +133,6 @@ class CvxpyProgram:
         return CvxpyProgram(self._problem, self._solver, weight)
 
 
-def _endings(cp: Any) -> dict[str, Ended]:
-    return {cp.OPTIMAL: Ended.CONVERGED, cp.OPTIMAL_INACCURATE: Ended.NEARLY, cp.UNBOUNDED: Ended.UNBOUNDED}
-
-
 def _root(problem: ContactProblem) -> Any:
     """Return R with G = RᵀR."""
     if problem.factors is not None:

@@ -7,30 +7,13 @@ solvers by name, at the price of compiling.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
-from ..interface import SolverError
-from ..iteration.correction import BeginCorrection, NoCorrection
-from .clarabel_socp import obstacle
-from .convex import PreparedConvex
+from .convex import ConvexMethod
 from .cvxpy_program import CvxpyProgram, check_solver, takes_cones
-from .fixed_point import PreparedFixedPoint, check_memory
-
-
-def _refuse_unsupported(solver: "CvxpySOCP | CvxpyCoulomb | CvxpyQP", problem: ContactProblem) -> None:
-    reason = solver.supports(problem)
-    if reason:
-        raise SolverError(f"{solver.name} cannot treat {problem.name!r}: {reason}.")
-
-
-def _prepared_convex(solver: "CvxpySOCP | CvxpyQP", problem: ContactProblem) -> PreparedConvex:
-    _refuse_unsupported(solver, problem)
-    residual = ModelResidual(problem, Model.CONVEX)
-    return PreparedConvex(problem, residual, CvxpyProgram(problem, solver.solver))
-
+from .fixed_point import FixedPointMethod, check_memory
+from .programs import obstacle
 
 MOST_CONTACTS = 2500
 """Contacts beyond which compiling takes gigabytes: 0.5 GB at 1000, 1.4 GB at 2000."""
@@ -44,7 +27,7 @@ def _obstacle(problem: ContactProblem) -> str | None:
 
 
 @dataclass(frozen=True)
-class CvxpySOCP:
+class CvxpySOCP(ConvexMethod):
     """The convex model through cvxpy.
 
     Attributes:
@@ -57,27 +40,21 @@ class CvxpySOCP:
     solver: str = "CLARABEL"
 
     model: ClassVar[Model] = Model.CONVEX
-    has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_solver(self.solver, cones=True)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
         return _obstacle(problem)
 
-    def prepare(self, problem: ContactProblem) -> PreparedConvex:
-        """Compile the program."""
-        return _prepared_convex(self, problem)
+    def program(self, problem: ContactProblem) -> CvxpyProgram:
+        """Return the program, compiled."""
+        return CvxpyProgram(problem, self.solver)
 
 
 @dataclass(frozen=True)
-class CvxpyCoulomb:
+class CvxpyCoulomb(FixedPointMethod):
     """Exact Coulomb friction by De Saxcé's fixed point over the convex model in cvxpy.
 
     Planar friction is a quadratic program in each outer iteration, which quadratic solvers take as well; spatial
@@ -94,17 +71,9 @@ class CvxpyCoulomb:
     solver: str = "CLARABEL"
     memory: int = 5
 
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         check_solver(self.solver, cones=False)
         check_memory(self.memory)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
@@ -112,19 +81,13 @@ class CvxpyCoulomb:
             return f"it has spatial friction, and {self.solver} does not take second-order cones"
         return _obstacle(problem)
 
-    def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
-        """Compile the program, once for all outer iterations."""
-        return self.prepare_corrected(problem, NoCorrection)
-
-    def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> PreparedFixedPoint:
-        """See ``iteration.correction``."""
-        _refuse_unsupported(self, problem)
-        program = CvxpyProgram(problem, self.solver)
-        return PreparedFixedPoint(problem, Residual(problem), program, self.memory, begin)
+    def program(self, problem: ContactProblem) -> CvxpyProgram:
+        """Return the program, compiled."""
+        return CvxpyProgram(problem, self.solver)
 
 
 @dataclass(frozen=True)
-class CvxpyQP:
+class CvxpyQP(ConvexMethod):
     """Complementarity where it is convex, a quadratic program through cvxpy: minimise ½ ΛᵀGΛ + cᵀΛ over Λ_N ≥ 0.
 
     Planar friction with fixed bounds, ‖Λ_T‖ ≤ a, is part of it; Coulomb friction is not convex.
@@ -138,16 +101,8 @@ class CvxpyQP:
 
     solver: str = "OSQP"
 
-    model: ClassVar[Model] = Model.COULOMB
-    has_iterates: ClassVar[bool] = False
-
     def __post_init__(self) -> None:
         check_solver(self.solver, cones=False)
-
-    @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
@@ -158,6 +113,6 @@ class CvxpyQP:
             return "it has spatial friction, whose disc is no set of a quadratic program"
         return _obstacle(problem)
 
-    def prepare(self, problem: ContactProblem) -> PreparedConvex:
-        """Compile the program."""
-        return _prepared_convex(self, problem)
+    def program(self, problem: ContactProblem) -> CvxpyProgram:
+        """Return the program, compiled."""
+        return CvxpyProgram(problem, self.solver)

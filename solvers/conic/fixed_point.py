@@ -23,6 +23,7 @@ Iterates may be corrected by another method (``iteration.correction``), and the 
 decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,12 +31,14 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
-from ..interface import Observer, Solution, SolverError, Status, Stop
+from ..interface import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
 from ..iteration.correction import BeginCorrection, Correction, NoCorrection
-from ..iteration.loop import rounding
-from .programs import ConicProgram, ConicResult, Ended
+from ..iteration.loop import refuted, rounding
+from ..iteration.stopping import ROUNDING
+from ..method import Method, check_option
+from .programs import ConicProgram, ConicResult, Ended, largest_curvatures
 
 LOOSEST = 1e-8
 """The largest tolerance of a cone program: its solution has an error of about the root of it."""
@@ -78,14 +81,29 @@ class Phase:
 PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
 """One after the other; each but the first begins at Λ = 0. The last goes on to the limits, unless nothing moves."""
 
-REPEATS = 16 * np.finfo(np.float64).eps
-"""Impulses that differ by less, each relative to itself, are equal to rounding."""
-
 
 def check_memory(memory: int) -> None:
     """Raise ``SolverError`` unless ``memory`` is a number of pairs."""
-    if not isinstance(memory, int) or memory < 0:
-        raise SolverError(f"memory must be a whole number, 0 or more, got {memory!r}.")
+    check_option("memory", memory, isinstance(memory, int) and memory >= 0, "a whole number, 0 or more")
+
+
+class FixedPointMethod(Method, ABC):
+    """A solver by the fixed point over cone programs, whose iterates may be corrected (``iteration.correction``)."""
+
+    memory: int
+
+    @abstractmethod
+    def program(self, problem: ContactProblem) -> ConicProgram:
+        """Return the program of ``problem``, set up once for all outer iterations."""
+
+    def prepare(self, problem: ContactProblem) -> "PreparedFixedPoint":
+        """Set the program up."""
+        return self.prepare_corrected(problem, NoCorrection)
+
+    def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> "PreparedFixedPoint":
+        """Do the same; the iterates of each solve are corrected by what ``begin`` returns for it."""
+        self.check_supports(problem)
+        return PreparedFixedPoint(problem, Residual(problem), self.program(problem), self.memory, begin)
 
 
 @dataclass(frozen=True)
@@ -102,7 +120,7 @@ class PreparedFixedPoint:
         """Iterate to the judge's residual; ``iterations`` counts cone programs, and ``start`` gives the first s."""
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
-            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+            return refuted(self.problem)
         if n_rows == 0 or self.residual.scale == 0.0:
             return Solution(np.zeros(n_rows), Status.SOLVED, 0)
         first = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
@@ -138,19 +156,7 @@ def raised(problem: ContactProblem, shift: FloatArray) -> FloatArray:
 
 @dataclass
 class _Outer:
-    """The outer iteration of one solve.
-
-    Attributes:
-        prepared: what it iterates on.
-        stop: the limits.
-        observe: is shown every iterate, if given.
-        best: the best Λ so far [N s], shape (n_rows,).
-        lowest: its residual.
-        iteration: cone programs so far.
-        stalled: why the last phase ended.
-        clock: the time that is left.
-        correction: what corrects iterates.
-    """
+    """The outer iteration of one solve: ``lowest`` is the residual of ``best``, ``iteration`` counts cone programs."""
 
     prepared: PreparedFixedPoint
     stop: Stop
@@ -224,7 +230,7 @@ class _Outer:
 
     def _repeats(self, newest: FloatArray, previous: FloatArray) -> bool:
         """Whether cone programs repeat their impulses, or rounding is all that the best residual is made of."""
-        repeats = np.abs(newest - previous) <= REPEATS * np.abs(newest)
+        repeats = np.abs(newest - previous) <= ROUNDING * np.abs(newest)
         return bool(repeats.all()) or self.lowest <= rounding(self.prepared.problem, self.prepared.residual, self.best)
 
     def _late(self, result: ConicResult) -> tuple[Status, str] | None:
@@ -239,8 +245,4 @@ class _Outer:
 
 def _alpha(problem: ContactProblem) -> FloatArray:
     """Return the largest diagonal entry of each row's block of G [1/kg], that of all where it has none."""
-    layout = problem.layout
-    largest = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
-    alpha = np.where(largest > 0.0, largest, largest.max(initial=0.0) or 1.0)
-    of_rows: FloatArray = layout.unpad(np.repeat(alpha, layout.width))
-    return of_rows
+    return problem.layout.unpad(np.repeat(largest_curvatures(problem), problem.layout.width))

@@ -23,6 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.judge import convex_obstacle
 from ...problems.contact.problem import ContactProblem
 
 Form = Literal["delassus", "factors"]
@@ -88,19 +89,25 @@ class ConicProgram(Protocol):
         ...
 
 
-def conic_program(problem: ContactProblem, form: Form) -> ConicProgram:
-    """Return the program of ``problem`` in one of both forms."""
-    return FactorsProgram(problem) if form == "factors" else DelassusProgram(problem)
-
-
-def factors_obstacle(problem: ContactProblem) -> str | None:
-    """Say why the factor form does not apply, or None."""
+def obstacle(problem: ContactProblem, form: Form) -> str | None:
+    """Say why the cone program of ``problem`` does not exist in ``form``, or None."""
+    if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:
+        return "G is not symmetric, so the convex model has no energy to minimise"
+    reason = convex_obstacle(problem)
+    if reason or form == "delassus":
+        return reason
     if problem.factors is None:
         return "the problem holds G only, and this form needs the factors W and M⁻¹"
     if (problem.laws.fixed_bound > 0.0).any():
         law = int(np.argmax(problem.laws.fixed_bound > 0.0))
         return f"friction law {law} has a fixed bound, whose dual is no cone; form='delassus' takes it"
     return None
+
+
+def largest_curvatures(problem: ContactProblem) -> FloatArray:
+    """Return α of each block [1/kg], its largest diagonal entry of G, that of all where it has none; (n_blocks,)."""
+    largest = problem.layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
+    return np.where(largest > 0.0, largest, largest.max(initial=0.0) or 1.0)
 
 
 class Scaling:
@@ -115,8 +122,7 @@ class Scaling:
 
     def __init__(self, problem: ContactProblem) -> None:
         layout, width = problem.layout, problem.layout.width
-        alpha = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
-        alpha = np.where(alpha > 0.0, alpha, alpha.max(initial=0.0) or 1.0)
+        alpha = largest_curvatures(problem)
         energies = (layout.pad(problem.free_velocity) ** 2).sum(axis=1) / alpha
         self.energy = float(energies.max(initial=0.0)) or 1.0
         self.block_impulse: FloatArray = np.sqrt(self.energy / alpha)
@@ -126,86 +132,69 @@ class Scaling:
         self.lanes = row_of_slot.reshape(layout.n_blocks, width)
 
 
-class DelassusProgram:
-    """The program over impulses."""
+class ClarabelProgram:
+    """The program of ``problem`` in one of both forms, regularised by ``weight`` [1/kg], shape (n_rows,), if given."""
 
     can_be_careful: ClassVar[bool] = True
 
-    def __init__(self, problem: ContactProblem, weight: FloatArray | None = None) -> None:
-        self._problem = problem
-        self._scaling = scaling = Scaling(problem)
-        units = sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
-        delassus = problem.delassus() if weight is None else problem.delassus() + sp.diags_array(weight)
-        quadratic = units @ delassus @ units
-        constraints, bounds, cones = _cones(problem, scaling)
-        self._solver = _solver(quadratic, np.zeros(problem.n_rows), constraints, bounds, cones)
+    def __init__(self, problem: ContactProblem, form: Form, weight: FloatArray | None = None) -> None:
+        self._problem, self._form, self._scaling = problem, form, Scaling(problem)
+        set_up = _over_velocities if form == "factors" else _over_impulses
+        self._solver, self._rows, self._factor = set_up(problem, self._scaling, weight)
 
     def run(
         self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
     ) -> ConicResult:
         """See ``ConicProgram``."""
-        linear = velocity * (self._scaling.impulse / self._scaling.energy)
-        self._solver.update(q=linear, settings=_settings(accuracy, iterations, seconds, is_careful))
-        result = self._solver.solve()
-        impulses = self._scaling.impulse * np.asarray(result.x)
-        return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
-
-    def regularised(self, weight: FloatArray) -> "DelassusProgram":
-        """See ``ConicProgram``."""
-        return DelassusProgram(self._problem, weight)
-
-
-class FactorsProgram:
-    """The program over scaled velocities."""
-
-    can_be_careful: ClassVar[bool] = True
-
-    def __init__(self, problem: ContactProblem, weight: FloatArray | None = None) -> None:
-        assert problem.factors is not None
-        self._problem = problem
-        self._scaling = scaling = Scaling(problem)
-        self._rows, self._factor, cones = _dual_cones(problem, scaling)
-        self._units = scaling.impulse / np.sqrt(scaling.energy)
-        scaled = problem.factors.scaled_directions
-        if weight is not None:
-            scaled = sp.vstack([scaled, sp.diags_array(np.sqrt(weight))], format="csc")
-        scaled = scaled @ sp.diags_array(self._units)
-        constraints = -sp.diags_array(self._factor) @ scaled.T.tocsr()[self._rows]
-        n_dofs = scaled.shape[0]
-        self._solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(self._rows)), cones)
-
-    def run(
-        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
-    ) -> ConicResult:
-        """See ``ConicProgram``."""
-        scaled = velocity * (self._scaling.impulse / self._scaling.energy)
-        self._solver.update(
-            b=self._factor * scaled[self._rows], settings=_settings(accuracy, iterations, seconds, is_careful)
-        )
+        rows, is_dual = self._rows, self._form == "factors"
+        linear = self._factor * (velocity * (self._scaling.impulse / self._scaling.energy))[rows]
+        settings = _settings(accuracy, iterations, seconds, is_careful)
+        self._solver.update(**{"b" if is_dual else "q": linear}, settings=settings)
         result = self._solver.solve()
         impulses = np.zeros(self._problem.n_rows)
-        impulses[self._rows] = self._scaling.impulse[self._rows] * self._factor * np.asarray(result.z)
-        return ConicResult(impulses, result.iterations, result.solve_time, _ended(result.status))
+        impulses[rows] = self._scaling.impulse[rows] * self._factor * np.asarray(result.z if is_dual else result.x)
+        return ConicResult(impulses, result.iterations, result.solve_time, _ENDED.get(result.status, Ended.GAVE_UP))
 
-    def regularised(self, weight: FloatArray) -> "FactorsProgram":
+    def regularised(self, weight: FloatArray) -> "ClarabelProgram":
         """See ``ConicProgram``."""
-        return FactorsProgram(self._problem, weight)
+        return ClarabelProgram(self._problem, self._form, weight)
 
 
-def _ended(status: Any) -> Ended:
-    if status == clarabel.SolverStatus.Solved:
-        return Ended.CONVERGED
-    if status == clarabel.SolverStatus.AlmostSolved:
-        return Ended.NEARLY
-    infeasible = (clarabel.SolverStatus.PrimalInfeasible, clarabel.SolverStatus.AlmostPrimalInfeasible)
-    unbounded = (clarabel.SolverStatus.DualInfeasible, clarabel.SolverStatus.AlmostDualInfeasible)
-    if status in infeasible or status in unbounded:  # each form is the other's dual
-        return Ended.UNBOUNDED
-    limits = {
-        clarabel.SolverStatus.MaxIterations: Ended.ITERATION_LIMIT,
-        clarabel.SolverStatus.MaxTime: Ended.TIME_LIMIT,
-    }
-    return limits.get(status, Ended.GAVE_UP)
+def _over_impulses(problem: ContactProblem, scaling: Scaling, weight: FloatArray | None) -> tuple[Any, Any, FloatArray]:
+    """Return the solver of the Delassus form, and all rows with the factor 1."""
+    n_rows, units = problem.n_rows, sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
+    delassus = problem.delassus() if weight is None else problem.delassus() + sp.diags_array(weight)
+    solver = _solver(units @ delassus @ units, np.zeros(n_rows), *_cones(problem, scaling))
+    return solver, np.arange(n_rows), np.ones(n_rows)
+
+
+def _over_velocities(
+    problem: ContactProblem, scaling: Scaling, weight: FloatArray | None
+) -> tuple[Any, Any, FloatArray]:
+    """Return the solver of the factor form, the rows that are in its cones, and a factor for each."""
+    assert problem.factors is not None
+    rows, factor, cones = _dual_cones(problem, scaling)
+    scaled = problem.factors.scaled_directions
+    if weight is not None:
+        scaled = sp.vstack([scaled, sp.diags_array(np.sqrt(weight))], format="csc")
+    scaled = scaled @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
+    constraints = -sp.diags_array(factor) @ scaled.T.tocsr()[rows]
+    n_dofs = scaled.shape[0]
+    solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(rows)), cones)
+    return solver, rows, factor
+
+
+_ENDED = {
+    clarabel.SolverStatus.Solved: Ended.CONVERGED,
+    clarabel.SolverStatus.AlmostSolved: Ended.NEARLY,
+    clarabel.SolverStatus.MaxIterations: Ended.ITERATION_LIMIT,
+    clarabel.SolverStatus.MaxTime: Ended.TIME_LIMIT,
+    # each form is the other's dual
+    clarabel.SolverStatus.PrimalInfeasible: Ended.UNBOUNDED,
+    clarabel.SolverStatus.AlmostPrimalInfeasible: Ended.UNBOUNDED,
+    clarabel.SolverStatus.DualInfeasible: Ended.UNBOUNDED,
+    clarabel.SolverStatus.AlmostDualInfeasible: Ended.UNBOUNDED,
+}
 
 
 def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool = False) -> Any:

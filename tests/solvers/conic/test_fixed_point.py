@@ -10,7 +10,7 @@ from proxbench.problems.contact.judge import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.conic.fixed_point import PreparedFixedPoint
-from proxbench.solvers.conic.programs import ConicResult, Ended, Form, conic_program
+from proxbench.solvers.conic.programs import ClarabelProgram, ConicResult, Ended, Form
 
 PROBLEM = load("hard-counterexample")
 
@@ -83,7 +83,7 @@ NO_CONVEX_SOLUTION = with_solution(
 @pytest.mark.parametrize("name", ["ClarabelCoulomb(form={!r})", "Refined(ClarabelCoulomb(form={!r}))"])
 def test_proximal_iterations_solve_what_the_plain_ones_cannot_even_begin(form: Form, name: str) -> None:
     problem = NO_CONVEX_SOLUTION
-    first = conic_program(problem, form).run(problem.free_velocity, 1e-8, 1000, 10.0)
+    first = ClarabelProgram(problem, form).run(problem.free_velocity, 1e-8, 1000, 10.0)
     assert first.ended is not Ended.CONVERGED
     solution = create(name.format(form)).prepare(problem).solve(Stop(1e-7))
     assert solution.status is Status.SOLVED
@@ -94,7 +94,7 @@ def test_proximal_iterations_solve_what_the_plain_ones_cannot_even_begin(form: F
 def test_a_regularised_program_solves_the_problem_with_that_much_more_on_the_diagonal(form: Form) -> None:
     """A block pulled along the ground, G = 1 + w: Λ_N = 1/(1 + w), Λ_T at most μΛ_N where the cone says so."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 0.1, 0.0), 0.3)
-    program = conic_program(problem, form).regularised(np.full(3, 0.25))
+    program = ClarabelProgram(problem, form).regularised(np.full(3, 0.25))
     impulses = program.run(problem.free_velocity, 1e-12, 1000, 10.0).impulses
     assert impulses == pytest.approx([0.8, -0.08, 0.0], abs=1e-6)
 
