@@ -15,11 +15,11 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.laws import LawKind
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
-from ..interface import Observer, Solution, SolverError, Status, Stop
+from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
+from ..iteration.loop import judged, refuted
+from ..method import Method
 
 MOST_CONTACTS = 6
 """Contacts up to which it is a matter of a second."""
@@ -35,16 +35,10 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Enumeration:
+class Enumeration(Method):
     """All combinations of contact states, tried one after the other."""
 
-    model: ClassVar[Model] = Model.COULOMB
     has_iterates: ClassVar[bool] = False
-
-    @property
-    def name(self) -> str:
-        """Class name."""
-        return described(self)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
@@ -56,9 +50,7 @@ class Enumeration:
 
     def prepare(self, problem: ContactProblem) -> "PreparedEnumeration":
         """Take G as a dense matrix."""
-        reason = self.supports(problem)
-        if reason:
-            raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
+        self.check_supports(problem)
         return PreparedEnumeration(problem, problem.delassus().toarray(), Residual(problem))
 
 
@@ -77,7 +69,7 @@ class PreparedEnumeration:
         """
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
-            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+            return refuted(self.problem)
         if n_rows == 0:
             return Solution(np.zeros(0), Status.SOLVED, 0)
         best, best_residual, tried, singular = np.zeros(n_rows), np.inf, 0, 0
@@ -88,7 +80,7 @@ class PreparedEnumeration:
                 return Solution(best, Status.ITERATION_LIMIT, tried, reason)
             tried += 1
             singular += not regular
-            residual = self.residual(impulses, self.problem.relative_velocity(impulses))
+            residual = judged(self.problem, self.residual, impulses)
             if residual < best_residual:
                 best, best_residual = impulses, residual
             if best_residual <= stop.tolerance:
@@ -107,7 +99,7 @@ class PreparedEnumeration:
         """Return all Λ of judged residual ``tolerance`` or less, equal ones once."""
         found: list[FloatArray] = []
         for impulses, _ in self._candidates():
-            if self.residual(impulses, self.problem.relative_velocity(impulses)) > tolerance:
+            if judged(self.problem, self.residual, impulses) > tolerance:
                 continue
             scale = max(float(np.abs(impulses).max(initial=0.0)), np.finfo(float).tiny)
             if not any(np.abs(impulses - known).max(initial=0.0) <= SAME * scale for known in found):

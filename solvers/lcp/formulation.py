@@ -16,15 +16,16 @@ Everything is scaled contact by contact: with s = 1/√α of a contact, Λ = s z
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.judge import Residual
-from ...problems.contact.laws import LawKind
+from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError
+from ..method import check_option
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +52,14 @@ class Complementarity:
 
 def check_sides(sides: int) -> None:
     """Raise ``SolverError`` unless ``sides`` is the number of sides of a polygon."""
-    if not isinstance(sides, int) or sides < 3:
-        raise SolverError(
-            f"sides must be a whole number of at least 3, the sides of a friction pyramid; got {sides!r}."
-        )
+    is_valid = isinstance(sides, int) and sides >= 3
+    check_option("sides", sides, is_valid, "a whole number of at least 3, the sides of a friction pyramid")
+
+
+def unknowns_of_laws(laws: Laws, sides: int) -> IntArray:
+    """Return how many unknowns each law contributes, shape (n_laws,)."""
+    unknowns: IntArray = np.array([1, 2, sides + 1])[laws.kind]
+    return unknowns
 
 
 def corners(sides: int) -> FloatArray:
@@ -71,76 +76,89 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
         residual: its judge, which knows α of each law.
         sides: k of the pyramids; planar friction is exact whatever it is.
     """
-    laws, n_rows = problem.laws, problem.n_rows
-    unknowns_of_kind = np.array([1, 2, sides + 1])
-    first = np.concatenate([[0], np.cumsum(unknowns_of_kind[laws.kind])])
-    entries = _Entries(n_rows, int(first[-1]))
-    scale = _scales(problem, residual)
+    laws, scale, speed = problem.laws, _scales(problem, residual), residual.scale or 1.0
     of_law = scale[laws.first_row]
     friction = laws.friction_coefficient * np.where(laws.partner >= 0, of_law[laws.partner], 0.0) / of_law
-    bound = laws.fixed_bound / of_law / residual.scale if residual.scale else laws.fixed_bound
-    normal = first[laws.partner]
-    polygon = corners(sides)
-    entries.unilateral(laws.first_row[laws.kind == LawKind.UNILATERAL], first[:-1][laws.kind == LawKind.UNILATERAL])
-    for law in np.flatnonzero(laws.kind == LawKind.PLANAR_FRICTION):
-        entries.planar(laws.first_row[law], first[law], normal[law], friction[law], bound[law])
-    for law in np.flatnonzero(laws.kind == LawKind.SPATIAL_FRICTION):
-        entries.spatial(laws.first_row[law], first[law], normal[law], friction[law], bound[law], polygon)
-    return entries.assembled(problem, scale, residual.scale or 1.0)
+    conditions = _Conditions(laws, friction, laws.fixed_bound / of_law / speed, sides)
+    conditions.add_unilateral()
+    conditions.add_planar()
+    conditions.add_spatial()
+    impulse, velocity = conditions.impulse.assembled(), conditions.velocity.assembled()
+    diagonal = sp.diags_array(scale)
+    delassus = sp.csr_array(diagonal @ problem.delassus() @ diagonal)
+    matrix = sp.csr_array(velocity @ delassus @ impulse + conditions.direct.assembled())
+    free = scale * problem.free_velocity / speed
+    vector = velocity @ (delassus @ conditions.offset + free) + conditions.constant
+    back = sp.csr_array(speed * diagonal @ impulse)
+    return Complementarity(matrix, vector, back, speed * scale * conditions.offset)
+
+
+class _Conditions:
+    """A, Λ₀, B, C and w₀ of Λ = A z + Λ₀ and w = B ξ + C z + w₀, which make M = B G A + C and q = B (G Λ₀ + c) + w₀.
+
+    All of it is in scaled impulses, and in velocities in units of the largest free one.
+    """
+
+    def __init__(self, laws: Laws, friction: FloatArray, bound: FloatArray, sides: int) -> None:
+        self._laws, self._friction, self._bound, self._sides = laws, friction, bound, sides
+        self._first = np.append(0, np.cumsum(unknowns_of_laws(laws, sides)))  # unknown of each law, and their number
+        n_rows, n = laws.n_rows, int(self._first[-1])
+        self.impulse, self.offset = _Entries(n_rows, n), np.zeros(n_rows)
+        self.velocity, self.direct, self.constant = _Entries(n, n_rows), _Entries(n, n), np.zeros(n)
+
+    def add_unilateral(self) -> None:
+        _, row, unknown = self._of_kind(LawKind.UNILATERAL)
+        self.impulse.add(row, unknown, 1.0)
+        self.velocity.add(unknown, row, 1.0)
+
+    def add_planar(self) -> None:
+        law, row, upper = self._of_kind(LawKind.PLANAR_FRICTION)
+        back = upper + 1
+        self.impulse.add(row, upper, 1.0)
+        self.offset[row] = -self._bound[law]
+        self.velocity.add(upper, row, 1.0)
+        self.direct.add(upper, back, 1.0)
+        self.direct.add(back, upper, -1.0)
+        self.constant[back] = 2.0 * self._bound[law]
+        self._add_friction(self.impulse, law, row, -1.0)
+        self._add_friction(self.direct, law, back, 2.0)
+
+    def add_spatial(self) -> None:
+        law, row, first = self._of_kind(LawKind.SPATIAL_FRICTION)
+        corner, speed = first[:, None] + np.arange(self._sides), first + self._sides
+        for axis, of_corner in enumerate(corners(self._sides)):
+            self.impulse.add(row[:, None] + axis, corner, of_corner)
+            self.velocity.add(corner, row[:, None] + axis, of_corner)
+        self.direct.add(corner, speed[:, None], 1.0)
+        self.direct.add(speed[:, None], corner, -1.0)
+        self.constant[speed] = self._bound[law]
+        self._add_friction(self.direct, law, speed, 1.0)
+
+    def _of_kind(self, kind: LawKind) -> tuple[IntArray, IntArray, IntArray]:
+        """Return the laws of a kind, their first rows and their first unknowns."""
+        law = np.flatnonzero(self._laws.kind == kind)
+        return law, self._laws.first_row[law], self._first[law]
+
+    def _add_friction(self, entries: "_Entries", law: IntArray, row: IntArray, factor: float) -> None:
+        """Add ``factor`` times μ of each law that has any, in the columns of the normal impulses."""
+        slides = self._friction[law] > 0.0
+        normal = self._first[self._laws.partner[law[slides]]]
+        entries.add(row[slides], normal, factor * self._friction[law[slides]])
 
 
 class _Entries:
-    """Collects Λ = A z + Λ₀ and w = B ξ + C z + w₀ law by law, in scaled units."""
+    """Collects the entries of a sparse matrix."""
 
-    def __init__(self, n_rows: int, n_unknowns: int) -> None:
-        self._shape = (n_rows, n_unknowns)
-        self._impulse: list[tuple[int, int, float]] = []
-        self._velocity: list[tuple[int, int, float]] = []
-        self._direct: list[tuple[int, int, float]] = []
-        self._offset = np.zeros(n_rows)
-        self._constant = np.zeros(n_unknowns)
+    def __init__(self, n_rows: int, n_columns: int) -> None:
+        self._shape = (n_rows, n_columns)
+        self._parts: list[tuple[Any, ...]] = []
 
-    def unilateral(self, rows: IntArray, unknowns: IntArray) -> None:
-        for row, unknown in zip(rows.tolist(), unknowns.tolist(), strict=True):
-            self._impulse.append((row, unknown, 1.0))
-            self._velocity.append((unknown, row, 1.0))
+    def add(self, rows: IntArray, columns: IntArray, values: FloatArray | float) -> None:
+        self._parts.append(tuple(array.ravel() for array in np.broadcast_arrays(rows, columns, values)))
 
-    def planar(self, row: int, upper: int, normal: int, friction: float, bound: float) -> None:
-        """Unknowns: ``upper`` is Λ_T + b, and the next one ξ⁻."""
-        back = upper + 1
-        self._impulse.append((row, upper, 1.0))
-        self._offset[row] = -bound
-        self._velocity.append((upper, row, 1.0))
-        self._direct += [(upper, back, 1.0), (back, upper, -1.0)]
-        self._constant[back] = 2.0 * bound
-        if friction > 0.0:
-            self._impulse.append((row, normal, -friction))
-            self._direct.append((back, normal, 2.0 * friction))
-
-    def spatial(self, row: int, first: int, normal: int, friction: float, bound: float, polygon: FloatArray) -> None:
-        """Unknowns: β from ``first`` on, and λ after them."""
-        sides = polygon.shape[1]
-        speed = first + sides
-        for corner in range(sides):
-            for axis in range(2):
-                self._impulse.append((row + axis, first + corner, polygon[axis, corner]))
-                self._velocity.append((first + corner, row + axis, polygon[axis, corner]))
-            self._direct += [(first + corner, speed, 1.0), (speed, first + corner, -1.0)]
-        self._constant[speed] = bound
-        if friction > 0.0:
-            self._direct.append((speed, normal, friction))
-
-    def assembled(self, problem: ContactProblem, scale: FloatArray, speed: float) -> Complementarity:
-        """Return M = B S G S A + C and q = B S (G S Λ₀ + c) + w₀ with velocities in units of ``speed``."""
-        n_rows, n = self._shape
-        impulse, velocity = _sparse(self._impulse, (n_rows, n)), _sparse(self._velocity, (n, n_rows))
-        diagonal = sp.diags_array(scale)
-        delassus = sp.csr_array(diagonal @ problem.delassus() @ diagonal)
-        matrix = sp.csr_array(velocity @ delassus @ impulse + _sparse(self._direct, (n, n)))
-        free = scale * problem.free_velocity / speed
-        vector = velocity @ (delassus @ self._offset + free) + self._constant
-        back = sp.csr_array(speed * diagonal @ impulse)
-        return Complementarity(matrix, vector, back, speed * scale * self._offset)
+    def assembled(self) -> sp.csr_array:
+        rows, columns, values = map(np.concatenate, zip(*self._parts, strict=True))
+        return sp.csr_array((values, (rows, columns)), shape=self._shape)
 
 
 def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:
@@ -151,10 +169,3 @@ def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:
     alpha = np.where(alpha > 0.0, alpha, max(float(alpha.max(initial=0.0)), np.finfo(float).tiny))
     scale: FloatArray = layout.unpad(np.repeat(1.0 / np.sqrt(alpha), layout.width))
     return scale
-
-
-def _sparse(entries: list[tuple[int, int, float]], shape: tuple[int, int]) -> sp.csr_array:
-    if not entries:
-        return sp.csr_array(shape, dtype=np.float64)
-    rows, columns, values = zip(*entries, strict=True)
-    return sp.csr_array((np.array(values), (np.array(rows), np.array(columns))), shape=shape)

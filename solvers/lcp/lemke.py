@@ -15,10 +15,11 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.names import described
-from ..interface import Observer, Solution, SolverError, Status, Stop
+from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
-from .formulation import Complementarity, check_sides, complementarity
+from ..iteration.loop import judged, refuted
+from ..method import Method
+from .formulation import Complementarity, check_sides, complementarity, unknowns_of_laws
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 
 LARGEST_GROUP = 6000
@@ -29,7 +30,7 @@ PIVOTS_BETWEEN_LOOKS = 20
 
 
 @dataclass(frozen=True)
-class Lemke:
+class Lemke(Method):
     """Complementary pivoting with the lexicographic rule; exact up to rounding, whatever the tolerance.
 
     Attributes:
@@ -47,32 +48,23 @@ class Lemke:
         check_sides(self.sides)
 
     @property
-    def name(self) -> str:
-        """Class name with the options that differ from the defaults."""
-        return described(self)
-
-    @property
     def model(self) -> Model:
         """The pyramid of ``sides`` sides."""
         return Model.pyramid(self.sides)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        unknowns = int(np.array([1, 2, self.sides + 1])[problem.laws.kind].sum())
-        if unknowns <= LARGEST_GROUP:
+        if unknowns_of_laws(problem.laws, self.sides).sum() <= LARGEST_GROUP:
             return None
-        group = max(
-            (len(group) for group in _groups(complementarity(problem, Residual(problem), self.sides).matrix)), default=0
-        )
-        if group > LARGEST_GROUP:
-            return f"{group} of its unknowns hang together, and pivoting takes hours beyond {LARGEST_GROUP}"
+        matrix = complementarity(problem, Residual(problem), self.sides).matrix
+        largest = max(map(len, _groups(matrix)))
+        if largest > LARGEST_GROUP:
+            return f"{largest} of its unknowns hang together, and pivoting takes hours beyond {LARGEST_GROUP}"
         return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedLemke":
         """Formulate the problem and find its groups."""
-        reason = self.supports(problem)
-        if reason:
-            raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
+        self.check_supports(problem)
         residual = ModelResidual(problem, self.model)
         formulated = complementarity(problem, residual, self.sides)
         return PreparedLemke(problem, residual, formulated, _groups(formulated.matrix))
@@ -96,9 +88,8 @@ class PreparedLemke:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Pivot through every group; ``iterations`` counts pivots, and neither start nor observer has a use here."""
-        n_rows = self.problem.n_rows
         if self.residual.infeasible:
-            return Solution(np.zeros(n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+            return refuted(self.problem)
         unknowns, pivots, rays, proofs = np.zeros(len(self.formulated.vector)), 0, 0, 0
         clock = Clock(stop.max_seconds)
         limit: Status | None = None
@@ -118,7 +109,7 @@ class PreparedLemke:
             else:
                 unknowns[group] = tableau.solution()
         impulses = self.formulated.impulses(unknowns)
-        residual = self.residual(impulses, self.problem.relative_velocity(impulses))
+        residual = judged(self.problem, self.residual, impulses)
         return Solution(impulses, *self._ended(stop, residual, limit, rays, proofs, pivots))
 
     def _ended(
