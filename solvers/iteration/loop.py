@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from .stopping import Monitor, sweeps_to_next_look
 
 ROUNDING = 100 * np.finfo(np.float64).eps
 """What rounding may leave in ξ, relative to the largest G_ii Λ_i: a generous guess."""
+
+LEAST_MOMENTUM = 0.3
+"""A β up to this is not halved but left out."""
 
 
 class Iterates(Protocol):
@@ -33,13 +36,19 @@ class Iterates(Protocol):
         ...
 
 
-@runtime_checkable
-class Accelerated(Protocol):
-    """Iterates with momentum, which can be reduced."""
+class Accelerated:
+    """What iterates with momentum share; ``momentum`` is β, at least 0 and below 1."""
+
+    def __init__(self, momentum: float) -> None:
+        self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
 
     def reduce_momentum(self) -> bool:
-        """Go on with less momentum; return False if there is none."""
-        ...
+        """Halve β, at last leave it out, for there may be progress without; return False if there is none."""
+        if self._momentum == 0.0:
+            return False
+        self._momentum = 0.5 * self._momentum if self._momentum > LEAST_MOMENTUM else 0.0
+        self._present = min(self._present, self._momentum)
+        return True
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,7 @@ import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from .loop import Iterates
-
-LEAST_MOMENTUM = 0.3
-"""A β up to this is not halved but left out."""
-
-
-def reduced(momentum: float) -> float:
-    """Return half of β, at last none: an iteration that makes no progress with momentum may do so without."""
-    return 0.5 * momentum if momentum > LEAST_MOMENTUM else 0.0
+from .loop import Accelerated, Iterates
 
 
 def with_momentum(iterates: "LinearIterates", momentum: float) -> Iterates:
@@ -38,18 +30,12 @@ class LinearIterates(Iterates, Protocol):
         ...
 
 
-class MomentumIterates:
-    """The iterates of sweeps with momentum.
-
-    Args:
-        iterates: what is swept.
-        momentum: β, at least 0 and below 1.
-    """
+class MomentumIterates(Accelerated):
+    """The iterates of sweeps with momentum."""
 
     def __init__(self, iterates: LinearIterates, momentum: float) -> None:
+        super().__init__(momentum)
         self._iterates = iterates
-        self._momentum = momentum
-        self._present = 0.0  # β of the coming sweep
         self._array, self._n_impulses = iterates.linear()
         self._before, self._change = np.empty_like(self._array), np.zeros_like(self._array)
 
@@ -60,14 +46,6 @@ class MomentumIterates:
             self._iterates.sweep(1)
             turns = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
             self._present = 0.0 if turns else self._momentum
-
-    def reduce_momentum(self) -> bool:
-        """Lower β; return False if there is none."""
-        if self._momentum == 0.0:
-            return False
-        self._momentum = reduced(self._momentum)
-        self._present = min(self._present, self._momentum)
-        return True
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""

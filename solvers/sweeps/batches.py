@@ -44,11 +44,8 @@ def batch_arguments(
         laws: step sizes (N, T in turn), μ, a.
         coupling: G_T1N and G_T2N of each block, in turn.
     """
-    sizes, friction, fixed = laws
-    bodies, records = _pack(
-        pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, sizes, friction, fixed, coupling
-    )
-    return tuple(np.arange(pieces.length, dtype=np.uint64)), bodies, records
+    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, *laws, coupling)
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)
 
 
 def slots_in_batches(places: Any) -> IntArray:
@@ -56,17 +53,8 @@ def slots_in_batches(places: Any) -> IntArray:
 
     The lanes of a batch stand side by side: all its Λ_N, then all its Λ_T1, then all its Λ_T2.
     """
-    slots: IntArray = _slots(places)
-    return slots
-
-
-@njit(cache=True)
-def _slots(places):  # type: ignore[no-untyped-def]
-    slots = np.empty(3 * len(places), dtype=np.int64)
-    for block in range(len(places)):
-        batch = places[block] // LANES
-        for k in range(3):
-            slots[3 * block + k] = 2 * LANES * batch + places[block] + LANES * k
+    normal = 2 * LANES * (places // LANES) + places
+    slots: IntArray = (normal[:, None] + LANES * np.arange(3)).reshape(-1)
     return slots
 
 
@@ -131,22 +119,10 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
 def sweep_batches(  # type: ignore[no-untyped-def]
     count, axes, bodies, records, held, scaled, change, before, momentum, present
 ):
-    """Do ``count`` sweeps on Λ, as ``slots_in_batches`` arranges it, and v = W̃ Λ with an idle chunk behind.
+    """Do ``count`` sweeps on Λ, ``held`` as in ``slots_in_batches``, and v = W̃ Λ, ``scaled``, with an idle chunk last.
 
-    Args:
-        count: number of sweeps.
-        axes: axes of a chunk.
-        bodies: first coordinate of both bodies of each lane.
-        records: the numbers of the contacts.
-        held: Λ.
-        scaled: v.
-        change: what the last sweep changed in Λ.
-        before: v before that, in use with momentum only.
-        momentum: β of the method, see ``momentum``.
-        present: β of the coming sweep.
-
-    Returns:
-        β of the sweep after these.
+    The last sweep changed Λ by ``change``, and began, where there is momentum, at v ``before``. The coming one has the
+    β ``present``; that of the sweep after these is returned.
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)

@@ -20,8 +20,8 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
-from ..iteration.loop import Iterates
-from ..iteration.momentum import reduced, with_momentum
+from ..iteration.loop import Accelerated, Iterates
+from ..iteration.momentum import with_momentum
 from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, slots_in_batches, sweep_batches
 from .delassus import law_arguments
 from .one_contact import disc_scale
@@ -34,10 +34,11 @@ class FactorSweep:
     Attributes:
         layout: the padded blocks.
         pieces: W̃ in pieces.
-        kernel: does sweeps; called with their number, ``kernel_arguments``, Λ and v; for batches see there.
-        kernel_arguments: what the kernel reads.
-        product: writes ξ from v; called with ``product_arguments``, v and ξ.
-        product_arguments: what the product reads.
+        kernel: does sweeps; called with their number, ``arguments``, Λ and v; for batches see there.
+        arguments: what the kernel reads.
+        product: writes ξ from v; called with ``factor``, c, v and ξ.
+        factor: W̃ as the product reads it.
+        free: c, padded and flat.
         slots: where the kernel keeps each entry of padded Λ, None if in that order.
         n_held: length of Λ as the kernel keeps it.
     """
@@ -45,11 +46,12 @@ class FactorSweep:
     layout: BlockLayout
     pieces: Pieces
     kernel: Callable[..., Any]
-    kernel_arguments: tuple[Any, ...]
+    arguments: tuple[Any, ...]
     product: Callable[..., None]
-    product_arguments: tuple[Any, ...]
-    slots: IntArray | None = None
-    n_held: int = 0
+    factor: tuple[Any, ...]
+    free: FloatArray
+    slots: IntArray | None
+    n_held: int
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
@@ -62,15 +64,16 @@ class FactorSweep:
         coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-            return FactorSweep(layout, pieces, _sweep, (*factor, free, *laws, coupling), _product, (*factor, free))
-        pairs = _pairs(pieces)
-        product = (_product_spatial_pairs, (*pairs, free))
+            arguments: tuple[Any, ...] = (*factor, free, *laws, coupling)
+            return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
+        product = (_product_spatial_pairs, _pairs(pieces), free)
         places, n_batches = deal_into_batches(pieces)
         if len(places) < FULLNESS * LANES * n_batches or not layout.bounds_are_own:
-            return FactorSweep(layout, pieces, _sweep_spatial_pairs, (*pairs, free, *laws, coupling), *product)
+            arguments = (*_pairs(pieces), free, *laws, coupling)
+            return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))
         arguments = batch_arguments(pieces, places, n_batches, free, laws[:3], coupling)
-        n_held = 3 * LANES * n_batches
-        return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots_in_batches(places), n_held)
+        slots, n_held = slots_in_batches(places), 3 * LANES * n_batches
+        return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_held)
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
@@ -87,17 +90,15 @@ class FactorIterates:
         layout, pieces = sweep.layout, sweep.pieces
         padded = layout.pad(start).reshape(-1)
         self._relative = np.empty_like(padded)
-        n_held = len(padded) if sweep.slots is None else sweep.n_held
         idle = pieces.length  # where the idle chunk reads and writes
-        self._both = np.zeros(n_held + pieces.n_chunks * pieces.length + idle)
-        self._held, self._scaled = self._both[:n_held], self._both[n_held:]
+        self._both = np.zeros(sweep.n_held + pieces.n_chunks * pieces.length + idle)
+        self._held, self._scaled = self._both[: sweep.n_held], self._both[sweep.n_held :]
         self._held[slice(None) if sweep.slots is None else sweep.slots] = padded
         self._scaled[:-idle] = pieces.times(padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        own = self._sweep
-        own.kernel(count, *own.kernel_arguments, self._held, self._scaled)
+        self._sweep.kernel(count, *self._sweep.arguments, self._held, self._scaled)
 
     def linear(self) -> tuple[FloatArray, int]:
         """Return Λ and v one after the other, which sweeps change in place, and the length of Λ."""
@@ -111,16 +112,16 @@ class FactorIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         own = self._sweep
-        own.product(*own.product_arguments, self._scaled, self._relative)
+        own.product(*own.factor, own.free, self._scaled, self._relative)
         return own.layout.unpad(self._relative)
 
 
-class BatchIterates(FactorIterates):
+class BatchIterates(FactorIterates, Accelerated):
     """The same for sweeps in batches, which see to momentum themselves."""
 
     def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float) -> None:
-        super().__init__(sweep, start)
-        self._momentum, self._present = momentum, 0.0
+        FactorIterates.__init__(self, sweep, start)
+        Accelerated.__init__(self, momentum)
         self._change = np.zeros_like(self._held)
         self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
 
@@ -128,15 +129,7 @@ class BatchIterates(FactorIterates):
         """Do ``count`` sweeps."""
         arrays = (self._held, self._scaled, self._change, self._before)
         own = self._sweep
-        self._present = own.kernel(count, *own.kernel_arguments, *arrays, self._momentum, self._present)
-
-    def reduce_momentum(self) -> bool:
-        """Lower β; return False if there is none."""
-        if self._momentum == 0.0:
-            return False
-        self._momentum = reduced(self._momentum)
-        self._present = min(self._present, self._momentum)
-        return True
+        self._present = own.kernel(count, *own.arguments, *arrays, self._momentum, self._present)
 
 
 def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
