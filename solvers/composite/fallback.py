@@ -94,15 +94,6 @@ class Fallback(Method):
         return PreparedFallback(problem, self, parts, [parts[0].prepare(problem)])
 
 
-@dataclass(frozen=True)
-class _Try:
-    """One try: which part, from which impulses (zero if None), with how many iterations at most."""
-
-    part: int
-    start: FloatArray | None
-    limit: int
-
-
 @dataclass(frozen=True, eq=False)
 class PreparedFallback:
     """The parts that take one problem, and those of them that have been prepared."""
@@ -116,15 +107,15 @@ class PreparedFallback:
         """Try the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts those of all."""
         clock, used, ran = Clock(stop.max_seconds), 0, []
         best, lowest = None, np.inf
-        for attempt in self._tries(start, stop.max_iterations):
+        for part, first, limit in self._tries(start, stop.max_iterations):
             left = stop.max_iterations - used
             if best is not None and (left < 1 or clock.is_up):
                 break
-            limits = Stop(stop.tolerance, min(attempt.limit, left), max(clock.left, 1e-9))
-            found = self._part(attempt.part).solve(limits, attempt.start, self._shown(observe, clock, used))
+            limits = Stop(stop.tolerance, min(limit, left), max(clock.left, 1e-9))
+            found = self._part(part).solve(limits, first, self._shown(observe, clock, used))
             used += found.iterations
-            origin = "zero" if attempt.start is None else "the start"
-            ran.append(f"{self.parts[attempt.part].name} from {origin}: {found.status}")
+            origin = "zero" if first is None else "the start"
+            ran.append(f"{self.parts[part].name} from {origin}: {found.status}")
             if found.status in (Status.SOLVED, Status.INFEASIBLE):
                 return Solution(found.impulses, found.status, used, _message(ran, found))
             residual = self._residual(found)
@@ -133,13 +124,14 @@ class PreparedFallback:
         assert best is not None
         return Solution(best.impulses, best.status, used, _message(ran, best))
 
-    def _tries(self, start: FloatArray | None, most: int) -> Iterator[_Try]:
+    def _tries(self, start: FloatArray | None, most: int) -> Iterator[tuple[int, FloatArray | None, int]]:
+        """Yield the part, its first impulses (zero if None) and its limit of iterations for each try."""
         if start is not None and np.any(start):
-            yield _Try(0, start, self.fallback.warm_iterations)
+            yield 0, start, self.fallback.warm_iterations
         last = len(self.parts) - 1
         for part in range(last):
-            yield _Try(part, None, self.fallback.iterations)
-        yield _Try(last, None, most)
+            yield part, None, self.fallback.iterations
+        yield last, None, most
 
     def _part(self, part: int) -> Prepared:
         while len(self.prepared) <= part:

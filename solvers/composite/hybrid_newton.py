@@ -95,7 +95,7 @@ class PreparedHybrid:
         pace, wait, tried = Pace(), SWEEPS_BEFORE, 0
         while True:
             impulses, residual, ended = looked(self.problem, self.residual, advance)
-            if leads_nowhere(ended, monitor) and not self._is_rounding(monitor) and restarts.are_due:
+            if self._leads_nowhere(ended, monitor) and restarts.are_due:
                 before = monitor.best_residual
                 over = restarts.tried()
                 advance.iterates = iterates
@@ -118,15 +118,13 @@ class PreparedHybrid:
             attempts.work.count_sweeps(count)
             pace.note(count, residual)
 
-    def _is_rounding(self, monitor: Monitor) -> bool:
-        """Whether the best residual is what rounding may leave, and nothing else would find less."""
-        impulses = monitor.best_impulses
-        return impulses is not None and monitor.best_residual <= rounding(self.problem, self.residual, impulses)
-
-
-def leads_nowhere(ended: tuple[Status, str] | None, monitor: Monitor) -> bool:
-    """Whether sweeps that ended so, None where they go on, lead nowhere, and other predictors may do better."""
-    return monitor.lacks_progress if ended is None else ended[0] in STUCK
+    def _leads_nowhere(self, ended: tuple[Status, str] | None, monitor: Monitor) -> bool:
+        """Whether sweeps lead nowhere, and the best residual is more than rounding may leave."""
+        is_stuck = monitor.lacks_progress if ended is None else ended[0] in STUCK
+        if not is_stuck:
+            return False
+        best = monitor.best_impulses
+        return best is None or monitor.best_residual > rounding(self.problem, self.residual, best)
 
 
 class Pace:

@@ -14,7 +14,7 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
-from ...problems.arrays import FloatArray, IntArray
+from ...problems.arrays import FloatArray
 
 SMALLEST_PIVOTS = (1e-8, 1e-11, 1e-14)
 """Entries of the entering column below this fraction of its largest count as zero.
@@ -121,11 +121,6 @@ class Tableau:
         falls, size = float(self.vector @ direction), float(np.abs(self.vector).max())
         return grows <= RAY_ROUNDING * float(np.abs(self.matrix).max()) and falls < -FALL_ROUNDING * size
 
-    @property
-    def basic(self) -> IntArray:
-        """The basic variables, shape (n,)."""
-        return self._basic
-
 
 @njit(cache=True)
 def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # type: ignore[no-untyped-def]
@@ -141,7 +136,7 @@ def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # ty
     for done in range(count):
         column = -1 - place[entering]
         if entering == 2 * n and done == 0 and basic.max() < n:
-            row = _first_row(values)
+            row = n - 1 - np.argmin(values[::-1])  # the last of equal ones: the lexicographic minimum of [q, I]
         else:
             row = _leaving_row(rows, values, basic, place, column, tied, smallest, tie)
         if row < 0:
@@ -154,16 +149,6 @@ def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # ty
             return 1, done + 1, entering
         entering = leaving + n if leaving < n else leaving - n
     return 0, count, entering
-
-
-@njit(cache=True)
-def _first_row(values):  # type: ignore[no-untyped-def]
-    """Return the row of the most negative q, the last of equal ones: the lexicographic minimum of [q, I]."""
-    row = 0
-    for i in range(len(values)):
-        if values[i] <= values[row]:
-            row = i
-    return row
 
 
 @njit(cache=True)

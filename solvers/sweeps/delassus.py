@@ -7,9 +7,7 @@ The kernels address flat arrays with unsigned numbers: numba then needs neither 
 which makes a sweep about a third faster than the same loops over blocks of three axes.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -91,12 +89,6 @@ class DelassusSweep:
         """Return the sweep of ``problem`` with step sizes of shape (n_blocks, 2)."""
         return DelassusSweep(FlatDelassus.of(problem), law_arguments(problem.layout, sizes))
 
-    @cached_property
-    def kernel(self) -> Callable[..., None]:
-        """The sweep for this width."""
-        kernels: tuple[Callable[..., None], ...] = _sweep_frictionless, _sweep_planar, _sweep_spatial
-        return kernels[self.delassus.layout.width - 1]
-
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
         return with_momentum(DelassusIterates(self, start), momentum)
@@ -112,7 +104,8 @@ class DelassusIterates(DelassusState):
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
         self.step_sizes = sweep.laws[0].reshape(-1, 2)
-        self._kernel, self._laws = sweep.kernel, sweep.laws
+        self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
+        self._laws = sweep.laws
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""

@@ -136,14 +136,12 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
     """
     nn, scale = g[0], max(g[4], g[8])
     if nn <= 0.0:
-        _, t1, t2, _ = _on_disc(g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0, old_1, old_2, work)
+        t1, t2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
         return 0.0, t1, t2
     open_1, open_2 = 0.0, 0.0
     if old_n <= 0.0:
         if a > 0.0:
-            _, open_1, open_2, _ = _on_disc(
-                g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0, old_1, old_2, work
-            )
+            open_1, open_2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
         if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
             return 0.0, open_1, open_2
     n0, h1, h2 = -qn / nn, g[1] / nn, g[2] / nn
@@ -155,9 +153,7 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
         return n, t1, t2
     if old_n > 0.0:
         if a > 0.0:
-            _, open_1, open_2, _ = _on_disc(
-                g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0, old_1, old_2, work
-            )
+            open_1, open_2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
         if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
             return 0.0, open_1, open_2
     # nothing fits: the least violation among what was found, open, and the present friction
@@ -171,6 +167,14 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
     if held < least:
         return held_n, old_1 * shrink, old_2 * shrink
     return 0.0, open_1, open_2
+
+
+@njit(cache=True, error_model="numpy")
+def _alone(g, q1, q2, a, scale, old_1, old_2, work):  # type: ignore[no-untyped-def]
+    """Return Λ_T within the bound a where Λ_N = 0."""
+    zero = 0.0
+    _, t1, t2, _ = _on_disc(g[4], g[5], g[7], g[8], q1, q2, zero, zero, zero, zero, a, scale, zero, old_1, old_2, work)
+    return t1, t2
 
 
 @njit(cache=True, error_model="numpy")
