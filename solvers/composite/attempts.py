@@ -3,6 +3,7 @@
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ..interface import Status
 from ..iteration.loop import Advance
 from ..newton.linearised import Equations
 from ..newton.steps import Attempt, Newton
@@ -10,17 +11,9 @@ from ..newton.work import Work
 
 
 class Attempts:
-    """Newton's method from any iterate of one solve.
-
-    Args:
-        problem: the problem.
-        residual: its residual.
-        equations: its projection equations.
-        advance: counts and shows each step; its monitor has the limits.
+    """Newton's method from any iterate of one solve, whose ``advance`` counts and shows each step.
 
     Attributes:
-        problem: as given.
-        advance: as given.
         work: what sweeps and Newton steps have taken; who sweeps adds to it.
     """
 
@@ -32,20 +25,21 @@ class Attempts:
 
     @property
     def is_over(self) -> bool:
-        """Whether a limit of the solve is reached."""
+        """Whether a limit of the solve is met."""
+        return self.limit_met is not None
+
+    @property
+    def limit_met(self) -> Status | None:
+        """The limit of the solve that is met, or None."""
         monitor = self.advance.monitor
-        return self.advance.iteration >= monitor.stop.max_iterations or monitor.clock.is_up
+        return monitor.clock.limit_met(monitor.stop, self.advance.iteration)
 
     def tried(
         self, attempt: Attempt, impulses: FloatArray, residual: float, work_until: float = float("inf")
     ) -> tuple[FloatArray, float]:
-        """Return the best Λ [N s] of an attempt, shape (n_rows,), and its residual.
+        """Return the best Λ [N s] of an attempt from ``impulses``, shape (n_rows,), and its residual.
 
-        Args:
-            attempt: how far Newton's method is followed.
-            impulses: Λ to begin with, shape (n_rows,).
-            residual: its residual.
-            work_until: nominal seconds of the whole solve after which no further step is begun.
+        No step is begun after ``work_until`` nominal seconds of the whole solve.
         """
         if self.is_over or self.work.seconds >= work_until:
             return impulses, residual

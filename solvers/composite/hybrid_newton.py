@@ -128,11 +128,7 @@ class PreparedHybrid:
 
 
 class Pace:
-    """How fast sweeps converge.
-
-    Attributes:
-        sweeps: sweeps noted so far.
-    """
+    """How fast sweeps converge; ``sweeps`` have been noted so far."""
 
     def __init__(self) -> None:
         self.sweeps = 0

@@ -70,14 +70,7 @@ class Refined(Method):
 
 
 class Refinement:
-    """Newton steps from the iterates of one solve: after failures less and less often, at the end by all means.
-
-    Args:
-        problem: the problem.
-        residual: its residual.
-        clock: the time that is left; no step is begun that would not end in it.
-        tolerance: the residual to stop at.
-    """
+    """Newton steps from the iterates of one solve: after failures less and less often, at the end by all means."""
 
     def __init__(self, problem: ContactProblem, residual: Residual, clock: Clock, tolerance: float) -> None:
         self._problem, self._residual, self._clock, self._tolerance = problem, residual, clock, tolerance

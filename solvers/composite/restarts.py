@@ -45,13 +45,7 @@ SWEEPS = 128
 
 @dataclass
 class Predictor:
-    """One way of coming to other iterates.
-
-    Attributes:
-        iterates: its sweeps.
-        done: how many.
-        attempted: how many there were when Newton's method was tried last, −1 if never.
-    """
+    """One way to other iterates: ``done`` sweeps, ``attempted`` when Newton's method was tried last, −1 if never."""
 
     iterates: Iterates
     done: int = 0
@@ -59,13 +53,7 @@ class Predictor:
 
 
 class Restarts:
-    """The restarts of one solve.
-
-    Args:
-        attempts: Newton's method.
-        sweep: the sweeps of the solve.
-        first: the first Λ of the solve [N s], shape (n_rows,).
-    """
+    """The restarts of one solve, which began at Λ = ``first`` [N s], shape (n_rows,)."""
 
     def __init__(self, attempts: Attempts, sweep: DelassusSweep, first: FloatArray) -> None:
         self._attempts, self._sweep, self._first = attempts, sweep, first
@@ -109,10 +97,9 @@ class Restarts:
         return [*block_wise, *plain]
 
     def _followed(self, predictor: Predictor, work_until: float) -> tuple[Status, str] | None:
-        """Try Newton's method from the next iterate of a predictor, and sweep on to the one after.
+        """Try Newton's method from the next iterate of a predictor, and sweep on to the one after; as ``tried``.
 
-        Returns:
-            Status and reason if the solve is over, None if it is not. A predictor that diverges sweeps no further.
+        A predictor that diverges sweeps no further.
         """
         advance, monitor = self._attempts.advance, self._attempts.advance.monitor
         advance.iterates = predictor.iterates
@@ -132,10 +119,8 @@ class Restarts:
             return Status.SOLVED, ""
         if not self._attempts.is_over:
             predictor.done += self._swept(max(predictor.done, 1))
-        if self._attempts.is_over:
-            limit = Status.TIME_LIMIT if monitor.clock.is_up else Status.ITERATION_LIMIT
-            return limit, f"residual {monitor.best_residual:.1e} after {advance.iteration} iterations"
-        return None
+        limit = self._attempts.limit_met
+        return (limit, f"residual {monitor.best_residual:.1e} after {advance.iteration} iterations") if limit else None
 
     def _keep(self, impulses: FloatArray, residual: float) -> None:
         """Let the monitor have Λ if it is the best."""

@@ -67,12 +67,7 @@ JUMP = 0.1
 
 @dataclass(frozen=True)
 class Phase:
-    """One way to iterate.
-
-    Attributes:
-        weight: ε, 0 for De Saxcé's iteration as it is.
-        patience: outer iterations without progress after which the next phase is given its turn.
-    """
+    """One way to iterate, with ε (0 for De Saxcé's iteration as it is), for so long without progress."""
 
     weight: float
     patience: int

@@ -16,11 +16,7 @@ SMALLEST_SINGULAR_VALUE = 1e-10
 
 
 class Anderson:
-    """The last pairs of an iteration.
-
-    Attributes:
-        memory: largest number m of differences; 0 gives the plain iteration.
-    """
+    """The last pairs of an iteration, with at most ``memory`` differences; 0 gives the plain iteration."""
 
     def __init__(self, memory: int) -> None:
         self.memory = memory

@@ -3,15 +3,11 @@
 import time
 
 from ...problems.arrays import FloatArray
-from ..interface import Observer
+from ..interface import Observer, Status, Stop
 
 
 class Clock:
-    """Runs while a solver works, and stops while an observer looks at an iterate.
-
-    Args:
-        seconds: time limit of the solve [s], ``Stop.max_seconds``.
-    """
+    """Runs while a solver works, up to a limit [s], and stops while an observer looks at an iterate."""
 
     def __init__(self, seconds: float) -> None:
         self._limit = seconds
@@ -41,3 +37,9 @@ class Clock:
         shown.setflags(write=False)
         observe(iteration, shown)
         self._began += time.perf_counter() - began
+
+    def limit_met(self, stop: Stop, iterations: int) -> Status | None:
+        """Return the limit of a solve that is met after ``iterations``, or None."""
+        if iterations >= stop.max_iterations:
+            return Status.ITERATION_LIMIT
+        return Status.TIME_LIMIT if self.is_up else None

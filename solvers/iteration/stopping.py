@@ -85,11 +85,8 @@ class Monitor:
             return Status.SOLVED, ""
         if not residual < GROWTH_OF_DIVERGENCE * self._first:
             return Status.DIVERGED, f"the residual grew to {residual:.1e} within {iteration} sweeps"
-        if iteration >= self.stop.max_iterations:
-            return Status.ITERATION_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
-        if self.clock.is_up:
-            return Status.TIME_LIMIT, f"residual {self.best_residual:.1e} after {iteration} sweeps"
-        return None
+        limit = self.clock.limit_met(self.stop, iteration)
+        return (limit, f"residual {self.best_residual:.1e} after {iteration} sweeps") if limit else None
 
     @property
     def lacks_progress(self) -> bool:

@@ -16,7 +16,6 @@ Everything is scaled contact by contact: with s = 1/√α of a contact, Λ = s z
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +25,9 @@ from ...problems.contact.judge import Residual
 from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
 from ..method import check_option
+
+_Entries = tuple[IntArray, IntArray, FloatArray | float]
+"""Rows, columns and values in a sparse matrix, which may be broadcast."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +85,11 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
     conditions.add_unilateral()
     conditions.add_planar()
     conditions.add_spatial()
-    impulse, velocity = conditions.impulse.assembled(), conditions.velocity.assembled()
+    n_rows, n = len(scale), len(conditions.constant)
+    impulse, velocity = _sparse(conditions.impulse, (n_rows, n)), _sparse(conditions.velocity, (n, n_rows))
     diagonal = sp.diags_array(scale)
     delassus = sp.csr_array(diagonal @ problem.delassus() @ diagonal)
-    matrix = sp.csr_array(velocity @ delassus @ impulse + conditions.direct.assembled())
+    matrix = sp.csr_array(velocity @ delassus @ impulse + _sparse(conditions.direct, (n, n)))
     free = scale * problem.free_velocity / speed
     vector = velocity @ (delassus @ conditions.offset + free) + conditions.constant
     back = sp.csr_array(speed * diagonal @ impulse)
@@ -102,63 +105,50 @@ class _Conditions:
     def __init__(self, laws: Laws, friction: FloatArray, bound: FloatArray, sides: int) -> None:
         self._laws, self._friction, self._bound, self._sides = laws, friction, bound, sides
         self._first = np.append(0, np.cumsum(unknowns_of_laws(laws, sides)))  # unknown of each law, and their number
-        n_rows, n = laws.n_rows, int(self._first[-1])
-        self.impulse, self.offset = _Entries(n_rows, n), np.zeros(n_rows)
-        self.velocity, self.direct, self.constant = _Entries(n, n_rows), _Entries(n, n), np.zeros(n)
+        self.offset, self.constant = np.zeros(laws.n_rows), np.zeros(self._first[-1])
+        self.impulse: list[_Entries] = []
+        self.velocity: list[_Entries] = []
+        self.direct: list[_Entries] = []
 
     def add_unilateral(self) -> None:
         _, row, unknown = self._of_kind(LawKind.UNILATERAL)
-        self.impulse.add(row, unknown, 1.0)
-        self.velocity.add(unknown, row, 1.0)
+        self.impulse.append((row, unknown, 1.0))
+        self.velocity.append((unknown, row, 1.0))
 
     def add_planar(self) -> None:
         law, row, upper = self._of_kind(LawKind.PLANAR_FRICTION)
         back = upper + 1
-        self.impulse.add(row, upper, 1.0)
-        self.offset[row] = -self._bound[law]
-        self.velocity.add(upper, row, 1.0)
-        self.direct.add(upper, back, 1.0)
-        self.direct.add(back, upper, -1.0)
-        self.constant[back] = 2.0 * self._bound[law]
-        self._add_friction(self.impulse, law, row, -1.0)
-        self._add_friction(self.direct, law, back, 2.0)
+        self.impulse += [(row, upper, 1.0), self._bounds(law, row, -1.0)]
+        self.velocity.append((upper, row, 1.0))
+        self.direct += [(upper, back, 1.0), (back, upper, -1.0), self._bounds(law, back, 2.0)]
+        self.offset[row], self.constant[back] = -self._bound[law], 2.0 * self._bound[law]
 
     def add_spatial(self) -> None:
         law, row, first = self._of_kind(LawKind.SPATIAL_FRICTION)
         corner, speed = first[:, None] + np.arange(self._sides), first + self._sides
         for axis, of_corner in enumerate(corners(self._sides)):
-            self.impulse.add(row[:, None] + axis, corner, of_corner)
-            self.velocity.add(corner, row[:, None] + axis, of_corner)
-        self.direct.add(corner, speed[:, None], 1.0)
-        self.direct.add(speed[:, None], corner, -1.0)
+            self.impulse.append((row[:, None] + axis, corner, of_corner))
+            self.velocity.append((corner, row[:, None] + axis, of_corner))
+        column = speed[:, None]
+        self.direct += [(corner, column, 1.0), (column, corner, -1.0), self._bounds(law, speed, 1.0)]
         self.constant[speed] = self._bound[law]
-        self._add_friction(self.direct, law, speed, 1.0)
 
     def _of_kind(self, kind: LawKind) -> tuple[IntArray, IntArray, IntArray]:
         """Return the laws of a kind, their first rows and their first unknowns."""
         law = np.flatnonzero(self._laws.kind == kind)
         return law, self._laws.first_row[law], self._first[law]
 
-    def _add_friction(self, entries: "_Entries", law: IntArray, row: IntArray, factor: float) -> None:
-        """Add ``factor`` times μ of each law that has any, in the columns of the normal impulses."""
+    def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:
+        """Return ``factor`` times μ in the columns of the normal impulses, of each law that has any."""
         slides = self._friction[law] > 0.0
         normal = self._first[self._laws.partner[law[slides]]]
-        entries.add(row[slides], normal, factor * self._friction[law[slides]])
+        return row[slides], normal, factor * self._friction[law[slides]]
 
 
-class _Entries:
-    """Collects the entries of a sparse matrix."""
-
-    def __init__(self, n_rows: int, n_columns: int) -> None:
-        self._shape = (n_rows, n_columns)
-        self._parts: list[tuple[Any, ...]] = []
-
-    def add(self, rows: IntArray, columns: IntArray, values: FloatArray | float) -> None:
-        self._parts.append(tuple(array.ravel() for array in np.broadcast_arrays(rows, columns, values)))
-
-    def assembled(self) -> sp.csr_array:
-        rows, columns, values = map(np.concatenate, zip(*self._parts, strict=True))
-        return sp.csr_array((values, (rows, columns)), shape=self._shape)
+def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:
+    flat = [[array.ravel() for array in np.broadcast_arrays(*part)] for part in entries]
+    rows, columns, values = map(np.concatenate, zip(*flat, strict=True))
+    return sp.csr_array((values, (rows, columns)), shape=shape)
 
 
 def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:

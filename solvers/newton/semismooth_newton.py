@@ -54,9 +54,8 @@ class PreparedNewton:
             return refuted(self.problem)
         newton = _Solve(self, stop, observe, first)
         for phase in (*PHASES[:-1], replace(PHASES[-1], patience=stop.max_iterations)):
-            ended = newton.ended()
-            if ended is not None:
-                return newton.solution(ended)
+            if newton.ended() is not None:
+                break
             newton.follow(phase)
         return newton.solution(newton.ended() or newton.stuck())
 
@@ -83,10 +82,9 @@ class _Solve:
         reached = f"residual {self._lowest:.1e} after {self._iteration} Newton steps"
         if self._lowest <= self._stop.tolerance:
             return Status.SOLVED, ""
-        if self._iteration >= self._stop.max_iterations:
-            return Status.ITERATION_LIMIT, reached
-        if self._clock.is_up:
-            return Status.TIME_LIMIT, reached
+        limit = self._clock.limit_met(self._stop, self._iteration)
+        if limit:
+            return limit, reached
         if self._newton.solver.lacks_time:
             return Status.TIME_LIMIT, f"{reached}; the next one would not end in time"
         if self._lowest <= rounding(self._prepared.problem, self._prepared.residual, self._best):
@@ -111,8 +109,7 @@ class _Solve:
         self._iteration += 1
         self._clock.show(self._observe, self._iteration, reached)
         self._repeats.note(reached)
-        within_limits = self._iteration < self._stop.max_iterations and not self._clock.is_up
-        return within_limits and self._repeats.status is None
+        return self._repeats.status is None and self._clock.limit_met(self._stop, self._iteration) is None
 
 
 class Repeats:

@@ -77,18 +77,10 @@ SEARCHING = THOROUGH[1]
 
 
 class Newton:
-    """Newton's method within the limits of one solve.
-
-    Args:
-        problem: the contact problem.
-        residual: its residual.
-        equations: its projection equations.
-        clock: the time that is left; no step is begun that would not end in it.
-        tolerance: the residual to stop at.
-        work: what has been done, to which each step is added.
+    """Newton's method on one problem, to a residual of ``tolerance`` and within the limits of one solve.
 
     Attributes:
-        solver: of the linear systems.
+        solver: of the linear systems; it begins none that would not end in time, and adds each step to the work.
     """
 
     def __init__(
@@ -110,13 +102,9 @@ class Newton:
     def followed(
         self, attempt: Attempt, impulses: FloatArray, first: float, goes_on: Callable[[FloatArray], bool]
     ) -> tuple[FloatArray, float]:
-        """Do Newton steps from Λ, whose residual is ``first``; return the best Λ of all and its residual.
+        """Do Newton steps from Λ [N s], shape (n_rows,), of residual ``first``; return the best Λ and its residual.
 
-        Args:
-            attempt: how.
-            impulses: Λ [N s], shape (n_rows,).
-            first: its residual.
-            goes_on: is shown each iterate, and says whether there may be another.
+        ``goes_on`` is shown each iterate, and says whether there may be another.
         """
         best, lowest, present, waited = impulses, first, first, 0
         for _ in range(attempt.most_steps):

@@ -172,8 +172,8 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
 @njit(cache=True, error_model="numpy")
 def _alone(g, q1, q2, a, scale, old_1, old_2, work):  # type: ignore[no-untyped-def]
     """Return Λ_T within the bound a where Λ_N = 0."""
-    zero = 0.0
-    _, t1, t2, _ = _on_disc(g[4], g[5], g[7], g[8], q1, q2, zero, zero, zero, zero, a, scale, zero, old_1, old_2, work)
+    own = (g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0)
+    _, t1, t2, _ = _on_disc(*own, old_1, old_2, work)
     return t1, t2
 
 

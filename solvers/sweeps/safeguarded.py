@@ -59,11 +59,7 @@ class ScalableIterates(Iterates, Protocol):
 
 
 class SafeguardedIterates:
-    """Iterates whose steps are cut where contacts oscillate.
-
-    Args:
-        iterates: what is swept.
-    """
+    """Iterates whose steps are cut where contacts oscillate."""
 
     def __init__(self, iterates: ScalableIterates) -> None:
         self._iterates = iterates
