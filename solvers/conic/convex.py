@@ -59,13 +59,9 @@ class PreparedConvex:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve to the judge's residual of the convex model; a start has no use here, and no iterates are shown."""
-        n_rows = self.problem.n_rows
         if self.residual.infeasible:
             return refuted(self.problem)
-        if n_rows == 0 or self.residual.scale == 0.0:
-            return Solution(np.zeros(n_rows), Status.SOLVED, 0)
-        seconds, iterations = 0.0, 0
-        best = np.zeros(n_rows)
+        seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)
         best_residual = self.residual(best, self.problem.free_velocity)
         if best_residual <= stop.tolerance:
             return Solution(best, Status.SOLVED, 0)

@@ -35,7 +35,7 @@ from ..interface import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
 from ..iteration.correction import BeginCorrection, Correction, NoCorrection
-from ..iteration.loop import refuted, rounding
+from ..iteration.loop import first_impulses, refuted, rounding
 from ..iteration.stopping import ROUNDING
 from ..method import Method, check_option
 from .programs import ConicProgram, ConicResult, Ended, largest_curvatures
@@ -113,12 +113,9 @@ class PreparedFixedPoint:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate to the judge's residual; ``iterations`` counts cone programs, and ``start`` gives the first s."""
-        n_rows = self.problem.n_rows
+        first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return refuted(self.problem)
-        if n_rows == 0 or self.residual.scale == 0.0:
-            return Solution(np.zeros(n_rows), Status.SOLVED, 0)
-        first = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
         velocity = self.problem.relative_velocity(first)
         shift = np.zeros(self.problem.n_contacts) if start is None else lift(self.problem, velocity)
         outer = _Outer(self, stop, observe, first, self.residual(first, velocity))
@@ -128,7 +125,7 @@ class PreparedFixedPoint:
             ended = outer.follow(phase, shift, first)
             if ended is not None:
                 break
-            first = np.zeros(n_rows)
+            first = np.zeros(self.problem.n_rows)
             shift = lift(self.problem, self.problem.free_velocity)
         status, reason = ended or (Status.STALLED, outer.stalled)
         return Solution(outer.best, status, outer.iteration, reason)

@@ -19,10 +19,7 @@ class Correction(Protocol):
     def corrected(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
         """Return better impulses [N s], shape (n_rows,), and their residual, or those given.
 
-        Args:
-            impulses: the next iterate Λ, shape (n_rows,).
-            residual: its residual.
-            is_last: whether the phase ends with it if it is not corrected.
+        ``is_last`` says that the phase ends with this iterate if it is not corrected.
         """
         ...
 

@@ -77,9 +77,8 @@ class Tableau:
         """Do at most ``count`` pivots."""
         if self.ending is not Ending.UNFINISHED:
             return
-        ending, done, entering = _pivot(
-            count, self._rows, self._values, self._basic, self._nonbasic, self._entering, self.smallest, TIE
-        )
+        state = (self._rows, self._values, self._basic, self._nonbasic)
+        ending, done, entering = _pivot(count, *state, self._entering, self.smallest)
         self.ending, self._entering = Ending(ending), entering
         self.pivots += done
 
@@ -123,7 +122,7 @@ class Tableau:
 
 
 @njit(cache=True)
-def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # type: ignore[no-untyped-def]
+def _pivot(count, rows, values, basic, nonbasic, entering, smallest):  # type: ignore[no-untyped-def]
     """Do at most ``count`` pivots in place; return how it stands, the pivots done, and the next entering variable."""
     n = len(values)
     place = np.empty(2 * n + 1, dtype=np.int64)  # row of a basic variable, −1 − column of a nonbasic one
@@ -138,7 +137,7 @@ def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # ty
         if entering == 2 * n and done == 0 and basic.max() < n:
             row = n - 1 - np.argmin(values[::-1])  # the last of equal ones: the lexicographic minimum of [q, I]
         else:
-            row = _leaving_row(rows, values, basic, place, column, tied, smallest, tie)
+            row = _leaving_row(rows, values, basic, place, column, tied, smallest)
         if row < 0:
             return 2, done, entering
         leaving = basic[row]
@@ -152,7 +151,7 @@ def _pivot(count, rows, values, basic, nonbasic, entering, smallest, tie):  # ty
 
 
 @njit(cache=True)
-def _leaving_row(rows, values, basic, place, column, tied, smallest, tie):  # type: ignore[no-untyped-def]
+def _leaving_row(rows, values, basic, place, column, tied, smallest):  # type: ignore[no-untyped-def]
     """Return the row of the lexicographic minimum of [β, B⁻¹]/column over positive entries, −1 if there is none.
 
     The row of z₀ wins every tie in β: the solution is reached.
@@ -170,7 +169,7 @@ def _leaving_row(rows, values, basic, place, column, tied, smallest, tie):  # ty
         return -1
     count = 0
     for i in range(n):
-        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= least + tie * max(1.0, least):
+        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= least + TIE * max(1.0, least):
             if basic[i] == 2 * n:
                 return i
             tied[count] = i
@@ -184,7 +183,7 @@ def _leaving_row(rows, values, basic, place, column, tied, smallest, tie):  # ty
         kept = 0
         for t in range(count):
             ratio = _inverse_entry(rows, place, tied[t], j) / rows[tied[t], column]
-            if ratio <= lowest + tie * max(1.0, abs(lowest)):
+            if ratio <= lowest + TIE * max(1.0, abs(lowest)):
                 tied[kept] = tied[t]
                 kept += 1
         count = kept

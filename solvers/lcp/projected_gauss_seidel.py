@@ -98,9 +98,7 @@ class Segments:
     def shared_out(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
         """Return x with Σ_s e_s x_s = Λ_T within its bounds, as nearly as there is one, shape (n_blocks, n_segments).
 
-        Args:
-            layout: the padded blocks.
-            padded: Λ, shape (n_blocks, 3).
+        Λ comes padded, shape (n_blocks, 3).
         """
         target = padded[:, 1:]
         normal = np.maximum(padded[layout.partner, 0], 0.0)

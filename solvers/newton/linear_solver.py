@@ -44,11 +44,7 @@ SMALL, SMALL_SECONDS = 10_000, 5e-3
 
 
 class LinearSolver:
-    """Solves the systems of the Newton steps of one solve.
-
-    Args:
-        clock: the time that is left; none with an infinite limit is ever measured.
-        work: what has been done, to which each step is added.
+    """Solves the systems of the Newton steps of one solve, and adds each step to the work.
 
     Attributes:
         lacks_time: whether a system was left unsolved because that might not have ended in time.
@@ -61,10 +57,7 @@ class LinearSolver:
     def solve(self, system: Linearised, scale: FloatArray, damping: float) -> FloatArray | None:
         """Return δ [N s] over the active rows, or None where there is none or it would come too late.
 
-        Args:
-            system: the linearised equations.
-            scale: 1/√α of the active rows, shape (n_active,).
-            damping: what δ is weighed with, relative to α.
+        ``scale`` is 1/√α of these rows, shape (n_active,); ``damping`` weighs δ relative to α.
         """
         scaling = sp.diags_array(scale)
         matrix = sp.csr_array(scaling @ system.matrix @ scaling + damping * sp.eye_array(len(scale)))

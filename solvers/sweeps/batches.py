@@ -36,13 +36,8 @@ def batch_arguments(
 ) -> tuple[Any, ...]:
     """Return what ``sweep_batches`` reads: axes of a chunk, bodies of the contacts, and the records.
 
-    Args:
-        pieces: W̃ in pairs of pieces of width 3.
-        places: place of each block.
-        n_batches: number of batches.
-        free: c, padded and flat.
-        laws: step sizes (N, T in turn), μ, a.
-        coupling: G_T1N and G_T2N of each block, in turn.
+    W̃ comes in pairs of pieces of width 3, c padded and flat; the laws are step sizes (N, T in turn), μ and a, the
+    coupling is G_T1N and G_T2N of each block, in turn.
     """
     arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, *laws, coupling)
     return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)

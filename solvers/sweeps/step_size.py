@@ -35,13 +35,9 @@ def check_relaxation(relaxation: float) -> None:
 def step_sizes(
     problem: ContactProblem, step_size: StepSize, relaxation: float, row_sums: Callable[[ContactProblem], FloatArray]
 ) -> FloatArray:
-    """Return r for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
+    """Return r for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2), by one of both rules.
 
-    Args:
-        problem: the contact problem.
-        step_size: which of both rules.
-        relaxation: ω.
-        row_sums: returns Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), if the rule needs them.
+    ``row_sums`` returns Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), for the second.
     """
     if step_size == "diagonal":
         return diagonal_step_sizes(problem, relaxation)
