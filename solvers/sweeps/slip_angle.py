@@ -104,29 +104,25 @@ def _quartic_roots(p0, p1, p2, p3, work):  # type: ignore[no-untyped-def]
         root = np.sqrt(discriminant)
         work[8], work[9] = (-3.0 * p3 - root) / 12.0, (-3.0 * p3 + root) / 12.0
         n_ends = 2
-    # the extrema, between inflection points
-    n_extrema = 0
-    low = -bound
-    for k in range(n_ends + 1):
-        high = work[8 + k] if k < n_ends else bound
-        found, x = _zero_between(p1, 2.0 * p2, 3.0 * p3, 4.0, 0.0, low, high)
-        if found:
-            work[10 + n_extrema] = x
-            n_extrema += 1
-        low = high
-    # the zeros, between extrema
-    n = 0
-    low = -bound
-    for k in range(n_extrema + 1):
-        high = work[10 + k] if k < n_extrema else bound
-        found, x = _zero_between(p0, p1, p2, p3, 1.0, low, high)
-        if found:
-            work[n] = x
-            n += 1
-        low = high
+    n_extrema = _zeros_between(p1, 2.0 * p2, 3.0 * p3, 4.0, 0.0, bound, work[8 : 8 + n_ends], work[10:])
+    n = _zeros_between(p0, p1, p2, p3, 1.0, bound, work[10 : 10 + n_extrema], work)
     for k in range(n_extrema):
         work[n] = work[10 + k]
         n += 1
+    return n
+
+
+@njit(cache=True, error_model="numpy")
+def _zeros_between(p0, p1, p2, p3, p4, bound, ends, zeros):  # type: ignore[no-untyped-def]
+    """Write the zeros of p4 x⁴ + … + p0 between successive ends, and ±``bound``; return their number."""
+    n, low = 0, -bound
+    for k in range(len(ends) + 1):
+        high = ends[k] if k < len(ends) else bound
+        found, x = _zero_between(p0, p1, p2, p3, p4, low, high)
+        if found:
+            zeros[n] = x
+            n += 1
+        low = high
     return n
 
 
