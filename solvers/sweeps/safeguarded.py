@@ -11,14 +11,12 @@ the contact's step is cut for good. Contacts that converge keep theirs, and a pr
 without the safeguard, but for the comparison.
 """
 
-from typing import Protocol
-
 import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.blocks import BlockLayout
-from ..iteration.loop import Iterates
+from .blocks import BlockIterates
+from .delassus import DelassusIterates
 
 INTERVALS = (19, 37, 73)
 """Sweeps from one comparison to the next, the first ones after a cut: long enough for it to show its effect. Prime, so
@@ -40,28 +38,10 @@ ROUNDING = 1e-14
 """Increments below this fraction of the impulse are rounding, whatever their direction."""
 
 
-class ScalableIterates(Iterates, Protocol):
-    """Iterates whose steps can be scaled contact by contact.
-
-    Attributes:
-        layout: the padded blocks.
-        padded: Λ padded and flat, which sweeps change in place.
-        step_sizes: 1/α times a factor for the N lane and the T lanes of each block [kg], shape (n_blocks, 2).
-    """
-
-    layout: BlockLayout
-    padded: FloatArray
-    step_sizes: FloatArray
-
-    def scale_steps(self, fraction: FloatArray) -> None:
-        """Let the step of each block be this fraction of what it was at first, shape (n_blocks,)."""
-        ...
-
-
 class SafeguardedIterates:
     """Iterates whose steps are cut where contacts oscillate."""
 
-    def __init__(self, iterates: ScalableIterates) -> None:
+    def __init__(self, iterates: DelassusIterates | BlockIterates) -> None:
         self._iterates = iterates
         self._fraction = np.ones(iterates.layout.n_blocks)  # what is left of each contact's step
         self._before, self._previous = np.empty_like(iterates.padded), np.empty_like(iterates.padded)
