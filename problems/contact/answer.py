@@ -34,18 +34,13 @@ class Answer:
 
     def check(self, n_rows: int) -> None:
         """Raise ``ProblemError`` unless every array fits a problem of ``n_rows`` rows."""
-        for index, impulses in enumerate(self.impulses):
-            if np.shape(impulses) != (n_rows,):
-                raise ProblemError(f"answer.impulses[{index}] must have shape ({n_rows},), got {np.shape(impulses)}.")
-        for name in ("velocity", "witness"):
-            known = getattr(self, name)
+        vectors = {f"impulses[{index}]": impulses for index, impulses in enumerate(self.impulses)}
+        for name, known in {**vectors, "velocity": self.velocity, "witness": self.witness}.items():
             if known is not None and np.shape(known) != (n_rows,):
                 raise ProblemError(f"answer.{name} must have shape ({n_rows},), got {np.shape(known)}.")
         if (self.functionals is None) != (self.values is None):
             raise ProblemError("answer.functionals and answer.values belong together; one of them is missing.")
-        if self.functionals is None or self.values is None:
-            return
-        if np.shape(self.functionals) != (len(self.values), n_rows):
+        if self.values is not None and np.shape(self.functionals) != (len(self.values), n_rows):
             raise ProblemError(
                 f"answer.functionals must have shape (len(values), {n_rows}), got {np.shape(self.functionals)}."
             )
@@ -72,21 +67,18 @@ class Answer:
         """
         errors = []
         if self.velocity is not None:
-            errors.append(_ratio(float(np.abs(np.asarray(velocity) - self.velocity).max(initial=0.0)), speed))
-        scale = max((float(np.abs(known).max(initial=0.0)) for known in self._known_impulses()), default=0.0)
+            errors.append(ratio(float(np.abs(np.asarray(velocity) - self.velocity).max(initial=0.0)), speed))
+        known = self.impulses or (() if self.values is None else (self.values,))
+        scale = max((float(np.abs(numbers).max(initial=0.0)) for numbers in known), default=0.0)
         deviation = self.impulse_error(impulses)
         if deviation is not None and scale > 0.0:
             errors.append(deviation / scale)
         return max(errors, default=None)
 
-    def _known_impulses(self) -> tuple[FloatArray, ...]:
-        if self.impulses:
-            return self.impulses
-        return () if self.values is None else (self.values,)
 
-
-def _ratio(value: float, scale: float) -> float:
-    """Return value / scale with 0/0 = 0 and x/0 = inf."""
+def ratio(value: float, scale: float) -> float:
+    """Return value / scale with 0/0 = 0 and x/0 = inf; NaN reads as inf."""
     if value == 0.0:
         return 0.0
-    return value / scale if scale > 0.0 else float("inf")
+    found = float(value) / scale if scale > 0.0 else np.inf
+    return found if found == found else np.inf

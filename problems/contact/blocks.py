@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numba import njit
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, read_only
 from .laws import Laws
 
 
@@ -43,13 +43,11 @@ class BlockLayout:
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
-        block, n_blocks = _blocks_of_laws(laws.kind, laws.partner)
         width = 1 + int(laws.kind.max(initial=0))
         slot, owners, bounds, partner = _lay_out(
-            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, block, n_blocks, width, laws.n_rows
+            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, width, laws.n_rows
         )
-        for array in (slot, owners, bounds, partner):
-            array.setflags(write=False)
+        read_only(slot, owners, bounds, partner)
         return BlockLayout(width, slot, owners[0], owners[1], bounds[0], bounds[1], partner)
 
     @property
@@ -93,21 +91,13 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 @njit(cache=True)
-def _blocks_of_laws(kind, partner):  # type: ignore[no-untyped-def]
-    """Return the block of each law, and the number of blocks; friction right behind its partner shares its block."""
-    block = np.empty(len(kind), dtype=np.int64)
-    count = 0
-    for law in range(len(kind)):
-        joins = law > 0 and kind[law] != 0 and partner[law] == law - 1
-        if not joins:
-            count += 1
-        block[law] = count - 1
-    return block, count
-
-
-@njit(cache=True)
-def _lay_out(kind, partner_law, mu, fixed, block, n_blocks, width, n_rows):  # type: ignore[no-untyped-def]
+def _lay_out(kind, partner_law, mu, fixed, width, n_rows):  # type: ignore[no-untyped-def]
     """Return slots of the rows, normal and friction law, μ and a, and partner of each block."""
+    block, n_blocks = np.empty(len(kind), dtype=np.int64), 0
+    for law in range(len(kind)):  # friction right behind its partner shares its block
+        if law == 0 or kind[law] == 0 or partner_law[law] != law - 1:
+            n_blocks += 1
+        block[law] = n_blocks - 1
     slot = np.empty(n_rows, dtype=np.int64)
     owners = np.full((2, n_blocks), -1, dtype=np.int64)
     bounds = np.zeros((2, n_blocks))

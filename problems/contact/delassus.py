@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, read_only
 from .blocks import BlockLayout
 from .pieces import Pieces
 
@@ -34,8 +34,7 @@ class DelassusBlocks:
             padded = padded[layout.slot][:, layout.slot]
         matrix = sp.csr_array(padded)
         matrix.sort_indices()
-        for array in (matrix.data, matrix.indices, matrix.indptr):
-            array.setflags(write=False)
+        read_only(matrix.data, matrix.indices, matrix.indptr)
         return matrix
 
 
@@ -53,19 +52,15 @@ def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlo
     values[position[n:], row % layout.width, column % layout.width] = entries.data
     rows, columns = keys // (n + 1), keys % (n + 1) - 1
     columns = np.where(columns < 0, rows, columns).astype(np.int32)
-    starts = np.searchsorted(rows, np.arange(n + 1))
-    return _read_only(starts.astype(np.int64), columns, values)
+    starts = np.searchsorted(rows, np.arange(n + 1)).astype(np.int64)
+    read_only(starts, columns, values)
+    return DelassusBlocks(starts, columns, values)
 
 
 def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
     """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃."""
     starts, columns, values = _multiply(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
-    return _read_only(starts, columns, values)
-
-
-def _read_only(starts: IntArray, columns: NDArray[np.int32], values: FloatArray) -> DelassusBlocks:
-    for array in (starts, columns, values):
-        array.setflags(write=False)
+    read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
 

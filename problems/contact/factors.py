@@ -1,6 +1,6 @@
 """The factors of a Delassus matrix: force directions W and inverse mass M⁻¹, with G = Wᵀ M⁻¹ W."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import FloatArray, frozen
+from ..arrays import FloatArray, frozen, read_only
 from ..errors import ProblemError
 from .blocks import BlockLayout
 from .pieces import Pieces, cut_into_pieces
@@ -24,6 +24,7 @@ class InverseMass:
     """
 
     matrix: sp.csr_array[Any]
+    _root_blocks: dict[int, FloatArray | None] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def create(given: Any) -> "InverseMass":
@@ -41,7 +42,7 @@ class InverseMass:
         if matrix.shape[0] != matrix.shape[1]:
             raise ProblemError(f"M⁻¹ must be square, got {matrix.shape}.")
         matrix.sum_duplicates()
-        _check_finite(matrix, "M⁻¹")
+        check_finite(matrix, "M⁻¹")
         inverse = InverseMass(matrix)
         _ = inverse.root  # fails here, with the reason, if M⁻¹ is not positive definite
         return inverse
@@ -79,21 +80,15 @@ class InverseMass:
             self._root_blocks[length] = self._cut_root(length)
         return self._root_blocks[length]
 
-    @cached_property
-    def _root_blocks(self) -> dict[int, FloatArray | None]:
-        return {}
-
     def _cut_root(self, length: int) -> FloatArray | None:
-        root = self.root
-        n_dofs = root.shape[0]
+        n_dofs = self.root.shape[0]
         if n_dofs % length:
             return None
         if self.is_diagonal:
-            return frozen(root.data, np.float64)
-        blocks = sp.bsr_array(root, blocksize=(length, length))
-        if not np.array_equal(blocks.indices, np.arange(n_dofs // length)):
-            return None
-        return frozen(blocks.data, np.float64)
+            return frozen(self.root.data, np.float64)
+        blocks = sp.bsr_array(self.root, blocksize=(length, length))
+        is_blocked = np.array_equal(blocks.indices, np.arange(n_dofs // length))
+        return frozen(blocks.data, np.float64) if is_blocked else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +114,7 @@ class Factors:
         """
         directions = sp.csc_array(as_sparse_input(force_directions, "W"), dtype=np.float64, copy=True)
         directions.sum_duplicates()
-        _check_finite(directions, "W")
+        check_finite(directions, "W")
         inverse = inverse_mass if isinstance(inverse_mass, InverseMass) else InverseMass.create(inverse_mass)
         n_dofs = directions.shape[0]
         if inverse.matrix.shape[0] != n_dofs:
@@ -148,8 +143,7 @@ class Factors:
         if not isinstance(self.directions, Pieces):
             return self.directions
         columns = self.directions.to_csc()
-        for array in (columns.data, columns.indices, columns.indptr):
-            array.setflags(write=False)
+        read_only(columns.data, columns.indices, columns.indptr)
         return columns
 
     def scaled_pieces(self, layout: BlockLayout) -> Pieces:
@@ -182,12 +176,8 @@ class Factors:
         return product
 
     def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
-        """Return the labelled arrays that define W and M⁻¹, with index types that do not depend on their size."""
-        return [
-            (f"{label}{part}", array if array.dtype == np.float64 else array.astype(np.int64))
-            for label, matrix in (("W", self.force_directions), ("Minv", self.inverse_mass.matrix))
-            for part, array in (("", matrix.data), (".indices", matrix.indices), (".indptr", matrix.indptr))
-        ]
+        """Return the labelled arrays that define W and M⁻¹."""
+        return [*sparse_numbers("W", self.force_directions), *sparse_numbers("Minv", self.inverse_mass.matrix)]
 
     def fresh(self) -> "Factors":
         """Return equal factors that share no memory with these."""
@@ -212,14 +202,23 @@ def as_sparse_input(given: Any, name: str) -> Any:
     raise ProblemError(f"{name} must be a matrix of real numbers, dense or scipy sparse, got {type(given).__name__}.")
 
 
-def _check_finite(matrix: Any, name: str) -> None:
-    """Raise ``ProblemError`` that names the first entry which is not finite; make the arrays read-only."""
+def check_finite(matrix: Any, name: str) -> None:
+    """Look at the entries of a CSR or CSC matrix, and make its arrays read-only.
+
+    Raises:
+        ProblemError: that names the first entry which is not finite.
+    """
     if not np.isfinite(matrix.data).all():
         entries = matrix.tocoo()
         at = int(np.argmin(np.isfinite(entries.data)))
         raise ProblemError(f"{name}[{entries.row[at]}, {entries.col[at]}] = {entries.data[at]} must be finite.")
-    for array in (matrix.data, matrix.indices, matrix.indptr):
-        array.setflags(write=False)
+    read_only(matrix.data, matrix.indices, matrix.indptr)
+
+
+def sparse_numbers(label: str, matrix: Any) -> list[tuple[str, np.ndarray[Any, Any]]]:
+    """Return the labelled arrays of a canonical CSR or CSC matrix, with index types that do not depend on its size."""
+    indices, starts = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
+    return [(label, matrix.data), (f"{label}.indices", indices), (f"{label}.indptr", starts)]
 
 
 def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray
 from ..errors import ProblemError
+from .answer import ratio
 from .laws import LawKind, Laws
 from .model import Model
 from .projections import onto_friction_cone, onto_polygon
@@ -86,7 +87,7 @@ class Residual:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
-        return _relative(_squared_violations(*self._arguments, impulses, velocity, self._squares), self.scale)
+        return ratio(_squared_violations(*self._arguments, impulses, velocity, self._squares), self.scale)
 
 
 class ModelResidual(Residual):
@@ -100,7 +101,7 @@ class ModelResidual(Residual):
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
-        return _relative(_violations(self._problem, self, impulses, velocity, self._model).max(initial=0.0), self.scale)
+        return ratio(_violations(self._problem, self, impulses, velocity, self._model).max(initial=0.0), self.scale)
 
 
 def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
@@ -129,15 +130,15 @@ def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.C
     energy = _largest_ratio(violation, np.sqrt(alpha))
     natural_map = _natural_map(problem, given, velocity)
     norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
-    infeasible = residual.infeasible
+    infeasible, normal = residual.infeasible, problem.laws.first_row[~problem.laws.is_friction]
     return Verdict(
-        residual=np.inf if infeasible else _relative(violation.max(initial=0.0), residual.scale),
-        energy_residual=np.inf if infeasible else _relative(energy, energy_scale),
-        natural_map_q=_relative(natural_map, norms[0]),
-        natural_map_max=_relative(natural_map, max(norms)),
-        penetration_velocity=_penetration_velocity(problem, velocity),
+        residual=np.inf if infeasible else ratio(violation.max(initial=0.0), residual.scale),
+        energy_residual=np.inf if infeasible else ratio(energy, energy_scale),
+        natural_map_q=ratio(natural_map, norms[0]),
+        natural_map_max=ratio(natural_map, max(norms)),
+        penetration_velocity=float((-velocity[normal]).max(initial=0.0)),
         cone_violation=_cone_violation(problem, given),
-        complementarity=_complementarity(problem, given, velocity),
+        complementarity=float(np.abs(given[normal] * velocity[normal]).max(initial=0.0)),
         dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
         velocity_error=_velocity_error(problem, velocity, residual.scale),
         infeasible=infeasible,
@@ -214,12 +215,10 @@ def convex_obstacle(problem: "ContactProblem") -> str | None:
     """Say why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
     layout = problem.layout
     remote = np.flatnonzero(layout.partner != np.arange(layout.n_blocks))
-    if len(remote):
-        law = int(layout.friction_law[remote[0]])
-        return (
-            f"friction law {law} is bounded by a unilateral law that it does not follow, so contact and cone are apart"
-        )
-    return None
+    if not len(remote):
+        return None
+    law = int(layout.friction_law[remote[0]])
+    return f"friction law {law} is bounded by a unilateral law that it does not follow, so contact and cone are apart"
 
 
 def _convex_violations(
@@ -269,11 +268,9 @@ def _bounds(problem: "ContactProblem", impulses: FloatArray) -> FloatArray:
 def _tangent(problem: "ContactProblem", rows: FloatArray) -> FloatArray:
     """Both tangential entries of every friction law, the second 0 for planar ones, shape (n_friction_laws, 2)."""
     laws = problem.laws
-    friction = laws.is_friction
-    first = laws.first_row[friction]
-    second = np.where(laws.kind[friction] == LawKind.SPATIAL_FRICTION, first + 1, 0)
-    other = np.where(second > 0, rows[second], 0.0)
-    return np.column_stack([rows[first], other])
+    first = laws.first_row[laws.is_friction]
+    second = np.where(laws.kind[laws.is_friction] == LawKind.SPATIAL_FRICTION, first + 1, 0)
+    return np.column_stack([rows[first], np.where(second > 0, rows[second], 0.0)])
 
 
 @njit(cache=True)
@@ -308,11 +305,6 @@ def _natural_map(problem: "ContactProblem", impulses: FloatArray, velocity: Floa
     return float(np.sqrt(((lanes[:, 0] - normal) ** 2).sum() + ((lanes[:, 1:] - tangent) ** 2).sum()))
 
 
-def _penetration_velocity(problem: "ContactProblem", velocity: FloatArray) -> float:
-    laws = problem.laws
-    return float((-velocity[laws.first_row[~laws.is_friction]]).max(initial=0.0))
-
-
 def _cone_violation(problem: "ContactProblem", impulses: FloatArray) -> float:
     laws = problem.laws
     pulling = (-impulses[laws.first_row[~laws.is_friction]]).max(initial=0.0)
@@ -320,23 +312,10 @@ def _cone_violation(problem: "ContactProblem", impulses: FloatArray) -> float:
     return float(max(pulling, (tangent - _bounds(problem, impulses)[laws.is_friction]).max(initial=0.0)))
 
 
-def _complementarity(problem: "ContactProblem", impulses: FloatArray, velocity: FloatArray) -> float:
-    rows = problem.laws.first_row[~problem.laws.is_friction]
-    return float(np.abs(impulses[rows] * velocity[rows]).max(initial=0.0))
-
-
 def _velocity_error(problem: "ContactProblem", velocity: FloatArray, scale: float) -> float | None:
     if problem.answer is None or problem.answer.velocity is None:
         return None
-    return _relative(float(np.abs(velocity - problem.answer.velocity).max(initial=0.0)), scale)
-
-
-def _relative(value: float, scale: float) -> float:
-    """Return value / scale with 0/0 = 0 and x/0 = inf; NaN reads as inf."""
-    if value == 0.0:
-        return 0.0
-    ratio = float(value) / scale if scale > 0.0 else np.inf
-    return ratio if ratio == ratio else np.inf
+    return ratio(float(np.abs(velocity - problem.answer.velocity).max(initial=0.0)), scale)
 
 
 def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:

@@ -19,12 +19,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, frozen
+from ..arrays import FloatArray, frozen, read_only
 from ..errors import ProblemError
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
 from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
-from .factors import Factors, as_sparse_input
+from .factors import Factors, as_sparse_input, check_finite, sparse_numbers
 from .laws import Laws
 from .pieces import Pieces
 
@@ -154,10 +154,9 @@ class ContactProblem:
 
     @cached_property
     def _delassus_blocks(self) -> DelassusBlocks:
-        if self.factors is not None:
-            return blocks_from_pieces(self.factor_pieces())
-        assert self.matrix is not None
-        return blocks_from_matrix(self.matrix, self.layout)
+        if self.matrix is not None:
+            return blocks_from_matrix(self.matrix, self.layout)
+        return blocks_from_pieces(self.factor_pieces())
 
     def factor_pieces(self) -> Pieces:
         """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, cut at the first call and kept.
@@ -184,10 +183,9 @@ class ContactProblem:
     @cached_property
     def delassus_diagonal(self) -> FloatArray:
         """Diagonal of G [1/kg], shape (n_rows,), found without assembling G."""
-        if self.factors is not None:
-            return frozen(self.layout.unpad(self.factor_pieces().square_sums()), np.float64)
-        assert self.matrix is not None
-        return frozen(self.matrix.diagonal(), np.float64)
+        if self.matrix is not None:
+            return frozen(self.matrix.diagonal(), np.float64)
+        return frozen(self.layout.unpad(self.factor_pieces().square_sums()), np.float64)
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
         """Return ξ = G Λ + c [m/s], shape (n_rows,), from whichever form the problem holds."""
@@ -218,8 +216,7 @@ class ContactProblem:
         ]
         if self.factors is not None:
             return numbers + self.factors.numbers()
-        assert self.matrix is not None
-        return [*numbers, *_csr_numbers("G", self.matrix)]
+        return numbers + sparse_numbers("G", self.matrix)
 
     def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
         """Return the same numbers under another name, with ``provenance`` added."""
@@ -266,22 +263,16 @@ def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_a
     if matrix.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {matrix.shape}.")
     matrix.sum_duplicates()
-    bad = np.flatnonzero(~np.isfinite(matrix.data))
-    if len(bad):
-        coordinates = matrix.tocoo()
-        row, column = int(coordinates.row[bad[0]]), int(coordinates.col[bad[0]])
-        raise ProblemError(f"G[{row}, {column}] = {matrix.data[bad[0]]} must be finite.")
+    check_finite(matrix, "G")
     diagonal = matrix.diagonal()
-    negative = np.flatnonzero(diagonal < 0)
-    if len(negative):
-        row = int(negative[0])
+    if (diagonal < 0).any():
+        row = int(np.argmax(diagonal < 0))
         raise ProblemError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
     if not allow_asymmetric:
         _check_symmetry(matrix, SINGLE_SYMMETRY_TOLERANCE if is_single else SYMMETRY_TOLERANCE)
         if is_single:
             matrix = sp.csr_array(0.5 * (matrix + matrix.T))
-    for array in (matrix.data, matrix.indices, matrix.indptr):
-        array.setflags(write=False)
+            read_only(matrix.data, matrix.indices, matrix.indptr)
     return matrix
 
 
@@ -295,12 +286,3 @@ def _check_symmetry(matrix: sp.csr_array, tolerance: float) -> None:
             f"G[{row}, {column}] = {matrix[row, column]} but G[{column}, {row}] = {matrix[column, row]}: "
             "G must be symmetric (allow_asymmetric=True admits public data that is not)."
         )
-
-
-def _csr_numbers(label: str, matrix: sp.csr_array) -> list[tuple[str, np.ndarray[Any, Any]]]:
-    """Return the arrays of a canonical CSR matrix with index types that do not depend on its size."""
-    return [
-        (label, matrix.data),
-        (f"{label}.indices", matrix.indices.astype(np.int64)),
-        (f"{label}.indptr", matrix.indptr.astype(np.int64)),
-    ]

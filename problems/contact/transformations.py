@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import Answer
+from .factors import Factors
 from .laws import ROWS_OF_KIND, LawKind, Laws
 from .problem import ContactProblem
 
@@ -52,9 +53,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
     place[-1] = -1  # answers for partner −1
     old = problem.laws
     new_laws = _laws(old.kind[laws], old.friction_coefficient[laws], old.fixed_bound[laws], place[old.partner[laws]])
-    rows = _rows_of_laws(old, laws)
-    back = sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
-    return _congruent(problem, back, new_laws, "permuted")
+    return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
 def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
@@ -90,8 +89,7 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
         np.append(old.partner, partner),
     )
     rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
-    back = sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
-    return _congruent(problem, back, new_laws, "duplicated")
+    return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
 
 
 def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> Transformed:
@@ -100,8 +98,7 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
     G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ.
     """
     speed, impulse = time / length, time / (mass * length)
-    old, answer = problem.laws, problem.answer
-    laws = replace(old, fixed_bound=old.fixed_bound * impulse)
+    answer, factors, matrix = problem.answer, problem.factors, problem.matrix
     if answer is not None:
         answer = replace(
             answer,
@@ -110,31 +107,20 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
             values=None if answer.values is None else impulse * answer.values,
             witness=None if answer.witness is None else impulse * answer.witness,
         )
-    back = sp.csr_array(sp.eye_array(problem.n_rows) / impulse)
-    name = f"{problem.name} in other units"
-    if problem.factors is None:
-        matrix = problem.delassus() * mass
-        made = ContactProblem.from_delassus(
-            matrix,
-            speed * problem.free_velocity,
-            laws=laws,
-            name=name,
-            answer=answer,
-            allow_asymmetric=problem.allow_asymmetric,
-        )
-    else:
-        factors = problem.factors
+    if factors is not None:
         motion = None if factors.free_motion is None else speed * factors.free_motion
-        made = ContactProblem.from_factors(
-            factors.force_directions,
-            factors.inverse_mass.matrix * mass,
-            speed * problem.free_velocity,
-            laws=laws,
-            free_motion=motion,
-            name=name,
-            answer=answer,
-        )
-    return Transformed(made, back)
+        factors = Factors.create(factors.force_directions, factors.inverse_mass.matrix * mass, motion)
+    made = replace(
+        problem,
+        free_velocity=speed * problem.free_velocity,
+        laws=replace(problem.laws, fixed_bound=problem.laws.fixed_bound * impulse),
+        matrix=None if matrix is None else matrix * mass,
+        factors=factors,
+        name=f"{problem.name} in other units",
+        provenance={},
+        answer=answer,
+    )
+    return Transformed(made, sp.csr_array(sp.eye_array(problem.n_rows) / impulse))
 
 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
@@ -144,16 +130,15 @@ def united(problems: Sequence[ContactProblem]) -> ContactProblem:
     """
     matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
     c = np.concatenate([problem.free_velocity for problem in problems])
-    first = np.concatenate([[0], np.cumsum([problem.laws.n_laws for problem in problems])])[:-1]
-    partner = [
-        np.where(problem.laws.partner >= 0, problem.laws.partner + offset, -1)
-        for problem, offset in zip(problems, first, strict=True)
-    ]
+    parts = [problem.laws for problem in problems]
+    first = np.cumsum([0, *(part.n_laws for part in parts)])
     laws = _laws(
-        np.concatenate([problem.laws.kind for problem in problems]),
-        np.concatenate([problem.laws.friction_coefficient for problem in problems]),
-        np.concatenate([problem.laws.fixed_bound for problem in problems]),
-        np.concatenate(partner),
+        np.concatenate([part.kind for part in parts]),
+        np.concatenate([part.friction_coefficient for part in parts]),
+        np.concatenate([part.fixed_bound for part in parts]),
+        np.concatenate(
+            [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first[:-1], strict=True)]
+        ),
     )
     return ContactProblem.from_delassus(matrix, c, laws=laws, answer=_united_answer(problems))
 
@@ -162,22 +147,17 @@ def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
     answers = [problem.answer or Answer() for problem in problems]
     if not all(answer.solvable for answer in answers):
         return Answer(solvable=False)
-    impulses: tuple[FloatArray, ...] = ()
-    if all(len(answer.impulses) == 1 for answer in answers):
-        impulses = (np.concatenate([answer.impulses[0] for answer in answers]),)
-    velocities = [answer.velocity for answer in answers]
-    velocity = None
-    if all(known is not None for known in velocities):
-        velocity = np.concatenate([known for known in velocities if known is not None])
+    has_one = all(len(answer.impulses) == 1 for answer in answers)
+    velocities = [answer.velocity for answer in answers if answer.velocity is not None]
     parts = [
         np.zeros((0, problem.n_rows)) if answer.functionals is None else answer.functionals
         for problem, answer in zip(problems, answers, strict=True)
     ]
-    values = [np.zeros(0) if answer.values is None else answer.values for answer in answers]
+    values = [answer.values for answer in answers if answer.values is not None]
     has_sums = any(len(part) for part in parts)
     return Answer(
-        impulses=impulses,
-        velocity=velocity,
+        impulses=(np.concatenate([answer.impulses[0] for answer in answers]),) if has_one else (),
+        velocity=np.concatenate(velocities) if len(velocities) == len(answers) else None,
         functionals=sp.block_diag(parts).toarray() if has_sums else None,
         values=np.concatenate(values) if has_sums else None,
         sensitivity=max(answer.sensitivity for answer in answers),
@@ -195,30 +175,29 @@ def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str
             solvable=answer.solvable,
             sensitivity=answer.sensitivity,
         )
-    name, c = f"{problem.name}, {how}", forth @ problem.free_velocity
-    if problem.factors is not None:
-        factors = problem.factors
-        made = ContactProblem.from_factors(
-            sp.csc_array(factors.force_directions @ back),
-            factors.inverse_mass.matrix,
-            c,
-            laws=laws,
-            free_motion=factors.free_motion,
-            name=name,
-            answer=answer,
-        )
-        return Transformed(made, back)
-    matrix = sp.csr_array(forth @ problem.delassus() @ back)
-    asymmetric = problem.allow_asymmetric
-    made = ContactProblem.from_delassus(
-        matrix if asymmetric else 0.5 * (matrix + matrix.T),
-        c,
+    factors, matrix = problem.factors, problem.matrix
+    if factors is not None:
+        directions = sp.csc_array(factors.force_directions @ back)
+        factors = Factors.create(directions, factors.inverse_mass, factors.free_motion)
+    if matrix is not None:
+        matrix = sp.csr_array(forth @ matrix @ back)
+        matrix = matrix if problem.allow_asymmetric else 0.5 * (matrix + matrix.T)
+    made = replace(
+        problem,
+        free_velocity=forth @ problem.free_velocity,
         laws=laws,
-        name=name,
+        matrix=matrix,
+        factors=factors,
+        name=f"{problem.name}, {how}",
+        provenance={},
         answer=answer,
-        allow_asymmetric=asymmetric,
     )
     return Transformed(made, back)
+
+
+def _selection(problem: ContactProblem, rows: IntArray) -> sp.csr_array:
+    """Return T whose columns take ``rows`` of the old problem, one each."""
+    return sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
 
 
 def _laws_of_contacts(problem: ContactProblem) -> list[IntArray]:
