@@ -105,6 +105,15 @@ class Laws:
         return int(self.first_row[-1] + ROWS_OF_KIND[self.kind[-1]]) if len(self.kind) else 0
 
     @staticmethod
+    def in_order(
+        kind: ArrayLike, friction_coefficient: FloatArray, fixed_bound: FloatArray, partner: IntArray
+    ) -> "Laws":
+        """Return laws that tile the rows in the order given; arguments as the attributes."""
+        kinds = np.asarray(kind, dtype=np.int8)
+        first_row = np.cumsum(np.append(0, ROWS_OF_KIND[kinds]))[:-1]
+        return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)
+
+    @staticmethod
     def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
         """Return ``n_contacts`` equal contacts with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3).
 
@@ -130,15 +139,12 @@ class Laws:
 def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
     """Return one contact for each μ, with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3)."""
     n_contacts = len(coefficient)
-    index = np.arange(n_contacts, dtype=np.int64)
+    zeros, none = np.zeros(n_contacts), np.full(n_contacts, -1)
     if dim == 1:
-        zeros = np.zeros(n_contacts)
-        return Laws(np.zeros(n_contacts, dtype=np.int8), index, zeros, zeros, np.full(n_contacts, -1))
-    kind = np.tile(np.array([0, dim - 1], dtype=np.int8), n_contacts)
-    first_row = np.column_stack([dim * index, dim * index + 1]).ravel()
-    mu = np.column_stack([np.zeros(n_contacts), coefficient]).ravel()
-    partner = np.column_stack([np.full(n_contacts, -1), 2 * index]).ravel()
-    return Laws(kind, first_row, mu, np.zeros(2 * n_contacts), partner)
+        return Laws.in_order(np.zeros(n_contacts, dtype=np.int8), zeros, zeros, none)
+    mu = np.column_stack([zeros, coefficient]).ravel()
+    partner = np.column_stack([none, 2 * np.arange(n_contacts)]).ravel()
+    return Laws.in_order(np.tile([0, dim - 1], n_contacts), mu, np.zeros(2 * n_contacts), partner)
 
 
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:

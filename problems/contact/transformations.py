@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
@@ -52,7 +52,9 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
     place[laws] = np.arange(len(laws))
     place[-1] = -1  # answers for partner −1
     old = problem.laws
-    new_laws = _laws(old.kind[laws], old.friction_coefficient[laws], old.fixed_bound[laws], place[old.partner[laws]])
+    new_laws = Laws.in_order(
+        old.kind[laws], old.friction_coefficient[laws], old.fixed_bound[laws], place[old.partner[laws]]
+    )
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
@@ -82,7 +84,7 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
     fixed = old.fixed_bound.copy()
     fixed[laws] *= 0.5
     partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
-    new_laws = _laws(
+    new_laws = Laws.in_order(
         np.append(old.kind, old.kind[laws]),
         np.append(old.friction_coefficient, old.friction_coefficient[laws]),
         np.append(fixed, fixed[laws]),
@@ -132,7 +134,7 @@ def united(problems: Sequence[ContactProblem]) -> ContactProblem:
     c = np.concatenate([problem.free_velocity for problem in problems])
     parts = [problem.laws for problem in problems]
     first = np.cumsum([0, *(part.n_laws for part in parts)])
-    laws = _laws(
+    laws = Laws.in_order(
         np.concatenate([part.kind for part in parts]),
         np.concatenate([part.friction_coefficient for part in parts]),
         np.concatenate([part.fixed_bound for part in parts]),
@@ -210,9 +212,3 @@ def _laws_of_contacts(problem: ContactProblem) -> list[IntArray]:
 def _rows_of_laws(laws: Laws, chosen: IntArray) -> IntArray:
     rows = [np.arange(laws.first_row[law], laws.first_row[law] + ROWS_OF_KIND[laws.kind[law]]) for law in chosen]
     return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
-
-
-def _laws(kind: NDArray[np.int8], friction: FloatArray, fixed: FloatArray, partner: IntArray) -> Laws:
-    """Return laws that tile the rows in the order given."""
-    first_row = np.concatenate([[0], np.cumsum(ROWS_OF_KIND[kind])])[:-1]
-    return Laws(kind, first_row, friction, fixed, partner)

@@ -32,30 +32,26 @@ def _supports() -> dict[str, Maker]:
 
 
 def _stacks() -> dict[str, Maker]:
-    made: dict[str, Maker] = {
-        "hard-stack-10": lambda: stacks.stack(np.ones(10)),
-        "hard-stack-100": lambda: stacks.stack(np.ones(100)),
-        "hard-stack-10-top-heavy": lambda: stacks.stack(stacks.top_heavy(10, 100.0)),
-        "hard-stack-2-top-heavy": lambda: stacks.stack(stacks.top_heavy(2, 1e6)),
+    top, bottom = stacks.top_heavy, stacks.bottom_heavy
+    masses = {
+        "10": np.ones(10),
+        "100": np.ones(100),
+        "10-top-heavy": top(10, 100.0),
+        "2-top-heavy": top(2, 1e6),
+        **{
+            f"{n}-top-1e{k}": top(n, 10.0**k)
+            for n, k in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8), (100, 4), (100, 8))
+        },
+        **{f"{n}-bottom-1e{k}": bottom(n, 10.0**k) for n, k in ((2, 8), (10, 4), (10, 8), (100, 8))},
+        "10-growing-1e8": np.geomspace(1.0, 1e8, 10),
+        "10-shrinking-1e8": np.geomspace(1.0, 1e8, 10)[::-1],
+        "100-alternating-1e4": np.resize([1.0, 1e4], 100),
     }
-    for n, ratio in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8), (100, 4), (100, 8)):
-        made[f"hard-stack-{n}-top-1e{ratio}"] = lambda n=n, ratio=ratio: stacks.stack(  # type: ignore[misc]
-            stacks.top_heavy(n, 10.0**ratio)
-        )
-    for n, ratio in ((2, 8), (10, 4), (10, 8), (100, 8)):
-        made[f"hard-stack-{n}-bottom-1e{ratio}"] = lambda n=n, ratio=ratio: stacks.stack(  # type: ignore[misc]
-            stacks.bottom_heavy(n, 10.0**ratio)
-        )
     return {
-        **made,
-        "hard-stack-10-growing-1e8": lambda: stacks.stack(stacks.geometric(10, 1e8)),
-        "hard-stack-10-shrinking-1e8": lambda: stacks.stack(stacks.geometric(10, 1e8)[::-1]),
-        "hard-stack-100-alternating-1e4": lambda: stacks.stack(stacks.alternating(100, 1e4)),
-        "hard-tower-3": lambda: stacks.sliding_tower(np.ones(3)),
-        "hard-tower-10": lambda: stacks.sliding_tower(np.ones(10)),
-        "hard-tower-100": lambda: stacks.sliding_tower(np.ones(100)),
-        "hard-tower-10-top-1e4": lambda: stacks.sliding_tower(stacks.top_heavy(10, 1e4)),
-        "hard-tower-10-bottom-1e8": lambda: stacks.sliding_tower(stacks.bottom_heavy(10, 1e8)),
+        **{f"hard-stack-{key}": partial(stacks.stack, values) for key, values in masses.items()},
+        **{f"hard-tower-{n}": partial(stacks.sliding_tower, np.ones(n)) for n in (3, 10, 100)},
+        "hard-tower-10-top-1e4": partial(stacks.sliding_tower, top(10, 1e4)),
+        "hard-tower-10-bottom-1e8": partial(stacks.sliding_tower, bottom(10, 1e8)),
         "hard-scaled-rows": stacks.scaled_rows,
         **{f"hard-scaled-rows-{n}": partial(stacks.scaled_rows, n) for n in (3, 15)},
         **{f"hard-scaled-tower-{n}": partial(stacks.scaled_tower, n) for n in (10, 30)},
@@ -120,12 +116,13 @@ def _rods() -> dict[str, Maker]:
 
 
 def _spheres() -> dict[str, Maker]:
-    made: dict[str, Maker] = {}
-    for friction in (0.1, 1.0, 10.0):
-        for word, excess in (("below", -1e-9), ("critical", 0.0), ("above", 1e-9)):
-            made[f"hard-incline-mu{friction:g}-{word}"] = partial(spheres.incline, friction, excess)
+    angles = {"below": -1e-9, "critical": 0.0, "above": 1e-9}
     return {
-        **made,
+        **{
+            f"hard-incline-mu{mu:g}-{word}": partial(spheres.incline, mu, angles[word])
+            for mu in (0.1, 1.0, 10.0)
+            for word in angles
+        },
         "hard-inclines-30": partial(spheres.inclines, 30),
         "hard-rolling-sphere": partial(spheres.incline, 0.3, 0.0, 3.5),
         "hard-rolling-sphere-below": partial(spheres.incline, 0.3, -1e-9, 3.5),
@@ -165,15 +162,10 @@ def _degenerate() -> dict[str, Maker]:
 
 
 def _mixed() -> dict[str, Maker]:
-    def slider(**units: float) -> Maker:
-        return lambda: in_units(supports.sliding_block(), **units).problem
+    def measured(make: Maker, **units: float) -> Maker:
+        return lambda: in_units(make(), **units).problem
 
-    def tower(**units: float) -> Maker:
-        return lambda: in_units(stacks.sliding_tower(np.ones(10)), **units).problem
-
-    def joint(**units: float) -> Maker:
-        return lambda: in_units(mixed.mixed_laws(), **units).problem
-
+    slider, tower, joint = supports.sliding_block, partial(stacks.sliding_tower, np.ones(10)), mixed.mixed_laws
     milligram, tonne = {"mass": 1e-6, "length": 1e-6}, {"mass": 1e3, "length": 1e3}
     return {
         "hard-tresca-joint": mixed.tresca_joint,
@@ -184,41 +176,34 @@ def _mixed() -> dict[str, Maker]:
         "hard-disconnected-parts": mixed.disconnected_parts,
         "hard-disconnected-parts-few": mixed.few_parts,
         "hard-disconnected-parts-twice": mixed.disconnected_twice,
-        "hard-slider-in-um-mg": slider(**milligram),
-        "hard-slider-in-km-t": slider(**tonne),
-        "hard-tower-in-um-mg": tower(**milligram),
-        "hard-tower-in-km-t": tower(**tonne),
-        "hard-mixed-laws-in-um-mg": joint(**milligram),
-        "hard-mixed-laws-in-km-t": joint(**tonne, time=3600.0),
+        "hard-slider-in-um-mg": measured(slider, **milligram),
+        "hard-slider-in-km-t": measured(slider, **tonne),
+        "hard-tower-in-um-mg": measured(tower, **milligram),
+        "hard-tower-in-km-t": measured(tower, **tonne),
+        "hard-mixed-laws-in-um-mg": measured(joint, **milligram),
+        "hard-mixed-laws-in-km-t": measured(joint, **tonne, time=3600.0),
     }
 
 
 def _random() -> dict[str, Maker]:
-    rng = partial(np.random.default_rng, 5)
+    solved, braced, single = families.with_solution, families.braced, families.single_precision
+    spectrum, rank = np.geomspace(1e-4, 1.0, 60), np.append(np.random.default_rng(5).random(20), np.zeros(40))
     return {
-        "hard-random-frictionless": partial(families.with_solution, Family(40, 1, n_dofs=30), 1),
-        "hard-random-frictionless-masses": partial(
-            families.with_solution, Family(40, 1, n_dofs=60, mass_range=10, density=0.1), 2
-        ),
-        "hard-random-planar": partial(families.with_solution, Family(20, 2, n_dofs=50, friction=0.25), 3),
-        "hard-random-redundant": partial(families.with_solution, Family(30, 3, n_dofs=30, friction=0.25), 4),
-        "hard-random-sparse-300": partial(
-            families.with_solution, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5
-        ),
-        "hard-random-mu8": partial(families.with_solution, Family(20, 3, n_dofs=90, friction=8.0), 6),
-        "hard-random-spectrum": lambda: families.with_spectrum(np.geomspace(1e-4, 1.0, 60), 3, 0.25, 7),
-        "hard-random-rank": lambda: families.with_spectrum(np.append(rng().random(20), np.zeros(40)), 3, 0.25, 8),
-        "hard-braced": partial(families.braced, Family(20, 3, n_dofs=40, friction=0.5), 9),
-        "hard-braced-mu10": partial(families.braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
-        "hard-braced-redundant-mu1": partial(families.braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
-        "hard-float32": partial(families.single_precision, Family(10, 3, n_dofs=40, friction=0.25), 12),
-        "hard-float32-frictionless-20": partial(families.single_precision, Family(20, 1, n_dofs=15), 13),
-        "hard-float32-assembled-5": partial(
-            families.single_precision, Family(5, 2, n_dofs=12, friction=0.25), 14, assembled=True
-        ),
-        "hard-float32-sparse-100": partial(
-            families.single_precision, Family(100, 3, n_dofs=300, density=0.01, friction=0.5), 15
-        ),
+        "hard-random-frictionless": partial(solved, Family(40, 1, n_dofs=30), 1),
+        "hard-random-frictionless-masses": partial(solved, Family(40, 1, n_dofs=60, mass_range=10, density=0.1), 2),
+        "hard-random-planar": partial(solved, Family(20, 2, n_dofs=50, friction=0.25), 3),
+        "hard-random-redundant": partial(solved, Family(30, 3, n_dofs=30, friction=0.25), 4),
+        "hard-random-sparse-300": partial(solved, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5),
+        "hard-random-mu8": partial(solved, Family(20, 3, n_dofs=90, friction=8.0), 6),
+        "hard-random-spectrum": partial(families.with_spectrum, spectrum, 3, 0.25, 7),
+        "hard-random-rank": partial(families.with_spectrum, rank, 3, 0.25, 8),
+        "hard-braced": partial(braced, Family(20, 3, n_dofs=40, friction=0.5), 9),
+        "hard-braced-mu10": partial(braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
+        "hard-braced-redundant-mu1": partial(braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
+        "hard-float32": partial(single, Family(10, 3, n_dofs=40, friction=0.25), 12),
+        "hard-float32-frictionless-20": partial(single, Family(20, 1, n_dofs=15), 13),
+        "hard-float32-assembled-5": partial(single, Family(5, 2, n_dofs=12, friction=0.25), 14, assembled=True),
+        "hard-float32-sparse-100": partial(single, Family(100, 3, n_dofs=300, density=0.01, friction=0.5), 15),
     }
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .scale import WEIGHT
+from .bodies import WEIGHT, bodies
 from .stacks import sliding_tower
 
 
@@ -47,9 +47,7 @@ def grazing(n: int) -> ContactProblem:
     motion = np.zeros(n)
     motion[-1] = -1.0
     answer = Answer(impulses=(np.ones(n),), velocity=np.zeros(n), sensitivity=float(n * n))
-    return ContactProblem.from_factors(
-        directions, np.ones(n), directions.T @ motion, dim=1, free_motion=motion, answer=answer
-    )
+    return bodies(directions, np.ones(n), motion, dim=1, answer=answer)
 
 
 def touching() -> ContactProblem:

@@ -11,7 +11,6 @@ beside the chosen one, unless normal impulses alone bear the load (``braced``).
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
@@ -55,9 +54,7 @@ def with_solution(family: Family, seed: int) -> ContactProblem:
     c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
     unique = family.dim == 1 or family.friction == 0.0
     answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(
-        sp.csc_array(directions), inverse_mass, c, family.friction, dim=family.dim, answer=answer
-    )
+    return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
 
 
 def braced(family: Family, seed: int) -> ContactProblem:
@@ -73,9 +70,7 @@ def braced(family: Family, seed: int) -> ContactProblem:
     impulses = bearing.ravel()
     c = -(directions.T @ (inverse_mass * (directions @ impulses)))
     answer = Answer(velocity=np.zeros(len(c)), witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(
-        sp.csc_array(directions), inverse_mass, c, family.friction, dim=family.dim, answer=answer
-    )
+    return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
 
 
 def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
@@ -103,20 +98,13 @@ def single_precision(family: Family, seed: int, assembled: bool = False) -> Cont
     """
     whole = with_solution(family, seed)
     assert whole.factors is not None
+    c, friction = whole.free_velocity.astype(np.float32), np.float32(family.friction)
     if assembled:
-        return ContactProblem.from_delassus(
-            whole.delassus().toarray().astype(np.float32),
-            whole.free_velocity.astype(np.float32),
-            np.float32(family.friction),
-            dim=family.dim,
-            answer=whole.answer,
-        )
-    directions = whole.factors.force_directions.toarray().astype(np.float32)
+        delassus = whole.delassus().toarray().astype(np.float32)
+        return ContactProblem.from_delassus(delassus, c, friction, dim=family.dim, answer=whole.answer)
+    directions = whole.factors.force_directions.astype(np.float32)
     inverse_mass = whole.factors.inverse_mass.matrix.diagonal().astype(np.float32)
-    c = whole.free_velocity.astype(np.float32)
-    return ContactProblem.from_factors(
-        directions, inverse_mass, c, np.float32(family.friction), dim=family.dim, answer=whole.answer
-    )
+    return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim=family.dim, answer=whole.answer)
 
 
 def _factors(family: Family, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -18,13 +18,8 @@ def tresca_joint() -> ContactProblem:
 
     Λ = −0.2 (slip), −0.1 (stick), and −0.2 · (0.6, 0.8) (slip).
     """
-    laws = Laws(
-        np.array([LawKind.PLANAR_FRICTION, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION]),
-        np.array([0, 1, 2]),
-        np.zeros(3),
-        np.full(3, 0.2),
-        np.full(3, -1),
-    )
+    kind = [LawKind.PLANAR_FRICTION, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION]
+    laws = Laws.in_order(kind, np.zeros(3), np.full(3, 0.2), np.full(3, -1))
     impulses = np.array([-0.2, -0.1, -0.12, -0.16])
     c = np.array([1.0, 0.1, 3.0, 4.0])
     answer = Answer(impulses=(impulses,), velocity=impulses + c)
@@ -39,22 +34,15 @@ def mixed_laws(copies: int = 1) -> ContactProblem:
     """
     one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
     kind = np.tile([0, 0, 0, 1, 0, 1, 0, 2, 0, 2, 1], copies)
-    first_row = np.concatenate([[0], np.cumsum(np.where(kind == LawKind.SPATIAL_FRICTION, 2, 1))[:-1]])
     partner = np.concatenate([np.where(one >= 0, one + 11 * copy, -1) for copy in range(copies)])
-    friction = np.where(partner >= 0, 0.5, 0.0)
-    fixed = np.where(kind > 0, 0.1, 0.0)
+    laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind > 0, 0.1, 0.0), partner)
     impulses = np.tile([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1], copies)
     velocity = np.tile([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7], copies)
     n_rows = 13 * copies
     root = np.random.default_rng(2).normal(size=(n_rows, n_rows))
     delassus = np.eye(n_rows) + 0.02 * (root @ root.T) / n_rows
     answer = Answer(impulses=(impulses,), velocity=velocity)
-    return ContactProblem.from_delassus(
-        delassus,
-        velocity - delassus @ impulses,
-        laws=Laws(kind, first_row, friction, fixed, partner),
-        answer=answer,
-    )
+    return ContactProblem.from_delassus(delassus, velocity - delassus @ impulses, laws=laws, answer=answer)
 
 
 def remote_partner() -> ContactProblem:
@@ -63,8 +51,8 @@ def remote_partner() -> ContactProblem:
     Two separate contacts close with Λ_N = 1 each. The first planar friction law belongs to the second of them and slips
     at its bound 0.5, the second to the first and sticks with 0.25.
     """
-    kind = np.array([LawKind.UNILATERAL, LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_FRICTION])
-    laws = Laws(kind, np.arange(4), np.array([0.0, 0.0, 0.5, 0.5]), np.zeros(4), np.array([-1, -1, 1, 0]))
+    kind = np.repeat([LawKind.UNILATERAL, LawKind.PLANAR_FRICTION], 2)
+    laws = Laws.in_order(kind, np.array([0.0, 0.0, 0.5, 0.5]), np.zeros(4), np.array([-1, -1, 1, 0]))
     impulses = np.array([1.0, 1.0, -0.5, 0.25])
     c = np.array([-1.0, -1.0, 1.5, -0.25])
     answer = Answer(impulses=(impulses,), velocity=impulses + c)
@@ -77,10 +65,9 @@ def remote_brakes(n: int) -> ContactProblem:
     The spatial friction law k, μ = 0.5, is bounded by the impulse of the contact after contact k. Those of even k slip
     with Λ_T = −0.5 Λ_N (0.6, 0.8), the others stick with 0.25 Λ_N (0.6, 0.8).
     """
-    kind = np.repeat([int(LawKind.UNILATERAL), int(LawKind.SPATIAL_FRICTION)], n)
+    kind = np.repeat([LawKind.UNILATERAL, LawKind.SPATIAL_FRICTION], n)
     partner = np.concatenate([np.full(n, -1), np.roll(np.arange(n), -1)])
-    first_row = np.concatenate([np.arange(n), n + 2 * np.arange(n)])
-    laws = Laws(kind, first_row, np.repeat([0.0, 0.5], n), np.zeros(2 * n), partner)
+    laws = Laws.in_order(kind, np.repeat([0.0, 0.5], n), np.zeros(2 * n), partner)
     normal, direction = np.resize([1.0, 2.0, 3.0], n), np.array([0.6, 0.8])
     slips = np.arange(n) % 2 == 0
     tangent = np.where(slips, -0.5, 0.25) * np.roll(normal, -1)

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .scale import GRAVITY, TIME_STEP
+from .bodies import WEIGHT
 
 
 def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3.5) -> ContactProblem:
@@ -40,9 +40,7 @@ def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactP
     The critical angle is tan θ = μ · compliance: a block stays up to it and slides with g (sin θ − μ cos θ) beyond, a
     sphere rolls up to it and slides beyond.
     """
-    slope = np.arctan(friction * compliance) + excess
-    c = GRAVITY * TIME_STEP * np.array([[-np.cos(slope), np.sin(slope), 0.0]])
-    return separate_contacts(c, np.array([friction]), compliance)
+    return _on_inclines(np.array([friction]), np.array([excess]), compliance)
 
 
 def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProblem:
@@ -53,13 +51,8 @@ def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProbl
     critical = np.arctan(3.5 * friction * (1.0 + restitution))
     angle = critical * (1.0 + np.linspace(-0.5, 0.5, n))
     heading = np.linspace(0.0, 6.0, n)
-    c = np.column_stack(
-        [
-            -(1.0 + restitution) * np.cos(angle),
-            np.sin(angle) * np.cos(heading),
-            np.sin(angle) * np.sin(heading),
-        ]
-    )
+    along, across = np.sin(angle) * np.cos(heading), np.sin(angle) * np.sin(heading)
+    c = np.column_stack([-(1.0 + restitution) * np.cos(angle), along, across])
     return separate_contacts(c, np.full(n, friction))
 
 
@@ -74,7 +67,10 @@ def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
 
     The inclines are 1e-9 rad below, at and above their critical angle in turn, see ``incline``.
     """
-    friction = np.geomspace(0.05, 10.0, n)
-    slope = np.arctan(friction * compliance) + np.resize([-1e-9, 0.0, 1e-9], n)
-    c = GRAVITY * TIME_STEP * np.column_stack([-np.cos(slope), np.sin(slope), np.zeros(n)])
+    return _on_inclines(np.geomspace(0.05, 10.0, n), np.resize([-1e-9, 0.0, 1e-9], n), compliance)
+
+
+def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) -> ContactProblem:
+    slope = np.arctan(friction * compliance) + excess
+    c = WEIGHT * np.column_stack([-np.cos(slope), np.sin(slope), np.zeros(len(slope))])
     return separate_contacts(c, friction, compliance)

@@ -5,7 +5,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .scale import GRAVITY, TIME_STEP, WEIGHT
+from .bodies import WEIGHT, bodies
 
 
 def stack(masses: FloatArray) -> ContactProblem:
@@ -15,13 +15,9 @@ def stack(masses: FloatArray) -> ContactProblem:
     Σ_{j≥k} m_j Σ_{i≤j} v_i, at most n v/(g Δt) relative to Λ_k, in the impulses.
     """
     n = len(masses)
-    directions = np.eye(n) - np.eye(n, k=1)
-    motion = np.full(n, -GRAVITY * TIME_STEP)
-    impulses = GRAVITY * TIME_STEP * np.cumsum(masses[::-1])[::-1]
+    impulses = WEIGHT * np.cumsum(masses[::-1])[::-1]
     answer = Answer(impulses=(impulses,), velocity=np.zeros(n), sensitivity=float(max(n, 2)))
-    return ContactProblem.from_factors(
-        directions, 1.0 / masses, directions.T @ motion, dim=1, free_motion=motion, answer=answer
-    )
+    return bodies(np.eye(n) - np.eye(n, k=1), 1.0 / masses, np.full(n, -WEIGHT), dim=1, answer=answer)
 
 
 def top_heavy(n: int, ratio: float) -> FloatArray:
@@ -34,16 +30,6 @@ def bottom_heavy(n: int, ratio: float) -> FloatArray:
     return top_heavy(n, ratio)[::-1].copy()
 
 
-def geometric(n: int, ratio: float) -> FloatArray:
-    """Return masses [kg] of ``n`` blocks, from below, that grow to ``ratio`` by equal factors."""
-    return np.geomspace(1.0, ratio, n)
-
-
-def alternating(n: int, ratio: float) -> FloatArray:
-    """Return masses [kg] of ``n`` blocks, from below, 1 and ``ratio`` in turn."""
-    return np.where(np.arange(n) % 2, ratio, 1.0)
-
-
 def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     """Return a spatial stack of point masses that slides as one body along (3, 4)/5 at 1 m/s.
 
@@ -53,24 +39,15 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     1 m/s − μ g Δt and all others stick. A residual ρ is ρ m/s at each contact, 100 n ρ of what the weights need.
     """
     n, direction = len(masses), np.array([0.6, 0.8])
-    column = np.eye(n) - np.eye(n, k=1)
-    directions = np.zeros((3 * n, 3 * n))
-    for lane, axis in enumerate((2, 0, 1)):
-        directions[axis::3, lane::3] = column
+    directions = np.kron(np.eye(n) - np.eye(n, k=1), np.eye(3)[:, [2, 0, 1]])
     motion = np.tile([*direction, -WEIGHT], n)
     normal = WEIGHT * np.cumsum(masses[::-1])[::-1]
     impulses = np.column_stack([normal, *(-friction * normal * part for part in direction)]).ravel()
     velocity = np.zeros(3 * n)
     velocity[1:3] = (1.0 - friction * WEIGHT) * direction
     coefficient = np.where(np.arange(n) == 0, friction, 2.0 * friction)
-    return ContactProblem.from_factors(
-        directions,
-        np.repeat(1.0 / masses, 3),
-        directions.T @ motion,
-        coefficient,
-        free_motion=motion,
-        answer=Answer(impulses=(impulses,), velocity=velocity, sensitivity=200.0 * n),
-    )
+    answer = Answer(impulses=(impulses,), velocity=velocity, sensitivity=200.0 * n)
+    return bodies(directions, np.repeat(1.0 / masses, 3), motion, coefficient, answer=answer)
 
 
 UNITS = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
@@ -122,8 +99,7 @@ def cradle(n: int, restitution: float) -> ContactProblem:
     (1 + e)/n − e, hence Λ_k = (n − k)(1 + e)/n for the contact behind ball k.
     """
     directions = (np.eye(n, k=-1) - np.eye(n))[:, : n - 1]
-    motion = np.zeros(n)
-    motion[0] = 1.0
+    motion = np.eye(n)[0]
     c = (1.0 + restitution) * (directions.T @ motion)
     impulses = (1.0 + restitution) * np.arange(n - 1, 0, -1) / n
     answer = Answer(impulses=(impulses,), velocity=np.zeros(n - 1), sensitivity=float(n * n))

@@ -4,7 +4,10 @@ import numpy as np
 
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .scale import GRAVITY, TIME_STEP, WEIGHT
+from .bodies import WEIGHT, bodies
+
+DISC = np.array([1.0, 1.0, 2.0])
+"""Diagonal of M⁻¹ of a disc of 1 kg, whose lengths are its radius."""
 
 
 def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
@@ -13,13 +16,12 @@ def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
     Without friction Λ_N = m g Δt/(2 sin α) at each wall; with friction u = 0 is unique (the walls bear the disc without
     it, see ``supports``) and Λ is not.
     """
-    weight, sin, cos = GRAVITY * TIME_STEP, np.sin(half_angle), np.cos(half_angle)
+    sin, cos = np.sin(half_angle), np.cos(half_angle)
     normals = np.array([[cos, -cos], [sin, sin]])
-    motion = np.array([0.0, -weight, 0.0])
     sensitivity = 10.0 / min(sin, cos) ** 2
     if friction == 0.0:
-        answer = Answer(impulses=(np.full(2, weight / (2.0 * sin)),), velocity=np.zeros(2), sensitivity=sensitivity)
-        return ContactProblem.from_factors(normals, np.ones(2), normals.T @ motion[:2], dim=1, answer=answer)
+        answer = Answer(impulses=(np.full(2, WEIGHT / (2.0 * sin)),), velocity=np.zeros(2), sensitivity=sensitivity)
+        return bodies(normals, np.ones(2), np.array([0.0, -WEIGHT]), dim=1, answer=answer)
     directions = np.zeros((3, 4))
     directions[:2, 0::2] = normals
     directions[:2, 1::2] = np.array([[-sin, -sin], [cos, -cos]])
@@ -27,11 +29,10 @@ def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
     answer = Answer(
         velocity=np.zeros(4),
         functionals=directions[:2],
-        values=np.array([0.0, weight]),
+        values=np.array([0.0, WEIGHT]),
         sensitivity=sensitivity * (1.0 + friction),
     )
-    inverse_mass = np.array([1.0, 1.0, 2.0])
-    return ContactProblem.from_factors(directions, inverse_mass, directions.T @ motion, friction, dim=2, answer=answer)
+    return bodies(directions, DISC, np.array([0.0, -WEIGHT, 0.0]), friction, dim=2, answer=answer)
 
 
 def arch(n: int, friction: float) -> ContactProblem:
@@ -52,23 +53,17 @@ def arch(n: int, friction: float) -> ContactProblem:
         directions[k + 1, :, k, 0], directions[k, :, k, 0] = normal, -normal
         directions[k + 1, :, k, 1], directions[k, :, k, 1] = tangent + turn, -tangent + turn
     free = directions[1:-1].reshape(3 * n, 2 * (n + 1))
-    motion = np.tile([0.0, -WEIGHT, 0.0], n)
-    inverse_mass = np.tile([1.0, 1.0, 2.0], n)
+    motion, inverse_mass = np.tile([0.0, -WEIGHT, 0.0], n), np.tile(DISC, n)
     if friction == 0.0:
-        normals = free[:, 0::2]
         answer = Answer(impulses=(bearing,), velocity=np.zeros(n + 1), sensitivity=100.0 * n * n)
-        return ContactProblem.from_factors(
-            normals, inverse_mass, normals.T @ motion, dim=1, free_motion=motion, answer=answer
-        )
+        return bodies(free[:, 0::2], inverse_mass, motion, dim=1, answer=answer)
     answer = Answer(
         velocity=np.zeros(2 * (n + 1)),
         functionals=free,
         values=-motion / inverse_mass,
         sensitivity=100.0 * n * n * (1.0 + friction),
     )
-    return ContactProblem.from_factors(
-        free, inverse_mass, free.T @ motion, friction, dim=2, free_motion=motion, answer=answer
-    )
+    return bodies(free, inverse_mass, motion, friction, dim=2, answer=answer)
 
 
 def chimney(friction: float) -> ContactProblem:
@@ -78,14 +73,9 @@ def chimney(friction: float) -> ContactProblem:
     the two balances are known, and with p = 0 the disc falls freely.
     """
     directions = np.zeros((3, 4))
-    directions[0, 0::2] = np.array([1.0, -1.0])
-    directions[1, 1::2] = 1.0
-    directions[2, 1::2] = np.array([-1.0, 1.0])
-    motion = np.array([0.0, -WEIGHT, 0.0])
+    directions[0, 0::2], directions[1, 1::2], directions[2, 1::2] = (1.0, -1.0), 1.0, (-1.0, 1.0)
     answer = Answer(functionals=directions[[0, 2]], values=np.zeros(2), witness=np.zeros(4))
-    return ContactProblem.from_factors(
-        directions, np.array([1.0, 1.0, 2.0]), directions.T @ motion, friction, dim=2, answer=answer
-    )
+    return bodies(directions, DISC, np.array([0.0, -WEIGHT, 0.0]), friction, dim=2, answer=answer)
 
 
 def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
@@ -98,13 +88,7 @@ def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     directions = np.zeros((2, 2 * n))
     directions[:, 0::2] = np.array([np.sin(tilt), np.cos(tilt)])
     directions[:, 1::2] = np.array([np.cos(tilt), -np.sin(tilt)])
-    motion = np.array([0.0, -WEIGHT])
-    values = np.array([0.0, WEIGHT])
-    if friction == 0.0:
-        normals = directions[:, 0::2]
-        answer = Answer(velocity=np.zeros(n), functionals=normals, values=values, sensitivity=n / angle)
-        return ContactProblem.from_factors(normals, np.ones(2), normals.T @ motion, dim=1, answer=answer)
-    answer = Answer(velocity=np.zeros(2 * n), functionals=directions, values=values, sensitivity=n / angle)
-    return ContactProblem.from_factors(
-        directions, np.ones(2), directions.T @ motion, friction, dim=2, free_motion=motion, answer=answer
-    )
+    acting, dim = (directions, 2) if friction else (directions[:, 0::2], 1)
+    values, velocity = np.array([0.0, WEIGHT]), np.zeros(dim * n)
+    answer = Answer(velocity=velocity, functionals=acting, values=values, sensitivity=n / angle)
+    return bodies(acting, np.ones(2), np.array([0.0, -WEIGHT]), friction, dim, answer=answer)

@@ -130,11 +130,11 @@ class AccelerationLaws:
         """
         equations = self.constraints(position, velocity, candidates)
         _, normal = _rows(candidates, self.width)
-        law = np.arange(len(normal))
         is_friction = normal < 0
         coefficient = np.where(is_friction, np.asarray(self.system.friction)[equations.rows // self.width], 0.0)
-        kind = np.where(is_friction, LawKind.PLANAR_FRICTION, LawKind.UNILATERAL).astype(np.int8)
-        laws = Laws(kind, law, coefficient, np.zeros(len(law)), np.where(is_friction, law - 1, -1))
+        kind = np.where(is_friction, LawKind.PLANAR_FRICTION, LawKind.UNILATERAL)
+        partner = np.where(is_friction, np.arange(len(normal)) - 1, -1)
+        laws = Laws.in_order(kind, coefficient, np.zeros(len(normal)), partner)
         return ContactProblem.from_delassus(equations.matrix, equations.free, laws=laws, allow_asymmetric=True)
 
 
