@@ -16,20 +16,10 @@ LARGEST_ARCHIVE = 2**30
 
 MOST_ARRAYS = 64
 
-
-_DAMAGES = (
-    ValueError,
-    EOFError,
-    RuntimeError,
-    TypeError,
-    KeyError,
-    MemoryError,
-    OverflowError,
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-)
+DAMAGES = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
 """What reading raises where the content is not as it should be."""
+
+_UNPACKING = (*DAMAGES, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error)
 
 
 class ArchiveError(ValueError):
@@ -57,7 +47,7 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
                     arrays[member.filename.removesuffix(".npy")] = _array(file, member.file_size)
     except ArchiveError:
         raise
-    except _DAMAGES as error:
+    except _UNPACKING as error:
         raise ArchiveError(f"it cannot be unpacked ({type(error).__name__})") from None
     if len(arrays) != len(members):
         raise ArchiveError("two of its arrays have the same name")

@@ -17,9 +17,13 @@ from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal, get_args
 
 from ..errors import PluginError, first_line
+
+Kind = Literal["solver", "problem", "scene"]
+
+_EXAMPLES = {"problem": '{"my-problem": my_problem}', "scene": '{"my_scene": my_scene}'}
 
 
 @dataclass(frozen=True)
@@ -79,12 +83,16 @@ class PluginFile:
         except (Exception, SystemExit) as error:
             raise PluginError(f"{self.source} fails to import{where(error, self.path)}: {first_line(error)}.") from None
 
-    def solvers(self) -> dict[str, Callable[..., Any]]:
-        """Return what it offers as solvers, by name.
+    def offered(self, kind: Kind) -> dict[str, Callable[..., Any]]:
+        """Return the classes or functions that it offers of one kind, by name.
 
         Raises:
-            PluginError: if SOLVERS is no list of classes, or two of them have one name.
+            PluginError: if SOLVERS is no list of classes, two of them have one name, or PROBLEMS or SCENES is no
+                dictionary of functions.
         """
+        return self._solvers() if kind == "solver" else self._functions(f"{kind.upper()}S", _EXAMPLES[kind])
+
+    def _solvers(self) -> dict[str, Callable[..., Any]]:
         offered = getattr(self.module(), "SOLVERS", [])
         if not isinstance(offered, list | tuple) or not all(callable(one) for one in offered):
             raise PluginError(f"{self.source}: SOLVERS must be a list of solver classes, SOLVERS = [MySolver].")
@@ -93,22 +101,6 @@ class PluginFile:
         if twice is not None:
             raise PluginError(f"{self.source}: SOLVERS offers the name {twice!r} twice; rename or remove one of them.")
         return dict(zip(names, offered, strict=True))
-
-    def problems(self) -> dict[str, Callable[..., Any]]:
-        """Return what it offers as problems, by name.
-
-        Raises:
-            PluginError: if PROBLEMS is no dictionary of functions.
-        """
-        return self._functions("PROBLEMS", '{"my-problem": my_problem}')
-
-    def scenes(self) -> dict[str, Callable[..., Any]]:
-        """Return what it offers as scenes, by name.
-
-        Raises:
-            PluginError: if SCENES is no dictionary of functions.
-        """
-        return self._functions("SCENES", '{"my_scene": my_scene}')
 
     def _functions(self, variable: str, example: str) -> dict[str, Callable[..., Any]]:
         offered = getattr(self.module(), variable, {})
@@ -120,7 +112,7 @@ class PluginFile:
 
     def check_offers(self) -> None:
         """Raise ``PluginError`` if it offers nothing, and name what it may have meant to offer."""
-        if self.solvers() or self.problems() or self.scenes():
+        if any([self.offered(kind) for kind in get_args(Kind)]):
             return
         candidates = [
             name
@@ -129,7 +121,7 @@ class PluginFile:
         ]
         raise PluginError(
             f"{self.source} offers nothing; list its solver classes, SOLVERS = [{', '.join(candidates) or 'MySolver'}]"
-            ', its problems, PROBLEMS = {"my-problem": my_problem}, or its scenes, SCENES = {"my_scene": my_scene}.'
+            f", its problems, PROBLEMS = {_EXAMPLES['problem']}, or its scenes, SCENES = {_EXAMPLES['scene']}."
         )
 
 

@@ -7,22 +7,17 @@ that two plugins share: which of them a table shows must not depend on the order
 
 import re
 import sys
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import metadata
-from typing import Any, Literal
+from typing import Any, get_args
 
 from ..errors import PluginError, first_line
-from .plugin_files import PluginFile, make_importable
+from .plugin_files import Kind, PluginFile, make_importable
 
-Kind = Literal["solver", "problem", "scene"]
-
-KINDS: tuple[Kind, ...] = ("solver", "problem", "scene")
-
-_GROUPS: dict[Kind, str] = {kind: f"proxbench.{kind}s" for kind in KINDS}
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 _NAMES: dict[Kind, tuple[str, str]] = {
     "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a class"),
@@ -30,17 +25,21 @@ _NAMES: dict[Kind, tuple[str, str]] = {
     "problem": (r"[A-Za-z0-9][A-Za-z0-9._-]*", "made of letters, digits, '.', '_' and '-'"),
 }
 
-_files: dict[str, PluginFile] = {}
-"""Registered plugin files by path, for this process."""
-
 Names = Mapping[Kind, Sequence[str]]
 """What a plugin file offers, by kind."""
 
-_names: dict[str, Names] = {}
-"""What registered files offer, by path, where it is known without running them."""
 
-_elsewhere: set[str] = set()
-"""Paths of the files that this process never runs."""
+@dataclass(frozen=True)
+class _Registered:
+    """A plugin file, what it offers as far as that is known without running it, and whether this process may run it."""
+
+    file: PluginFile
+    names: Names | None
+    runs_here: bool
+
+
+_registered: dict[str, _Registered] = {}
+"""Registered plugin files by path, for this process."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +88,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
         taken: the names of Proxbench itself.
     """
     found = [*_from_files(kind), *_from_packages(kind)]
-    counts = Counter(offer.name for offer in found)
-    return [_judged(offer, taken, found) if _suspect(offer, taken, counts) else offer for offer in found]
+    return [replace(offer, refusal=_refusal(offer, taken, found)) for offer in found]
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
@@ -102,62 +100,48 @@ def register(file: PluginFile, names: Names | None = None, runs_here: bool = Tru
         runs_here: whether this process may run it. If not, its names are known, and nothing can be made of them.
     """
     path = str(file.path)
-    if _files.get(path) != file:
+    before = _registered.get(path)
+    if before is None or before.file != file:
         make_importable(file)
-        _files[path] = file
-        _names.pop(path, None)
-    if names is not None:
-        _names[path] = names
-    (_elsewhere.discard if runs_here else _elsewhere.add)(path)
+    elif names is None:
+        names = before.names
+    _registered[path] = _Registered(file, names, runs_here)
 
 
 def forget(file: PluginFile) -> None:
     """Take a plugin file back."""
-    path = str(file.path)
-    _files.pop(path, None)
-    _names.pop(path, None)
-    _elsewhere.discard(path)
+    _registered.pop(str(file.path), None)
 
 
 def registered() -> list[tuple[PluginFile, Names | None]]:
     """Return the plugin files that this process knows, each with what it offers, None where that is not known."""
-    return [(file, _names.get(path)) for path, file in _files.items()]
+    return [(one.file, one.names) for one in _registered.values()]
 
 
 def _from_files(kind: Kind) -> Iterator[Offer]:
-    for path, file in _files.items():
-        names = _names.get(path)
-        for name in _offered(file, kind) if names is None else names.get(kind, ()):
-            yield Offer(kind, name, file.source, partial(_get, file, kind, name), file)
+    for one in _registered.values():
+        for name in one.file.offered(kind) if one.names is None else one.names.get(kind, ()):
+            yield Offer(kind, name, one.file.source, partial(_get, one.file, kind, name), one.file)
 
 
 def _get(file: PluginFile, kind: Kind, name: str) -> Any:
-    if str(file.path) in _elsewhere:
+    known = _registered.get(str(file.path))
+    if known is not None and not known.runs_here:
         raise PluginError(f"{name!r} of {file.source} is made in processes of its own, not in this one.")
-    return _offered(file, kind)[name]
-
-
-def _offered(file: PluginFile, kind: Kind) -> dict[str, Callable[..., Any]]:
-    return {"solver": file.solvers, "problem": file.problems, "scene": file.scenes}[kind]()
+    return file.offered(kind)[name]
 
 
 def _from_packages(kind: Kind) -> Iterator[Offer]:
-    for point in metadata.entry_points(group=_GROUPS[kind]):
+    for point in metadata.entry_points(group=f"proxbench.{kind}s"):
         package = f"package {point.dist.name} {point.dist.version}" if point.dist else "a package"
         yield Offer(kind, point.name, package, point.load)
 
 
-def _suspect(offer: Offer, taken: Collection[str], counts: Counter[str]) -> bool:
-    return offer.name in taken or counts[offer.name] > 1 or not re.fullmatch(_NAMES[offer.kind][0], offer.name)
-
-
-def _judged(offer: Offer, taken: Collection[str], found: list[Offer]) -> Offer:
-    """Return an offer with the reason for its refusal."""
+def _refusal(offer: Offer, taken: Collection[str], found: list[Offer]) -> str:
     said = f"{offer.source} offers the {offer.kind} {offer.name!r}"
     if offer.name in taken:
-        reason = f"{said}, a name that Proxbench itself uses; give it another name."
-    elif others := [other.source for other in found if other.name == offer.name and other is not offer]:
-        reason = f"{said}, and {others[0]} offers the same name; rename or remove one of them."
-    else:
-        reason = f"{said}, but a {offer.kind}'s name must be {_NAMES[offer.kind][1]}."
-    return Offer(offer.kind, offer.name, offer.source, offer.get, offer.file, reason)
+        return f"{said}, a name that Proxbench itself uses; give it another name."
+    if others := [other.source for other in found if other.name == offer.name and other is not offer]:
+        return f"{said}, and {others[0]} offers the same name; rename or remove one of them."
+    pattern, meaning = _NAMES[offer.kind]
+    return "" if re.fullmatch(pattern, offer.name) else f"{said}, but a {offer.kind}'s name must be {meaning}."

@@ -2,18 +2,20 @@
 
 import io
 import json
+from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..contact.answer import Answer
 from ..contact.factors import Factors, InverseMass
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
-from .archive import ArchiveError, read_arrays
+from .archive import DAMAGES, ArchiveError, read_arrays
 from .atomic_file import replacing
 
 FORMAT = 1
@@ -21,8 +23,7 @@ FORMAT = 1
 
 SUFFIX = ".npz"
 
-_DAMAGES = (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError)
-"""What reading raises where the content is not as it should be."""
+_OF_LAWS = [field.name for field in fields(Laws)]
 
 
 def save_problem(problem: ContactProblem, path: Path | str) -> None:
@@ -77,9 +78,9 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
         raise ProblemError(f"{name} is damaged or no problem file: {error}; remove it and generate it again.") from None
-    except _DAMAGES as error:
-        if isinstance(error, ProblemError):
-            raise
+    except ProblemError:
+        raise
+    except (OSError, *DAMAGES):
         raise ProblemError(f"{name} is damaged or no problem file; remove it and generate it again.") from None
     if problem.digest != digest:
         raise ProblemError(f"{name} does not match its digest; remove it and generate it again.")
@@ -87,7 +88,6 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
 
 
 def _arrays(problem: ContactProblem) -> dict[str, Any]:
-    laws = problem.laws
     about = {
         "format": FORMAT,
         "name": problem.name,
@@ -98,11 +98,7 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
     arrays: dict[str, Any] = {
         "about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
         "c": problem.free_velocity,
-        "kind": laws.kind,
-        "friction_coefficient": laws.friction_coefficient,
-        "fixed_bound": laws.fixed_bound,
-        "partner": laws.partner.astype(np.int32),
-        "first_row": laws.first_row.astype(np.int32),
+        **{key: _short(getattr(problem.laws, key)) for key in _OF_LAWS},
     }
     if problem.factors is not None:
         arrays |= _compressed("W", problem.factors.force_directions)
@@ -111,24 +107,22 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
             arrays["free_motion"] = problem.factors.free_motion
     else:
         arrays |= _compressed("G", problem.delassus())
-    answer = problem.answer
-    if answer is not None:
-        arrays["answer.solvable"] = np.array(answer.solvable)
-        if answer.impulses:
-            arrays["answer.impulses"] = np.array(answer.impulses)
-        arrays["answer.sensitivity"] = np.array(answer.sensitivity)
-        for key in ("velocity", "functionals", "values", "witness"):
-            if getattr(answer, key) is not None:
-                arrays[f"answer.{key}"] = getattr(answer, key)
-    return arrays
+    known = {} if problem.answer is None else vars(problem.answer)
+    is_known = {key: value is not None and (key != "impulses" or value) for key, value in known.items()}
+    return arrays | {f"answer.{key}": np.array(value) for key, value in known.items() if is_known[key]}
+
+
+def _short(array: NDArray[Any]) -> NDArray[Any]:
+    """Return indices in 32 bits, and any other numbers as they are."""
+    return array.astype(np.int32) if array.dtype == np.int64 else array
 
 
 def _compressed(label: str, matrix: Any) -> dict[str, Any]:
     """Return the arrays of a CSR or CSC matrix, its index type as it is: the digest does not depend on it."""
     return {
         f"{label}.data": matrix.data,
-        f"{label}.indices": matrix.indices.astype(np.int32),
-        f"{label}.indptr": matrix.indptr.astype(np.int32),
+        f"{label}.indices": _short(matrix.indices),
+        f"{label}.indptr": _short(matrix.indptr),
         f"{label}.shape": np.array(matrix.shape),
     }
 
@@ -141,13 +135,7 @@ def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
         raise ValueError("it does not say what it is")
     if about["format"] != FORMAT:
         raise ProblemError(f"{name} has format {about['format']}, this version reads format {FORMAT}.")
-    laws = Laws(
-        content["kind"],
-        content["first_row"],
-        content["friction_coefficient"],
-        content["fixed_bound"],
-        content["partner"],
-    )
+    laws = Laws(*(content[key] for key in _OF_LAWS))
     attributes = {
         "name": about["name"],
         "provenance": about["provenance"],
@@ -174,14 +162,8 @@ def _matrix(kind: Any, content: dict[str, Any], label: str) -> Any:
 
 
 def _answer(content: dict[str, Any]) -> Answer | None:
-    if "answer.solvable" not in content:
+    known = {key.removeprefix("answer."): value for key, value in content.items() if key.startswith("answer.")}
+    if "solvable" not in known:
         return None
-    return Answer(
-        impulses=tuple(content.get("answer.impulses", ())),
-        velocity=content.get("answer.velocity"),
-        functionals=content.get("answer.functionals"),
-        values=content.get("answer.values"),
-        solvable=bool(content["answer.solvable"]),
-        witness=content.get("answer.witness"),
-        sensitivity=float(content.get("answer.sensitivity", Answer.sensitivity)),
-    )
+    known |= {"solvable": bool(known["solvable"]), "impulses": tuple(known.get("impulses", ()))}
+    return Answer(**{**known, "sensitivity": float(known.get("sensitivity", Answer.sensitivity))})

@@ -40,10 +40,11 @@ class Answer:
                 raise ProblemError(f"answer.{name} must have shape ({n_rows},), got {np.shape(known)}.")
         if (self.functionals is None) != (self.values is None):
             raise ProblemError("answer.functionals and answer.values belong together; one of them is missing.")
-        if self.values is not None and np.shape(self.functionals) != (len(self.values), n_rows):
-            raise ProblemError(
-                f"answer.functionals must have shape (len(values), {n_rows}), got {np.shape(self.functionals)}."
-            )
+        if self.functionals is None or self.values is None:
+            return
+        if np.shape(self.functionals) != (len(self.values), n_rows):
+            shape = np.shape(self.functionals)
+            raise ProblemError(f"answer.functionals must have shape (len(values), {n_rows}), got {shape}.")
 
     def impulse_error(self, impulses: ArrayLike) -> float | None:
         """Return the largest deviation from the known impulses, or from the known sums [N s]; None if neither is known.

@@ -39,7 +39,7 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     1 m/s − μ g Δt and all others stick. A residual ρ is ρ m/s at each contact, 100 n ρ of what the weights need.
     """
     n, direction = len(masses), np.array([0.6, 0.8])
-    directions = np.kron(np.eye(n) - np.eye(n, k=1), np.eye(3)[:, [2, 0, 1]])
+    directions = np.kron(np.eye(n) - np.eye(n, k=1), np.eye(3)[:, [2, 0, 1]]).astype(np.float64)
     motion = np.tile([*direction, -WEIGHT], n)
     normal = WEIGHT * np.cumsum(masses[::-1])[::-1]
     impulses = np.column_stack([normal, *(-friction * normal * part for part in direction)]).ravel()
