@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from ...problems.mechanics.state import State
-from ...problems.stepping.accepted_step import AcceptedStep, SwitchingPoint
-from ...problems.stepping.contact_states import LawStates
+from ...problems.stepping.accepted_step import AcceptedStep
+from ...problems.stepping.contact_states import LawStates, SwitchingPoint
 from ...problems.trajectories.limit_cycle import Incident
 from ...solvers.interface import Status
 from ..report.text import counted

@@ -6,17 +6,14 @@ from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from typing import Any
 
-import numpy as np
-
-from ..arrays import FloatArray
 from ..errors import PluginError, ProblemError, first_line, suggestion
 from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
-from ..mechanics.system import MechanicalSystem, System
+from ..mechanics.system import System
 from ..names import check_options
 from ..scenes.funnel import TIME_STEP
 from ..scenes.registry import SCENES, read_scene
-from ..scenes.scene import Scene
+from ..scenes.scene import Scene, kinetic_energy
 from .plugins import Offer, offers
 
 LENGTH = 1.0
@@ -101,18 +98,7 @@ def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> S
         length=float(system.radii.max()) if isinstance(system, BallSystem) else LENGTH,
         step_size=TIME_STEP,
         duration=1.0,
-        kinetic_energy=_kinetic_energy(system, made[1]),
+        kinetic_energy=kinetic_energy(system, made[1]),
         potential_energy=lambda position: 0.0,
         n_balls=system.n_balls if isinstance(system, BallSystem) else 0,
     )
-
-
-def _kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float]:
-    """Return u ↦ T [J], with the mass matrix at the start; a scene of its own may say better."""
-    if isinstance(system, BallSystem):
-        return system.kinetic_energy
-    if isinstance(system, MechanicalSystem):
-        mass = system.mass(start.position)
-        return lambda velocity: 0.5 * float(velocity @ mass @ velocity)
-    inverse = system.assemble(start.position, start.velocity, TIME_STEP).inverse_mass.matrix.toarray()
-    return lambda velocity: 0.5 * float(velocity @ np.linalg.solve(inverse, velocity))

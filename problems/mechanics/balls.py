@@ -146,21 +146,21 @@ class BallSystem:
         _, first, second, gap, normal = self._touching(self.centres(position))
         if not (gap < -tolerated).any():
             return None
-        starts, chunks, values = _force_directions(first, second, normal, self.radii, self.dofs_per_ball, 1)
-        return Overlaps(gap, Pieces(starts, chunks, values, self.n_balls), self.inverse_mass)
+        return Overlaps(gap, self._directions(first, second, normal, 1), self.inverse_mass)
 
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
         keys, first, second, gap, normal = self._touching(centres)
         if not len(keys):
             return None
-        starts, chunks, values = _force_directions(
-            first, second, normal, self.radii, self.dofs_per_ball, self.rows_per_contact
-        )
-        directions = Pieces(starts, chunks, values, self.n_balls)
+        directions = self._directions(first, second, normal, self.rows_per_contact)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
         restitution[:, 0] = self.restitution_normal
         laws = Laws.contacts(self.friction or 0.0, self.rows_per_contact, len(keys))
         return ActiveContacts(keys, gap, laws, directions, restitution.ravel(), self.rows_per_contact)
+
+    def _directions(self, first: IntArray, second: IntArray, normal: FloatArray, rows: int) -> Pieces:
+        starts, chunks, values = _force_directions(first, second, normal, self.radii, self.dofs_per_ball, rows)
+        return Pieces(starts, chunks, values, self.n_balls)
 
     def _touching(self, centres: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
         """Return keys, first ball, second ball (−1 for a surface), gaps and normals of all overlaps, ordered by key.
@@ -179,7 +179,8 @@ class BallSystem:
         key = np.concatenate(keys)
         order = np.argsort(key, kind="stable")  # merges runs that are sorted already
         key = key[order]
-        first, second = _bodies(key, stride, n)
+        first, second = np.divmod(key, stride)
+        second[second >= n] = -1
         return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
 
     def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
@@ -191,18 +192,6 @@ class BallSystem:
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
-
-
-@njit(cache=True)
-def _bodies(keys, stride, n):  # type: ignore[no-untyped-def]
-    """Return the first and the second ball of each key, −1 for a surface."""
-    first, second = np.empty_like(keys), np.empty_like(keys)
-    for k in range(len(keys)):
-        first[k] = keys[k] // stride
-        second[k] = keys[k] - stride * first[k]
-        if second[k] >= n:
-            second[k] = -1
-    return first, second
 
 
 @njit(cache=True)

@@ -28,7 +28,8 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
         return np.zeros((0, 2), dtype=np.int64)
     number, extent_x, extent_y = _cell_numbers(centres, centres.min(axis=0), 2.0 * radii.max())
     order = np.argsort(number, kind="stable")
-    x, y, z, r = _in_order(centres, radii, order)
+    x, y = centres[order, 0], centres[order, 1]  # in the order of cells, so that reading is local
+    z, r = centres[order, 2] if centres.shape[1] == 3 else np.zeros(n), radii[order]
     keys = np.empty(USUAL_PAIRS * n, dtype=np.int64)
     count = _pairs(x, y, z, r, order, number[order], extent_x, extent_y, keys)
     if count > len(keys):
@@ -36,8 +37,7 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
         _pairs(x, y, z, r, order, number[order], extent_x, extent_y, keys)
     keys = keys[:count]
     keys.sort()
-    pairs: IntArray = _split(keys, n)
-    return pairs
+    return np.column_stack(np.divmod(keys, n))
 
 
 @njit(cache=True)
@@ -55,19 +55,6 @@ def _cell_numbers(centres, lowest, width):  # type: ignore[no-untyped-def]
     for i in range(n):
         number[i] = cells[i, 0] + extent[0] * (cells[i, 1] + extent[1] * cells[i, 2])
     return number, extent[0], extent[1]
-
-
-@njit(cache=True)
-def _in_order(centres, radii, order):  # type: ignore[no-untyped-def]
-    """Return x, y, z (zero in the plane) and radius of the balls in ``order``, so that reading is local."""
-    n, dim = centres.shape
-    x, y, z, r = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
-    for place in range(n):
-        i = order[place]
-        x[place], y[place], r[place] = centres[i, 0], centres[i, 1], radii[i]
-        if dim == 3:
-            z[place] = centres[i, 2]
-    return x, y, z, r
 
 
 @njit(cache=True)
@@ -97,12 +84,3 @@ def _pairs(x, y, z, r, order, number, extent_x, extent_y, keys):  # type: ignore
                         keys[count] = i * n + j if i < j else j * n + i
                     count += 1
     return count
-
-
-@njit(cache=True)
-def _split(keys, n):  # type: ignore[no-untyped-def]
-    pairs = np.empty((len(keys), 2), dtype=np.int64)
-    for k in range(len(keys)):
-        pairs[k, 0] = keys[k] // n
-        pairs[k, 1] = keys[k] - n * pairs[k, 0]
-    return pairs

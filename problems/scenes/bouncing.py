@@ -8,14 +8,13 @@ import numpy as np
 from ..errors import ProblemError
 from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
-from ..mechanics.surfaces import Plane
 from ..mechanics.system import MechanicalSystem
 from .effects import Gravity, Restitution, ball_system
-from .scene import check_positive
+from .scene import GROUND, ClosedFormScene, check_positive
 
 
 @dataclass(frozen=True)
-class BouncingBall:
+class BouncingBall(ClosedFormScene):
     """A ball dropped from rest onto level ground, without friction and therefore without rotation.
 
     Attributes:
@@ -42,9 +41,8 @@ class BouncingBall:
 
     def system(self) -> BallSystem:
         """Return the ball above the ground z = 0, with 3 degrees of freedom."""
-        ground = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         effects = (Gravity(self.gravity), Restitution(self.restitution))
-        return ball_system(np.array([self.radius]), np.array([self.mass]), [ground], effects)
+        return ball_system(np.array([self.radius]), np.array([self.mass]), [GROUND], effects)
 
     def general_system(self) -> MechanicalSystem:
         """Return the same ball with the height of its centre as the only coordinate, given by functions."""

@@ -167,10 +167,5 @@ def ball_system(
     return system
 
 
-def conservative(effects: Sequence[Effect]) -> tuple[Conservative, ...]:
-    """Return those of ``effects`` that have a potential."""
-    return tuple(effect for effect in effects if isinstance(effect, Conservative))
-
-
 def _with_acceleration(system: BallSystem, acceleration: Acceleration) -> BallSystem:
     return replace(system, accelerations=(*system.accelerations, acceleration))

@@ -16,7 +16,7 @@ from ..errors import ProblemError
 from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
 from ..mechanics.surfaces import Plane, Rim, Segment, Surface
-from .effects import Conservative, Effect, Friction, Gravity, Planar, Restitution, ball_system, conservative
+from .effects import Conservative, Effect, Friction, Gravity, Planar, Restitution, ball_system
 
 RADIUS = 0.01
 DENSITY = 2500.0
@@ -104,8 +104,8 @@ class Funnel:
         return self.system()
 
     @cached_property
-    def _conservative(self) -> tuple[Conservative, ...]:
-        return conservative(self.effects)
+    def _conservative(self) -> list[Conservative]:
+        return [effect for effect in self.effects if isinstance(effect, Conservative)]
 
     @cached_property
     def _masses(self) -> FloatArray:

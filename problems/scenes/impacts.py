@@ -7,13 +7,12 @@ import numpy as np
 from ..errors import ProblemError
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
 from ..mechanics.state import State
-from ..mechanics.surfaces import Plane
 from .effects import Friction, Restitution, ball_system
-from .scene import OVERLAP, check_positive
+from .scene import GROUND, OVERLAP, ClosedFormScene, check_positive
 
 
 @dataclass(frozen=True)
-class ObliqueImpact:
+class ObliqueImpact(ClosedFormScene):
     """A homogeneous sphere without spin that hits level ground obliquely, without gravity and with ε_T = 0.
 
     Attributes:
@@ -42,13 +41,8 @@ class ObliqueImpact:
 
     def system(self) -> BallSystem:
         """Return the sphere above the ground z = 0."""
-        ground = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         effects = (Friction(self.friction), Restitution(self.restitution, 0.0))
-        return ball_system(np.array([self.radius]), np.array([self.mass]), [ground], effects)
-
-    def start(self) -> State:
-        """Return the sphere above the ground on its way down."""
-        return self.exact(0.0)
+        return ball_system(np.array([self.radius]), np.array([self.mass]), [GROUND], effects)
 
     @property
     def impact_time(self) -> float:
@@ -85,7 +79,7 @@ class ObliqueImpact:
 
 
 @dataclass(frozen=True)
-class NewtonsCradle:
+class NewtonsCradle(ClosedFormScene):
     """A row of equal balls along x that touch, struck by the first one; all impulses in one coupled impact.
 
     Attributes:
@@ -116,10 +110,6 @@ class NewtonsCradle:
         """Return the balls, without gravity, friction and ground."""
         n = self.n_balls
         return ball_system(np.full(n, self.radius), np.full(n, self.mass), [], [Restitution(self.restitution)])
-
-    def start(self) -> State:
-        """Return the striking ball on its way to the others."""
-        return self.exact(0.0)
 
     @property
     def impact_time(self) -> float:

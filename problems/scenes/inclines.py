@@ -12,12 +12,12 @@ from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
 from ..mechanics.system import MechanicalSystem
 from .effects import Friction, Gravity, ball_system
-from .scene import OVERLAP
+from .scene import OVERLAP, ClosedFormScene
 
 
 @dataclass(frozen=True)
-class SphereOnIncline:
-    """A homogeneous sphere released from rest on an incline that descends along x.
+class SphereOnIncline(ClosedFormScene):
+    """A homogeneous sphere released from rest on an incline that descends along x, which it touches at the origin.
 
     Attributes:
         slope: θ [rad].
@@ -56,10 +56,6 @@ class SphereOnIncline:
         effects = (Gravity(self.gravity), Friction(self.friction))
         return ball_system(np.array([self.radius]), np.array([self.mass]), [plane], effects)
 
-    def start(self) -> State:
-        """Return the sphere at rest, touching the incline at the origin."""
-        return self.exact(0.0)
-
     @property
     def rolls(self) -> bool:
         """Whether it rolls without slip: tan θ ≤ 7μ/2.
@@ -91,7 +87,7 @@ class SphereOnIncline:
 
 
 @dataclass(frozen=True)
-class BlockOnIncline:
+class BlockOnIncline(ClosedFormScene):
     """A block, q = (x, z) along and normal to an incline that descends along x; it cannot tip.
 
     Attributes:
@@ -130,15 +126,7 @@ class BlockOnIncline:
             restitution_tangential=[0.0],
         )
 
-    def start(self) -> State:
-        """Return the block on the incline with its initial speed."""
-        return self.exact(0.0)
-
-    def kinetic(self, velocity: FloatArray) -> float:
-        """Return ½ m u² [J] of u, shape (2,)."""
-        return 0.5 * self.mass * float(velocity @ velocity)
-
-    def potential(self, position: FloatArray) -> float:
+    def potential_energy(self, position: FloatArray) -> float:
         """Return the energy [J] of weight at q, shape (2,); 0 where the block starts to touch."""
         return self.mass * self.gravity * float(cos(self.slope) * position[1] - sin(self.slope) * position[0])
 

@@ -4,39 +4,26 @@ import inspect
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, fields
+from dataclasses import Field, fields
 from functools import partial
 from typing import Any
 
 from ..arrays import FloatArray
 from ..mechanics.balls import BallSystem
 from .bouncing import BouncingBall
+from .effects import Gravity
 from .impacts import NewtonsCradle, ObliqueImpact
 from .inclines import BlockOnIncline, SphereOnIncline
 from .options import Option
 from .resting import Stack, VGroove
 from .rolling import SlidingSphere
-from .scene import Scene, SceneKind
+from .scene import Scene, SceneKind, kinetic_energy
 
 STEP_SIZE = 1e-3
 """Δt [s] of a fixed step."""
 
 LENGTH = 0.1
 """What penetrations are related to [m] where nothing has a radius."""
-
-
-@dataclass(frozen=True)
-class _BallEnergies:
-    """Kinetic and potential energy of balls under weight alone."""
-
-    system: BallSystem
-    gravity: float
-
-    def kinetic(self, velocity: FloatArray) -> float:
-        return self.system.kinetic_energy(velocity)
-
-    def potential(self, position: FloatArray) -> float:
-        return self.gravity * float(self.system.masses @ self.system.centres(position)[:, -1])
 
 
 def _kind(made: Any, summary: str, duration: float = 1.0) -> SceneKind:
@@ -49,7 +36,7 @@ def _kind(made: Any, summary: str, duration: float = 1.0) -> SceneKind:
 def _built(made: Any, duration: float, name: str, options: Mapping[str, Any]) -> Scene:
     motion = made(**options)
     system, start = motion.system(), motion.start()
-    energies: Any = _BallEnergies(system, getattr(motion, "gravity", 0.0)) if isinstance(system, BallSystem) else motion
+    balls, weight = system if isinstance(system, BallSystem) else None, Gravity(getattr(motion, "gravity", 0.0))
     return Scene(
         name,
         options,
@@ -58,12 +45,16 @@ def _built(made: Any, duration: float, name: str, options: Mapping[str, Any]) ->
         length=getattr(motion, "radius", LENGTH),
         step_size=STEP_SIZE,
         duration=duration,
-        kinetic_energy=energies.kinetic,
-        potential_energy=energies.potential,
-        n_balls=system.n_balls if isinstance(system, BallSystem) else 0,
+        kinetic_energy=kinetic_energy(system, start),
+        potential_energy=partial(_weight, balls, weight) if balls else motion.potential_energy,
+        n_balls=balls.n_balls if balls else 0,
         has_few_contacts=True,
         exact=motion.exact,
     )
+
+
+def _weight(balls: BallSystem, weight: Gravity, position: FloatArray) -> float:
+    return weight.potential_energy(balls.centres(position), balls.masses)
 
 
 def _option(field: "Field[Any]", meaning: str) -> Option:

@@ -12,14 +12,13 @@ from .effects import Drag, Effect, Friction, Gravity, Planar, Restitution, Sprin
 from .funnel import CONE_HEIGHT, RADIUS, TIME_STEP, Funnel
 from .known_motions import KNOWN_MOTIONS
 from .options import Option, complete
-from .scene import LONGEST_STEP, Scene, SceneKind
+from .scene import Scene, SceneKind, kinetic_energy
 from .woodpecker import (
     FRICTION,
     GRAVITY,
     OVERLAP,
     POLE_RADIUS,
     RESTITUTION,
-    kinetic_energy,
     potential_energy,
     published_start,
     section_start,
@@ -110,17 +109,18 @@ def _effects(options: Mapping[str, Any]) -> tuple[Effect, ...]:
 
 def _woodpecker(name: str, options: Mapping[str, Any]) -> Scene:
     gravity = options["gravity"] or 0.0
+    system = woodpecker(options["friction"], options["restitution"] or 0.0, gravity)
+    start = published_start() if options["start"] == "published" else section_start(OVERLAP)
     return Scene(
         name,
         options,
-        woodpecker(options["friction"], options["restitution"] or 0.0, gravity),
-        published_start() if options["start"] == "published" else section_start(OVERLAP),
+        system,
+        start,
         length=POLE_RADIUS,
         step_size=2e-5,
         duration=1.0,
-        kinetic_energy=kinetic_energy,
+        kinetic_energy=kinetic_energy(system, start),
         potential_energy=lambda position: potential_energy(position, gravity),
-        longest_step=LONGEST_STEP,
         coordinates={"sleeve angle [rad]": 1, "bird angle [rad]": 2, "sleeve height [m]": 0},
         has_few_contacts=True,
     )

@@ -12,11 +12,11 @@ from ..mechanics.balls import SPHERE_INERTIA, BallSystem
 from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
 from .effects import Effect, Friction, Gravity, ball_system
-from .scene import OVERLAP
+from .scene import GROUND, OVERLAP, ClosedFormScene
 
 
 @dataclass(frozen=True)
-class Stack:
+class Stack(ClosedFormScene):
     """Balls of equal radius one upon the other, at rest on level ground.
 
     Attributes:
@@ -44,16 +44,11 @@ class Stack:
 
     def system(self) -> BallSystem:
         """Return the balls on the ground z = 0."""
-        ground = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         effects: list[Effect] = [Gravity(self.gravity)]
         if self.friction is not None:
             effects.append(Friction(self.friction))
         masses = np.array(self.masses, dtype=np.float64)
-        return ball_system(np.full(len(masses), self.radius), masses, [ground], effects)
-
-    def start(self) -> State:
-        """Return the stack at rest."""
-        return self.exact(0.0)
+        return ball_system(np.full(len(masses), self.radius), masses, [GROUND], effects)
 
     def supports(self) -> FloatArray:
         """Return the force of each contact from below [N], shape (n,): the weight above it, g Σ_{j≥k} m_j."""
@@ -69,7 +64,7 @@ class Stack:
 
 
 @dataclass(frozen=True)
-class VGroove:
+class VGroove(ClosedFormScene):
     """A homogeneous sphere released from rest in a straight groove of two walls, which may descend along x.
 
     Attributes:
@@ -113,10 +108,6 @@ class VGroove:
         if self.friction is not None:
             effects.append(Friction(self.friction))
         return ball_system(np.array([self.radius]), np.array([self.mass]), walls, effects)
-
-    def start(self) -> State:
-        """Return the sphere at rest, touching both walls."""
-        return self.exact(0.0)
 
     @property
     def wall_force(self) -> float:

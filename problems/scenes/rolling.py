@@ -6,14 +6,13 @@ import numpy as np
 
 from ..mechanics.balls import SPHERE_INERTIA, BallSystem
 from ..mechanics.state import State
-from ..mechanics.surfaces import Plane
 from .effects import Friction, Gravity, ball_system
-from .scene import OVERLAP, check_positive
+from .scene import GROUND, OVERLAP, ClosedFormScene, check_positive
 
 
 @dataclass(frozen=True)
-class SlidingSphere:
-    """A homogeneous sphere that starts to slide along x without spin.
+class SlidingSphere(ClosedFormScene):
+    """A homogeneous sphere that touches the ground at the origin and starts to slide along x without spin.
 
     Attributes:
         speed: v_0 [m/s].
@@ -37,13 +36,8 @@ class SlidingSphere:
 
     def system(self) -> BallSystem:
         """Return the sphere on the ground z = 0."""
-        ground = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
         effects = (Gravity(self.gravity), Friction(self.friction))
-        return ball_system(np.array([self.radius]), np.array([self.mass]), [ground], effects)
-
-    def start(self) -> State:
-        """Return the sphere touching the ground at the origin."""
-        return self.exact(0.0)
+        return ball_system(np.array([self.radius]), np.array([self.mass]), [GROUND], effects)
 
     @property
     def rolling_time(self) -> float:

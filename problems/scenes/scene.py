@@ -1,14 +1,19 @@
 """A scene that is ready to be simulated, and what the registry knows of one that is not built yet."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any, Protocol
+from typing import Any
+
+import numpy as np
 
 from ..arrays import FloatArray
 from ..errors import ProblemError
+from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
-from ..mechanics.system import System
+from ..mechanics.surfaces import Plane
+from ..mechanics.system import MechanicalSystem, System
 from .options import Option, OptionValue
 
 LONGEST_STEP = 0.02
@@ -77,32 +82,42 @@ OVERLAP = 1e-9
 """Depth [m] at which bodies start that touch from the beginning, so that the first step finds their contact."""
 
 
-class ClosedFormScene(Protocol):
-    """A scene with its answer."""
+GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+"""Level ground, z = 0."""
 
+
+class ClosedFormScene(ABC):
+    """A scene with its answer; subclasses are frozen dataclasses, whose fields are its options."""
+
+    @abstractmethod
     def system(self) -> System:
         """Return what moves."""
-        ...
 
     def start(self) -> State:
         """Return the state at time 0."""
-        ...
+        return self.exact(0.0)
 
+    @abstractmethod
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s] in closed form; where velocities jump, the one after the impact."""
-        ...
 
 
-def check_positive(scene: object, what: str, *names: str) -> None:
-    """Look at numbers of a scene that must be positive and finite.
+def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float]:
+    """Return u ↦ T [J] of a system, with its mass matrix at ``start``."""
+    if isinstance(system, BallSystem):
+        return system.kinetic_energy
+    if isinstance(system, MechanicalSystem):
+        mass = system.mass(start.position)
+        return lambda velocity: 0.5 * float(velocity @ mass @ velocity)
+    inverse = system.assemble(start.position, start.velocity, 1.0).inverse_mass.matrix.toarray()
+    return lambda velocity: 0.5 * float(velocity @ np.linalg.solve(inverse, velocity))
 
-    Args:
-        scene: which has them as attributes.
-        what: the scene, as the sentence calls it: "a bouncing ball".
-        names: of the numbers.
+
+def check_positive(scene: ClosedFormScene, what: str, *names: str) -> None:
+    """Look at numbers of a scene, which a sentence calls ``what``, by the ``names`` of its attributes.
 
     Raises:
-        ProblemError: for the first that is not.
+        ProblemError: for the first that is not positive and finite.
     """
     for name in names:
         value = getattr(scene, name)

@@ -104,11 +104,6 @@ def woodpecker(
     )
 
 
-def kinetic_energy(velocity: FloatArray) -> float:
-    """Return ½ uᵀ M u [J] of u, shape (3,)."""
-    return 0.5 * float(velocity @ _MASS @ velocity)
-
-
 def potential_energy(position: FloatArray, gravity: float = GRAVITY) -> float:
     """Return V [J] of weight and spring at q, shape (3,)."""
     height, sleeve, bird = position

@@ -4,29 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..mechanics.state import State
-from .contact_states import LawName, LawState, LawStates
+from .contact_states import LawStates, SwitchingPoint
 from .moreau import Step
-
-
-@dataclass(frozen=True)
-class SwitchingPoint:
-    """A law that switches.
-
-    Attributes:
-        begin: the switch is not before this time [s].
-        end: and not after this one [s].
-        law: which law of the contact.
-        contact: key of the contact.
-        before: the state of the law before.
-        after: its state after.
-    """
-
-    begin: float
-    end: float
-    law: LawName
-    contact: int
-    before: LawState
-    after: LawState
 
 
 @dataclass(frozen=True, eq=False)

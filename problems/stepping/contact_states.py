@@ -23,16 +23,20 @@ LawState = Literal["open", "closed", "stick", "slip"]
 
 
 @dataclass(frozen=True)
-class Change:
-    """A law that projects in one step and not in the next, or the reverse.
+class SwitchingPoint:
+    """A law that switches: it projects in one step and not in the next, or the reverse.
 
     Attributes:
+        begin: the switch is not before this time [s].
+        end: and not after this one [s].
         law: which law of the contact.
         contact: key of the contact.
-        before: its state before.
+        before: the state of the law before.
         after: its state after; slip after slip is one that turns round.
     """
 
+    begin: float
+    end: float
     law: LawName
     contact: int
     before: LawState
@@ -58,20 +62,20 @@ class LawStates:
         is_same = self.closed == before.closed and self.sticking == before.sticking
         return is_same and not self._turned(before)
 
-    def changes_since(self, before: "LawStates") -> list[Change]:
-        """Return what has changed since ``before``, contact by contact, the unilateral law first."""
-        changes: list[Change] = []
+    def switches_since(self, before: "LawStates", begin: float, end: float) -> tuple[SwitchingPoint, ...]:
+        """Return what has changed since ``before``, between two times [s], by contact, the unilateral law first."""
+        switches: list[SwitchingPoint] = []
         turned = self._turned(before)
         for key in sorted({*self.closed, *before.closed}):
             was, is_now = key in before.closed, key in self.closed
             if was != is_now:
-                changes.append(Change("unilateral", key, *(("closed", "open") if was else ("open", "closed"))))
+                names: tuple[LawState, LawState] = ("closed", "open") if was else ("open", "closed")
+                switches.append(SwitchingPoint(begin, end, "unilateral", key, *names))
             stuck, sticks = key in before.sticking, key in self.sticking
-            if stuck != sticks:
-                changes.append(Change("friction", key, *(("stick", "slip") if stuck else ("slip", "stick"))))
-            elif key in turned:
-                changes.append(Change("friction", key, "slip", "slip"))
-        return changes
+            if stuck != sticks or key in turned:
+                names = ("stick" if stuck else "slip", "stick" if sticks else "slip")
+                switches.append(SwitchingPoint(begin, end, "friction", key, *names))
+        return tuple(switches)
 
     def _turned(self, before: "LawStates") -> list[int]:
         both = self.slips.keys() & before.slips.keys()

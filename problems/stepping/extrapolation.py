@@ -10,16 +10,17 @@ system, p = 1 otherwise. The difference of the last two columns estimates the er
 within the step, nothing may be extrapolated: the attempt says so.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray
 from ..errors import ProblemError
 from ..mechanics.state import State
-from ..mechanics.system import Overlaps, StepAssembly, System
+from ..mechanics.system import System
 from .contact_states import LawStates, law_states
 from .moreau import ContactSolver, Moreau, Step
 
@@ -65,16 +66,17 @@ class OneStep:
     def take(self, state: State, length: float, held: tuple[int, ...] = ()) -> Step:
         """Take one step of ``length`` [s], in which contacts with the keys ``held`` do not rebound.
 
-        Solvers start from the last impulses, and those grow with the step: states hold the mean forces Λ/Δt of their
-        last step in their place.
+        Restitution belongs to impacts. A contact that stays closed has no relative velocity, but for a rest of its last
+        impact, which ε would reverse in every step: a zigzag, that no extrapolation may continue. Solvers start from
+        the last impulses, and those grow with the step: states hold the mean forces Λ/Δt of their last step in their
+        place.
 
         Raises:
             UnsolvedStepError: if the solver does not solve the inclusion, or its impulses are not finite.
         """
         self.solves += 1
         begin = replace(state, impulses=state.impulses * length)
-        system = _Held(self.system, held) if held else self.system
-        step = Moreau(system, self.solver, self.stop, length).step(begin)
+        step = Moreau(self.system, self.solver, self.stop, length).step(begin, held)
         if step.status is not None and str(step.status) != "solved":
             raise UnsolvedStepError(str(step.status))
         if not np.isfinite(step.impulses).all():
@@ -82,106 +84,8 @@ class OneStep:
         return replace(step, state=replace(step.state, impulses=step.state.impulses / length))
 
 
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """A system in which some contacts do not rebound.
-
-    Restitution belongs to impacts. A contact that stays closed has no relative velocity, but for a rest of its last
-    impact, which ε would reverse in every step: a zigzag, that no extrapolation may continue.
-    """
-
-    system: System
-    keys: tuple[int, ...]
-
-    def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        return self.system.move(position, velocity, seconds)
-
-    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
-        return self.system.gaps_below(position, limit)
-
-    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        return self.system.overlaps(position, tolerated)
-
-    def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        assembly = self.system.assemble(midpoint, velocity, seconds)
-        contacts = assembly.contacts
-        if contacts is None or not contacts.restitution.any():
-            return assembly
-        is_held = np.repeat(np.isin(contacts.keys, self.keys), contacts.rows_per_contact)
-        return replace(assembly, contacts=replace(contacts, restitution=np.where(is_held, 0.0, contacts.restitution)))
-
-
 class UnsolvedStepError(Exception):
     """The inclusion of a step was not solved; the message is the status that the solver gives."""
-
-
-@dataclass(frozen=True)
-class Extrapolation:
-    """Extrapolated sequences of 1, 2, …, ``levels`` steps, as many of them as the tolerance needs.
-
-    Attributes:
-        levels: most sequences, at least 2; order 2·levels in reversible systems, else ``levels``.
-
-    Raises:
-        ProblemError: for fewer than 2 levels.
-    """
-
-    levels: int = 4
-
-    def __post_init__(self) -> None:
-        if self.levels < 2:
-            raise ProblemError(f"levels must be at least 2, got {self.levels}.")
-
-    def attempt(
-        self, rule: OneStep, state: State, length: float, states: LawStates | None, accept: "Acceptance"
-    ) -> Attempt:
-        """Try one step of ``length`` [s] with the laws in ``states`` (any, if None) throughout."""
-        power = 2 if is_reversible(rule.system) else 1
-        row: list[FloatArray] = []
-        errors: list[float] = []
-        for n in range(1, min(self.levels, accept.levels) + 1):
-            sequence = take_sequence(rule, state, length, n, states)
-            if sequence.end is None:
-                return sequence
-            states, last = sequence.states, sequence.end
-            row = _next_row(row, _joined(last), power)
-            if n > 1:
-                errors.append(accept.error(row[-1] - row[-2]))
-                if errors[-1] <= accept.tolerance:
-                    break
-        position, velocity = np.split(row[-1], [len(state.position)])
-        if _turns(sequence.substeps[-1][0], sequence.states, velocity):
-            return Attempt(None, [], sequence.states, [])
-        end = State(state.time + length, position, velocity, last.keys, last.impulses)
-        return Attempt(end, errors, sequence.states, sequence.substeps)
-
-    def order(self, levels: int, system: System) -> int:
-        """Power of the step with which the error estimate with ``levels`` sequences falls."""
-        return 2 * levels - 1 if is_reversible(system) else levels
-
-
-@dataclass(frozen=True)
-class StepDoubling:
-    """One step against two halves, whose difference is the error; the halves are kept as they are."""
-
-    levels: int = field(default=2, init=False)
-
-    def attempt(
-        self, rule: OneStep, state: State, length: float, states: LawStates | None, accept: "Acceptance"
-    ) -> Attempt:
-        """Try one step of ``length`` [s] with the laws in ``states`` (any, if None) throughout."""
-        whole = take_sequence(rule, state, length, 1, states)
-        if whole.end is None:
-            return whole
-        halves = take_sequence(rule, state, length, 2, whole.states)
-        if halves.end is None:
-            return halves
-        error = accept.error(_joined(halves.end) - _joined(whole.end))
-        return Attempt(halves.end, [error], halves.states, halves.substeps)
-
-    def order(self, levels: int, system: System) -> int:
-        """Power of the step with which the error estimate falls."""
-        return 3 if is_reversible(system) else 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,13 +103,94 @@ class Acceptance:
     levels: int
 
 
-def _next_row(before: list[FloatArray], first: FloatArray, power: int) -> list[FloatArray]:
-    """Return T_{n,1} … T_{n,n} from T_{n−1,1} … T_{n−1,n−1} and T_{n,1}."""
-    n, row = len(before) + 1, [first]
-    for k in range(1, n):
-        ratio = (n / (n - k)) ** power - 1.0
-        row.append(row[k - 1] + (row[k - 1] - before[k - 1]) / ratio)
-    return row
+@dataclass(frozen=True)
+class Scheme(ABC):
+    """How a smooth step is taken and its error estimated: by sequences of 1, 2, …, ``levels`` steps at most."""
+
+    levels: int
+
+    def attempt(
+        self, rule: OneStep, state: State, length: float, states: LawStates | None, accept: Acceptance
+    ) -> Attempt:
+        """Try one step of ``length`` [s] with the laws in ``states`` (any, if None) throughout."""
+        row: list[FloatArray] = []
+        errors: list[float] = []
+        for n in range(1, min(self.levels, accept.levels) + 1):
+            sequence = take_sequence(rule, state, length, n, states)
+            if sequence.end is None:
+                return sequence
+            states = sequence.states
+            row = self.row(row, np.concatenate([sequence.end.position, sequence.end.velocity]), rule.system)
+            if n > 1:
+                errors.append(accept.error(row[-1] - row[-2]))
+                if errors[-1] <= accept.tolerance:
+                    break
+        return self.ended(replace(sequence, errors=errors), row[-1], state.time + length)
+
+    @abstractmethod
+    def row(self, before: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+        """Return T_{n,1}, … from T_{n−1,1}, … and T_{n,1}, each (q, u); the last two differ by the error."""
+
+    def ended(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
+        """Return the attempt whose last sequence led to T_{n,1}, and whose row ends in ``last`` at ``time`` [s]."""
+        return sequence
+
+    @abstractmethod
+    def order(self, levels: int, system: System) -> int:
+        """Power of the step with which the error estimate with ``levels`` sequences falls."""
+
+
+@dataclass(frozen=True)
+class Extrapolation(Scheme):
+    """Extrapolated sequences of 1, 2, …, ``levels`` steps, as many of them as the tolerance needs.
+
+    Attributes:
+        levels: most sequences, at least 2; order 2·levels in reversible systems, else ``levels``.
+
+    Raises:
+        ProblemError: for fewer than 2 levels.
+    """
+
+    levels: int = 4
+
+    def __post_init__(self) -> None:
+        if self.levels < 2:
+            raise ProblemError(f"levels must be at least 2, got {self.levels}.")
+
+    def row(self, before: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+        """Return T_{n,1} … T_{n,n}."""
+        power, n, row = 2 if is_reversible(system) else 1, len(before) + 1, [first]
+        for k in range(1, n):
+            ratio = (n / (n - k)) ** power - 1.0
+            row.append(row[k - 1] + (row[k - 1] - before[k - 1]) / ratio)
+        return row
+
+    def ended(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
+        """Return the attempt with (q, u) as extrapolated; a contact must not slip the other way with them."""
+        assert sequence.end is not None
+        position, velocity = np.split(last, [len(sequence.end.position)])
+        if _turns(sequence.substeps[-1][0], sequence.states, velocity):
+            return Attempt(None, [], sequence.states, [])
+        return replace(sequence, end=replace(sequence.end, time=time, position=position, velocity=velocity))
+
+    def order(self, levels: int, system: System) -> int:
+        """Power of the step with which the error estimate with ``levels`` sequences falls."""
+        return 2 * levels - 1 if is_reversible(system) else levels
+
+
+@dataclass(frozen=True)
+class StepDoubling(Scheme):
+    """One step against two halves, whose difference is the error; the halves are kept as they are."""
+
+    levels: int = field(default=2, init=False)
+
+    def row(self, before: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+        """Return T_{n−1} and T_n."""
+        return [*before[-1:], first]
+
+    def order(self, levels: int, system: System) -> int:
+        """Power of the step with which the error estimate falls."""
+        return 3 if is_reversible(system) else 2
 
 
 def _turns(step: Step, states: LawStates, velocity: FloatArray) -> bool:
@@ -237,7 +222,3 @@ def take_sequence(rule: OneStep, state: State, length: float, count: int, states
         substeps.append((step, part))
     assert states is not None
     return Attempt(state, [], states, substeps)
-
-
-def _joined(state: State) -> FloatArray:
-    return np.concatenate([state.position, state.velocity])

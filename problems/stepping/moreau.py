@@ -7,11 +7,11 @@ From t_B to t_E = t_B + Δt:
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
 
-What penetrates at q_E may be moved apart to an allowed depth (see ``projection``).
+What penetrates at q_E may be moved apart to an allowed depth (see ``position_projection``).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -77,8 +77,8 @@ class Moreau:
         stop: the stop criterion handed to the solver at each step.
         time_step: Δt [s], positive.
         warm_start: start each solve from the last step's impulses, contact by contact.
-        depth: penetration [m] beyond which bodies are moved apart at the end of a step (see ``projection``); None for
-            the rule as it stands, in which a penetration lasts as long as its contact.
+        depth: penetration [m] beyond which bodies are moved apart at the end of a step (see ``position_projection``);
+            None for the rule as it stands, in which a penetration lasts as long as its contact.
 
     Raises:
         ProblemError: if Δt or the depth is not positive.
@@ -97,8 +97,8 @@ class Moreau:
         if self.depth is not None and not 0.0 < self.depth < np.inf:
             raise ProblemError(f"depth must be positive, got {self.depth}.")
 
-    def step(self, state: State) -> Step:
-        """Take one step."""
+    def step(self, state: State, held: tuple[int, ...] = ()) -> Step:
+        """Take one step, in which contacts with the keys ``held`` do not rebound."""
         half = 0.5 * self.time_step
         midpoint = self.system.move(state.position, state.velocity, half)
         assembly = self.system.assemble(midpoint, state.velocity, self.time_step)
@@ -108,12 +108,14 @@ class Moreau:
             velocity = assembly.free_motion
             end = State(time, self._end(midpoint, velocity), velocity)
             return Step(end, None, np.zeros(0), None, None, 0)
+        if held:
+            contacts = _without_rebound(contacts, held)
         problem = step_problem(assembly, contacts, state.velocity)
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
         velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.directions.times(solution.impulses))
-        held = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
-        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, held)
+        impulses = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
+        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, impulses)
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
 
     def _end(self, midpoint: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -153,6 +155,11 @@ def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: Flo
     free_velocity += contacts.restitution * directions.transposed_times(velocity)
     factors = Factors(directions, assembly.inverse_mass, assembly.free_motion)
     return ContactProblem(free_velocity, contacts.laws, factors=factors)
+
+
+def _without_rebound(contacts: ActiveContacts, held: tuple[int, ...]) -> ActiveContacts:
+    is_held = np.repeat(np.isin(contacts.keys, held), contacts.rows_per_contact)
+    return replace(contacts, restitution=np.where(is_held, 0.0, contacts.restitution))
 
 
 def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:

@@ -9,25 +9,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from time import perf_counter
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError, suggestion
 from ..mechanics.state import State
-from ..mechanics.system import MechanicalSystem, System
+from ..mechanics.system import MechanicalSystem
 from ..names import check_options, described, read_name
-from .accepted_step import AcceptedStep, SwitchingPoint
-from .contact_states import LawStates
+from ..scenes.scene import Scene
+from .accepted_step import AcceptedStep
+from .contact_states import LawStates, SwitchingPoint
 from .event_driven import integrator
-from .event_driven.motion import Motion
-from .extrapolation import Extrapolation
+from .extrapolation import Extrapolation, Scheme
 from .extrapolation import StepDoubling as DoublingScheme
 from .moreau import ContactSolver, check_finite
 from .moreau import Moreau as MidpointRule
 from .switching import Anticipating, LastStepOnly, NestedIntervals, Search
-from .variable_step import Scheme, VariableStep
+from .variable_step import VariableStep
 from .warming import WarmClock, warm_up
 
 SEARCHES: dict[str, type[Search]] = {"anticipating": Anticipating, "nested": NestedIntervals, "last": LastStepOnly}
@@ -38,29 +38,6 @@ FINENESS = 2.0**-20
 
 LEFT = 1e-3
 """A motion has reached its end when less than this part of its shortest step is left, which rounding may leave."""
-
-
-class Moving(Protocol):
-    """What a stepper needs of a scene."""
-
-    @property
-    def system(self) -> System:
-        """What moves."""
-
-    @property
-    def step_size(self) -> float:
-        """Δt [s] of a fixed step that has none of its own."""
-
-    @property
-    def longest_step(self) -> float:
-        """Δt_max [s] of a variable step that has none of its own."""
-
-    @property
-    def depth(self) -> float | None:
-        """Penetration [m] to which a fixed step projects positions, None where it does not."""
-
-
-S = TypeVar("S", bound="Stepper")
 
 
 class Stepper(ABC):
@@ -81,33 +58,41 @@ class Stepper(ABC):
         """Class name with the options that differ from the defaults."""
         return described(self)
 
-    def fitted(self: S, scene: Moving) -> S:
+    def fitted(self, scene: Scene) -> Self:
         """Return the stepper with the numbers that it takes from ``scene``, as far as its name shall say them."""
         return self
 
     @abstractmethod
-    def shortest(self, scene: Moving) -> float:
+    def shortest(self, scene: Scene) -> float:
         """Return the shortest step that is taken on purpose [s]."""
 
-    def resolution(self, scene: Moving) -> float:
+    def resolution(self, scene: Scene) -> float:
         """Return a time [s] within which no two steps end, but for those at switching points."""
         return FINENESS * scene.longest_step
 
-    def ends(self, scene: Moving, state: State, until: float) -> bool:
+    def ends(self, scene: Scene, state: State, until: float) -> bool:
         """Whether ``state`` is at the time ``until`` [s] or past it, up to rounding."""
         return until - state.time <= LEFT * self.shortest(scene)
 
     @abstractmethod
-    def check(self, scene: Moving, solver: ContactSolver, begin: float, until: float) -> None:
+    def rule(self, scene: Scene, solver: ContactSolver, stop: Any) -> Any:
+        """Return what takes the steps.
+
+        Raises:
+            ProblemError: if an option is out of range, or the scene not of a kind it can follow.
+        """
+
+    def check(self, scene: Scene, solver: ContactSolver, begin: float, until: float) -> None:
         """Look at what ``steps`` is given, before anything starts.
 
         Raises:
-            ProblemError: if an option is out of range, a time too short, or the scene not of a kind it can follow.
+            ProblemError: as ``rule``, or if a time is too short.
         """
+        self.rule(scene, solver, None)
 
     @abstractmethod
     def steps(
-        self, scene: Moving, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
+        self, scene: Scene, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
     ) -> Iterator[AcceptedStep]:
         """Yield the accepted steps from ``start`` to the time ``until`` [s].
 
@@ -138,23 +123,23 @@ class Moreau(Stepper):
     locates_switches: ClassVar[bool] = False
     holds_forces: ClassVar[bool] = False
 
-    def fitted(self, scene: Moving) -> "Moreau":
+    def fitted(self, scene: Scene) -> Self:
         """Return the stepper with a size."""
         return self if self.step is not None else replace(self, step=scene.step_size)
 
-    def shortest(self, scene: Moving) -> float:
+    def shortest(self, scene: Scene) -> float:
         """Return Δt [s]."""
         return scene.step_size if self.step is None else self.step
 
-    def resolution(self, scene: Moving) -> float:
+    def resolution(self, scene: Scene) -> float:
         """Return Δt [s]."""
         return self.shortest(scene)
 
-    def rule(self, scene: Moving, solver: ContactSolver, stop: Any) -> MidpointRule:
+    def rule(self, scene: Scene, solver: ContactSolver, stop: Any) -> MidpointRule:
         """Return what takes the steps."""
         return MidpointRule(scene.system, solver, stop, self.shortest(scene), depth=scene.depth)
 
-    def check(self, scene: Moving, solver: ContactSolver, begin: float, until: float) -> None:
+    def check(self, scene: Scene, solver: ContactSolver, begin: float, until: float) -> None:
         """Look at Δt; it must not be longer than the motion."""
         length = self.shortest(scene)
         if not 0.0 < length < math.inf:
@@ -163,7 +148,7 @@ class Moreau(Stepper):
             raise ProblemError(f"step of Moreau, {length} s, must not be longer than the duration, {until - begin} s.")
 
     def steps(
-        self, scene: Moving, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
+        self, scene: Scene, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
     ) -> Iterator[AcceptedStep]:
         """Yield the steps, each timed without what it compiles."""
         rule, clock, state = self.rule(scene, solver, stop), WarmClock(), start
@@ -197,26 +182,22 @@ class Variable(Stepper):
     def scheme(self) -> Scheme:
         """Return how smooth steps are taken."""
 
-    def shortest(self, scene: Moving) -> float:
+    def shortest(self, scene: Scene) -> float:
         """Return Δt_min [s]."""
         return self.min_step
 
-    def rule(self, scene: Moving, solver: ContactSolver, stop: Any) -> VariableStep:
-        """Return what takes the steps.
-
-        Raises:
-            ProblemError: for an option out of range.
-        """
+    def rule(self, scene: Scene, solver: ContactSolver, stop: Any) -> VariableStep:
+        """Return what takes the steps."""
         longest = scene.longest_step if self.max_step is None else self.max_step
         search = SEARCHES[self.search]
         return VariableStep(scene.system, solver, stop, self.tolerance, self.min_step, longest, self.scheme(), search)
 
-    def check(self, scene: Moving, solver: ContactSolver, begin: float, until: float) -> None:
+    def check(self, scene: Scene, solver: ContactSolver, begin: float, until: float) -> None:
         """Look at the options; Δt_min must separate times."""
         self.rule(scene, solver, None).check_times(begin, until)
 
     def steps(
-        self, scene: Moving, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
+        self, scene: Scene, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
     ) -> Iterator[AcceptedStep]:
         """Yield the accepted steps, when kernels are compiled."""
         rule = self.rule(scene, solver, stop)
@@ -276,35 +257,23 @@ class EventDriven(Stepper):
     holds_forces: ClassVar[bool] = False
     shows_solves: ClassVar[bool] = False
 
-    def shortest(self, scene: Moving) -> float:
+    def shortest(self, scene: Scene) -> float:
         """Return the shortest flight [s]."""
         return self.flight
 
-    def rule(self, scene: Moving, solver: ContactSolver, stop: Any) -> integrator.EventDriven:
-        """Return the integrator.
-
-        Raises:
-            ProblemError: for a scene that it cannot follow, or an option out of range.
-        """
+    def rule(self, scene: Scene, solver: ContactSolver, stop: Any) -> integrator.EventDriven:
+        """Return the integrator."""
         if not isinstance(scene.system, MechanicalSystem):
             raise ProblemError(
                 "EventDriven follows scenes given by functions M, h, g and W (woodpecker), not this one."
             )
+        longest = self._length(scene)
         return integrator.EventDriven(
-            scene.system,
-            solver,
-            stop,
-            relative_tolerance=self.tolerance,
-            longest_step=self._length(scene),
-            resolution=self.flight,
+            scene.system, solver, stop, relative_tolerance=self.tolerance, longest_step=longest, resolution=self.flight
         )
 
-    def check(self, scene: Moving, solver: ContactSolver, begin: float, until: float) -> None:
-        """Look at the scene and the options."""
-        self.rule(scene, solver, None)
-
     def steps(
-        self, scene: Moving, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
+        self, scene: Scene, solver: ContactSolver, stop: Any, start: State, until: float, states: LawStates | None
     ) -> Iterator[AcceptedStep]:
         """Yield the motion at the ends of its phases and at times between them."""
         counting, begin, began = _Counting(solver), start, perf_counter()
@@ -315,10 +284,11 @@ class EventDriven(Stepper):
                 end = piece.at(time)
                 yield AcceptedStep(begin, end, (), solves=0)
                 begin = end
-            yield AcceptedStep(begin, piece.end, (), switches=_switches(piece), solves=solves, seconds=seconds)
+            switches = tuple(SwitchingPoint(e.time, e.time, e.law, e.contact, e.before, e.after) for e in piece.events)
+            yield AcceptedStep(begin, piece.end, (), switches=switches, solves=solves, seconds=seconds)
             begin, began = piece.end, perf_counter()
 
-    def _length(self, scene: Moving) -> float:
+    def _length(self, scene: Scene) -> float:
         return scene.longest_step if self.max_step is None else self.max_step
 
 
@@ -339,17 +309,13 @@ class _Counting:
         return count
 
 
-def _switches(motion: Motion) -> tuple[SwitchingPoint, ...]:
-    return tuple(
-        SwitchingPoint(event.time, event.time, event.law, event.contact, event.before, event.after)
-        for event in motion.events
-    )
-
-
 STEPPERS: dict[str, type[Stepper]] = {kind.__name__: kind for kind in (Moreau, Extrapolated, StepDoubling, EventDriven)}
 """Steppers by name."""
 
 EXAMPLE = "Extrapolated(tolerance=1e-8)"
+
+_TYPES = {str: (str, "a name"), int: (int, "a whole number")}
+"""Types of values, and words for them, by the type of the default; all others are numbers."""
 
 
 def make_stepper(text: str) -> Stepper:
@@ -368,16 +334,10 @@ def make_stepper(text: str) -> Stepper:
     known = {field.name: field.default for field in fields(kind)}
     check_options(name, written.options, known, ProblemError)
     for option, value in written.options.items():
-        wanted = _kind_of(known[option])
-        if value is None and known[option] is None:
+        if value is None and known[option] is None:  # a number of the scene
             continue
-        if not isinstance(value, (int, float) if wanted is float else wanted) or isinstance(value, bool):
-            words = {str: "a name", int: "a whole number", float: "a number"}[wanted]
+        types, words = _TYPES.get(type(known[option]), ((int, float), "a number"))
+        if not isinstance(value, types) or isinstance(value, bool):
             raise ProblemError(f"{option} of {name} must be {words}, got {value!r}.")
     stepper: Stepper = kind(**written.options)
     return stepper
-
-
-def _kind_of(default: object) -> type:
-    """Return the type of an option by its default, which is None for a number of the scene."""
-    return type(default) if isinstance(default, str | int) else float

@@ -6,7 +6,7 @@ second alone; its error stalls, because a gap may have closed after the middle o
 ``Anticipating`` approaches the switch from before, by the margins of the laws, and needs four steps instead of forty.
 """
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 from ..mechanics.state import State
 from ..mechanics.system import System
@@ -16,69 +16,64 @@ from .moreau import Step
 from .switch_prediction import Margins
 
 
-class Search(Protocol):
-    """A search for switching points."""
+class Search(ABC):
+    """A search for switching points; what subclasses leave as it is looks at the laws alone.
 
-    takes_back: bool
+    Args:
+        system: what moves.
+        min_step: Δt_min [s].
+        max_step: Δt_max [s].
+    """
+
+    takes_back = False
     """Whether the accepted step before a switch is taken back as well."""
 
-    def __init__(self, system: System, min_step: float, max_step: float) -> None: ...
+    def __init__(self, system: System, min_step: float, max_step: float) -> None:
+        self._min_step = min_step
 
     def limited(self, now: float, length: float) -> float:
         """Return the length to try instead of ``length``."""
-        ...
+        return length
 
+    @abstractmethod
     def after_switch(self, now: float, length: float, attempt: Attempt) -> float:
         """Return the length to try after an attempt of ``length`` in which a law switched."""
-        ...
 
     def oversteps(self, begin: State, end: State, attempt: Attempt) -> bool:
         """Whether an attempt that looks smooth has passed a switch all the same."""
-        ...
+        return False
 
     def grown(self, now: float, length: float, wanted: float) -> float:
         """Return the next length after an accepted step, where the error alone would allow ``wanted``."""
-        ...
+        return wanted
 
-    def passed(self, end: State, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
+    def passed(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:  # noqa: B027
         """Note an accepted step."""
-        ...
 
+    @abstractmethod
     def forget(self, state: State) -> None:
         """A switching point was passed."""
-        ...
 
 
-class NestedIntervals:
+class NestedIntervals(Search):
     """Halve the step, and redo both steps between which the laws differ."""
 
     takes_back = True
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
-        self._min_step = min_step
+        super().__init__(system, min_step, max_step)
         self._seen_before = float("inf")
-
-    def limited(self, now: float, length: float) -> float:
-        """Return ``length``."""
-        return length
 
     def after_switch(self, now: float, length: float, attempt: Attempt) -> float:
         """Return half the length, and remember that the switch comes before the end of the attempt."""
         self._seen_before = min(self._seen_before, now + length)
         return max(self._min_step, 0.5 * length)
 
-    def oversteps(self, begin: State, end: State, attempt: Attempt) -> bool:
-        """Return False: only the laws are looked at."""
-        return False
-
     def grown(self, now: float, length: float, wanted: float) -> float:
         """Let the step grow, at most twofold, but not while a switch is being located."""
         if now + length > self._seen_before:
             self._seen_before = float("inf")
         return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
-
-    def passed(self, end: State, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
-        """Nothing to note."""
 
     def forget(self, state: State) -> None:
         """The switch is located."""
@@ -98,13 +93,11 @@ BLIND_CUT = 0.1
 """The same where the law switched at once, and nothing is known."""
 
 
-class Anticipating:
+class Anticipating(Search):
     """Step to just before the next switching point that the margins of the laws announce."""
 
-    takes_back = False
-
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
-        self._min_step = min_step
+        super().__init__(system, min_step, max_step)
         self._margins = Margins(system, max_step)
         self._waited = 0
 
@@ -135,11 +128,7 @@ class Anticipating:
         """Whether a gap has closed within the step, or a force has ended after the last look at it."""
         return self._margins.penetrates(begin, end) or self._margins.outlasts(attempt.substeps, attempt.states)
 
-    def grown(self, now: float, length: float, wanted: float) -> float:
-        """Return what the error allows."""
-        return wanted
-
-    def passed(self, end: State, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
+    def passed(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
         """Note the margins of all laws."""
         for step, length in substeps:
             self._margins.note(step, length, states)

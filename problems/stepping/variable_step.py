@@ -2,7 +2,7 @@
 
 A switching point is a law that projects in one step and not in the next (``law_states``). It is located to the minimal
 step by a search, which decides what is tried next, and the one minimal step that contains it is taken as it is. Between
-switching points a scheme (``smooth_step``) estimates the error of each step; the step is cut where that is too large,
+switching points a scheme (``extrapolation``) estimates the error of each step; the step is cut where that is too large,
 and grows where the motion is smooth. The relative error of a step is the largest of
 
     |Δq_i| / Q_i,   |Δu_i| / U_i,      U_i = √(M⁻¹)_ii max_j |u_j| / √(M⁻¹)_jj,   Q_i = max(range of q_i, U_i Δt_max)
@@ -14,7 +14,7 @@ it depends on no unit and vanishes only where nothing moves. M⁻¹h Δt_max cou
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from ..arrays import FloatArray
 from ..errors import ProblemError, said
 from ..mechanics.state import State
 from ..mechanics.system import System
-from .accepted_step import AcceptedStep, SwitchingPoint
-from .contact_states import LawStates, law_states
-from .extrapolation import Acceptance, Attempt, Extrapolation, OneStep, UnsolvedStepError
+from .accepted_step import AcceptedStep
+from .contact_states import LawStates, SwitchingPoint, law_states
+from .extrapolation import Acceptance, Attempt, Extrapolation, OneStep, Scheme, UnsolvedStepError
 from .moreau import ContactSolver, Step, StepError, check_finite
 from .switching import Anticipating, Search
 
@@ -42,25 +42,6 @@ LEAST_ULPS = 64.0
 
 SLACK = 1.0 + 1e-9
 """Lengths that differ by less are equal."""
-
-
-class Scheme(Protocol):
-    """How a smooth step is taken and its error estimated; see ``smooth_step``."""
-
-    @property
-    def levels(self) -> int:
-        """Most sequences that an attempt takes."""
-        ...
-
-    def attempt(
-        self, rule: OneStep, state: State, length: float, states: LawStates | None, accept: Acceptance
-    ) -> Attempt:
-        """Try one step."""
-        ...
-
-    def order(self, levels: int, system: System) -> int:
-        """Power of the step with which the error estimate falls."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -219,7 +200,7 @@ class _Course:
         error = attempt.errors[-1]
         if error > plan.tolerance and not is_minimal:
             self._rejected += 1
-            factor = SAFETY * (plan.tolerance / error) ** (1.0 / self._order(attempt.levels))
+            factor = SAFETY * (plan.tolerance / error) ** (1.0 / plan.scheme.order(attempt.levels, plan.system))
             self._length = max(plan.min_step, length * max(LEAST_SHRINKING, factor))
             self._levels = min(self._levels, attempt.levels)
             return None
@@ -246,11 +227,7 @@ class _Course:
         check_finite(begin, step.state)
         found = law_states(step)
         known = self._states if self._states is not None else found
-        times = (begin.time, step.state.time)
-        switches = tuple(
-            SwitchingPoint(*times, change.law, change.contact, change.before, change.after)
-            for change in found.changes_since(known)
-        )
+        switches = found.switches_since(known, begin.time, step.state.time)
         self._levels = 2
         # a force that lasts is no guess for the next step where a law has switched
         end = State(step.state.time, step.state.position, step.state.velocity) if switches else step.state
@@ -279,15 +256,12 @@ class _Course:
         switches: tuple[SwitchingPoint, ...],
     ) -> AcceptedStep:
         begin = self._state
-        self._search.passed(end, substeps, states)
+        self._search.passed(substeps, states)
         self._states_before = self._states
         self._state, self._states = end, states
         self._scale.note(end)
         seconds = self._spent + perf_counter() - self._began
         return AcceptedStep(begin, end, substeps, error, states, switches, self._rule.solves, self._rejected, seconds)
-
-    def _order(self, levels: int) -> int:
-        return self._plan.scheme.order(levels, self._plan.system)
 
     def _choose_next(self, length: float, attempt: Attempt) -> None:
         """Choose length and number of sequences that promise the least work for a unit of time (Deuflhard 1983)."""
@@ -303,7 +277,8 @@ class _Course:
         self._length = max(self._plan.min_step, self._search.grown(self._state.time, length, next_length))
 
     def _promising(self, length: float, error: float, levels: int) -> float:
-        wanted: float = SAFETY * (self._plan.tolerance / max(error, 1e-300)) ** (1.0 / self._order(levels))
+        order = self._plan.scheme.order(levels, self._plan.system)
+        wanted: float = SAFETY * (self._plan.tolerance / max(error, 1e-300)) ** (1.0 / order)
         return length * min(MOST_GROWTH, max(LEAST_SHRINKING, wanted))
 
 

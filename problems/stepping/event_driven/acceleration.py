@@ -94,10 +94,8 @@ class AccelerationLaws:
         directions = self.system.directions(position)
         acting = directions[:, rows]
         if width == 2:
-            coefficient = friction * modes.slip
-            for column, contact in enumerate(normal):
-                if contact >= 0:
-                    acting[:, column] -= coefficient[contact] * directions[:, 2 * contact + 1]
+            contacts = normal[normal >= 0]
+            acting[:, normal >= 0] -= (friction * modes.slip)[contacts] * directions[:, 2 * contacts + 1]
         mass = self.system.mass(position)
         applied = np.column_stack([self.system.force(position, velocity), acting])
         solved: FloatArray = np.linalg.solve(mass, applied).astype(np.float64)
@@ -140,19 +138,14 @@ class AccelerationLaws:
 
 def _rows(modes: Modes, width: int) -> tuple[IntArray, IntArray]:
     """Return the rows with unknown forces, and the contact of each if it is a normal one, else −1."""
-    rows, normal = [], []
-    for contact in np.flatnonzero(modes.closed).tolist():
-        rows.append(width * contact)
-        normal.append(contact)
-        if width == 2 and modes.sticks(contact):
-            rows.append(2 * contact + 1)
-            normal.append(-1)
-    return np.array(rows, dtype=np.int64), np.array(normal, dtype=np.int64)
+    chosen = np.column_stack([modes.closed, modes.closed & (modes.slip == 0.0)])[:, :width]
+    rows = np.flatnonzero(chosen)
+    contact, lane = np.divmod(rows, width)
+    return rows, np.where(lane == 0, contact, -1)
 
 
 def least_change(mass: FloatArray, directions: FloatArray, violation: FloatArray) -> FloatArray:
     """Return the change of least kinetic norm with Wᵀ change = violation."""
     responses: FloatArray = np.linalg.solve(mass, directions).astype(np.float64)
-    multipliers = np.linalg.lstsq(directions.T @ responses, violation, rcond=SINGULAR)[0].astype(np.float64)
-    change: FloatArray = responses @ multipliers
+    change: FloatArray = responses @ np.linalg.lstsq(directions.T @ responses, violation, rcond=SINGULAR)[0]
     return change

@@ -41,10 +41,11 @@ from ...contact.problem import ContactProblem
 from ...errors import ProblemError, ProxbenchError, said
 from ...mechanics.state import State
 from ...mechanics.system import MechanicalSystem
+from ..contact_states import LawName, LawState
 from ..moreau import ContactSolver
 from .acceleration import AccelerationLaws, DirectionRates, Modes, least_change
 from .events import Trigger, Watch
-from .motion import AccumulationError, ContactState, Event, LawName, Motion, MotionError, Phase
+from .motion import AccumulationError, Event, Motion, MotionError, Phase
 
 ROUNDING = 1e-12
 """Velocities and accelerations below this fraction of the largest ones in their problem count as zero."""
@@ -129,27 +130,24 @@ class EventDriven:
         """Advance phase by phase."""
         if not run.time <= until < np.inf:
             raise ProblemError(f"until must be a time from the start ({run.time} s) on, got {until}.")
+        begins = deque([-np.inf], maxlen=EVENTS_AT_ONCE)
         try:
-            yield from self._advanced(run, until)
+            run.begin()
+            while run.time < until:
+                if len(begins) == EVENTS_AT_ONCE and run.time - begins[0] < self.resolution:
+                    raise MotionError(
+                        f"at t = {run.time:.9g} s the contact modes change {EVENTS_AT_ONCE} times within "
+                        f"{self.resolution:.0e} s; no mode is consistent to rounding. Time stepping does not need one.",
+                        run.motion(),
+                    )
+                begins.append(run.time)
+                run.advance(until)
+                yield
         except ProxbenchError:
             raise
         except Exception as failure:
             what = f"after t = {run.time:.9g} s the motion cannot be continued: {said(failure)}."
             raise MotionError(what, run.motion()) from failure
-
-    def _advanced(self, run: "_Run", until: float) -> Iterator[None]:
-        run.begin()
-        begins = deque([-np.inf], maxlen=EVENTS_AT_ONCE)
-        while run.time < until:
-            if len(begins) == EVENTS_AT_ONCE and run.time - begins[0] < self.resolution:
-                raise MotionError(
-                    f"at t = {run.time:.9g} s the contact modes change {EVENTS_AT_ONCE} times within "
-                    f"{self.resolution:.0e} s; no mode is consistent to rounding. Time stepping does not need one.",
-                    run.motion(),
-                )
-            begins.append(run.time)
-            run.advance(until)
-            yield
 
 
 @dataclass(eq=False)
@@ -266,11 +264,9 @@ class _Run:
         before = directions.T @ self.velocity
         restitution = np.repeat(np.asarray(self.system.restitution_tangential)[contacts], self.width)
         restitution[:: self.width] = np.asarray(self.system.restitution_normal)[contacts]
+        delassus, friction = directions.T @ responses, np.asarray(self.system.friction)[contacts]
         problem = ContactProblem.from_delassus(
-            _symmetric(directions.T @ responses),
-            (1.0 + restitution) * before,
-            np.asarray(self.system.friction)[contacts],
-            self.width,
+            0.5 * (delassus + delassus.T), (1.0 + restitution) * before, friction, self.width
         )
         found = self._solved(problem, "impact")
         self.velocity = self.velocity + responses @ found
@@ -285,13 +281,7 @@ class _Run:
     def _settle(
         self, candidates: Modes, hitting: NDArray[np.bool_] | None = None, impulses: FloatArray | None = None
     ) -> None:
-        """Begin a phase: project onto the constraints, and let the laws on acceleration level choose the modes.
-
-        Args:
-            candidates: contacts with γ_N = 0, and the directions of those that slip already.
-            hitting: contacts that close in an impact.
-            impulses: of the impact [N s], shape (n_contacts, width).
-        """
+        """Begin a phase: project onto the constraints, and let the laws on acceleration level choose the modes."""
         self._project(candidates)
         closed, slip = candidates.closed.copy(), candidates.slip.copy()
         if closed.any():
@@ -340,7 +330,7 @@ class _Run:
         """Write down which contacts change their states."""
         state, nothing = self._state(), np.zeros(self.width)
 
-        def note(law: LawName, i: int, before: ContactState, after: ContactState, strokes: FloatArray) -> None:
+        def note(law: LawName, i: int, before: LawState, after: LawState, strokes: FloatArray) -> None:
             self.events.append(Event(self.time, law, i, before, after, state, strokes))
 
         for i in range(len(modes.closed)):
@@ -350,9 +340,7 @@ class _Run:
             if (was or hitting[i]) and not now:
                 note("unilateral", i, "closed", "open", nothing)
             if was and now and self.width == 2 and self.modes.sticks(i) != modes.sticks(i):
-                friction: tuple[ContactState, ContactState] = (
-                    ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
-                )
+                friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
                 note("friction", i, *friction, nothing)
 
     def _look_for_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
@@ -393,8 +381,3 @@ class _Run:
             return np.zeros(len(closed))
         tangential = velocity[:, 1]
         return np.where(closed & (np.abs(tangential) > margin), np.sign(tangential), 0.0)
-
-
-def _symmetric(matrix: FloatArray) -> FloatArray:
-    half: FloatArray = 0.5 * (matrix + matrix.T)
-    return half

@@ -3,16 +3,14 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ...arrays import FloatArray
 from ...errors import ProxbenchError
 from ...mechanics.state import State
-
-LawName = Literal["unilateral", "friction"]
-ContactState = Literal["open", "closed", "stick", "slip"]
+from ..contact_states import LawName, LawState
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +30,8 @@ class Event:
     time: float
     law: LawName
     contact: int
-    before: ContactState
-    after: ContactState
+    before: LawState
+    after: LawState
     state: State
     impulses: FloatArray
 

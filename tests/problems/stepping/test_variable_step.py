@@ -17,7 +17,8 @@ from proxbench.problems.scenes.resting import Stack, VGroove
 from proxbench.problems.scenes.rolling import SlidingSphere
 from proxbench.problems.scenes.scene import ClosedFormScene
 from proxbench.problems.scenes.woodpecker import DESCENT, OVERLAP, PERIOD, section_start, woodpecker
-from proxbench.problems.stepping.accepted_step import AcceptedStep, SwitchingPoint
+from proxbench.problems.stepping.accepted_step import AcceptedStep
+from proxbench.problems.stepping.contact_states import SwitchingPoint
 from proxbench.problems.stepping.extrapolation import Extrapolation, StepDoubling
 from proxbench.problems.stepping.moreau import Moreau, StepError
 from proxbench.problems.stepping.switching import Anticipating, LastStepOnly, NestedIntervals, Search
