@@ -8,14 +8,45 @@ import numpy as np
 
 from ..contact.problem import ContactProblem
 from ..contact.transformations import in_units
-from . import degenerate, families, mixed, rods, spheres, stacks, supports, wedges
-from .families import Family
+from . import degenerate, mixed, rods, spheres, stacks, supports, wedges
+from .families import Family, braced, single_precision, with_solution, with_spectrum
+from .rods import CRITICAL_FRICTION
+from .stacks import bottom_heavy, top_heavy
 
 Maker = Callable[[], ContactProblem]
 
+_MASSES = {
+    "10": np.ones(10),
+    "100": np.ones(100),
+    "10-top-heavy": top_heavy(10, 100.0),
+    "2-top-heavy": top_heavy(2, 1e6),
+    **{f"{n}-top-1e{k}": top_heavy(n, 10.0**k) for n, k in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8))},
+    **{f"100-top-1e{k}": top_heavy(100, 10.0**k) for k in (4, 8)},
+    **{f"{n}-bottom-1e{k}": bottom_heavy(n, 10.0**k) for n, k in ((2, 8), (10, 4), (10, 8), (100, 8))},
+    "10-growing-1e8": np.geomspace(1.0, 1e8, 10),
+    "10-shrinking-1e8": np.geomspace(1.0, 1e8, 10)[::-1],
+    "100-alternating-1e4": np.resize([1.0, 1e4], 100),
+}
+"""Masses of stacks [kg], from below."""
 
-def _supports() -> dict[str, Maker]:
-    return {
+_ANGLES = {"below": -1e-9, "critical": 0.0, "above": 1e-9}
+"""Angles of inclines beyond the critical one [rad]."""
+
+_MILLIGRAM = {"mass": 1e-6, "length": 1e-6}
+_TONNE = {"mass": 1e3, "length": 1e3}
+
+_RANK = np.append(np.random.default_rng(5).random(20), np.zeros(40))
+"""Eigenvalues of a G of rank 20 [1/kg]."""
+
+
+def _measured(make: Maker, **units: float) -> ContactProblem:
+    return in_units(make(), **units).problem
+
+
+_ten_high = partial(stacks.sliding_tower, np.ones(10))
+
+CASE_GROUPS: dict[str, dict[str, Maker]] = {
+    "supports": {
         **{f"hard-supports-{n}": partial(supports.block_on_supports, n) for n in (2, 4, 8, 32, 128, 512)},
         **{f"hard-resting-block-{n}": partial(supports.resting_block, n, 0.5) for n in (2, 8, 64, 512)},
         "hard-resting-block-mu10": partial(supports.resting_block, 8, 10.0),
@@ -28,41 +59,20 @@ def _supports() -> dict[str, Maker]:
         **{f"hard-sliding-block-{n}": partial(supports.sliding_block, 0.3, n) for n in (32, 512)},
         "hard-sticking-box": supports.sticking_box,
         **{f"hard-sticking-box-{n * n}": partial(supports.sticking_box, 1e-3, n) for n in (5, 16)},
-    }
-
-
-def _stacks() -> dict[str, Maker]:
-    top, bottom = stacks.top_heavy, stacks.bottom_heavy
-    masses = {
-        "10": np.ones(10),
-        "100": np.ones(100),
-        "10-top-heavy": top(10, 100.0),
-        "2-top-heavy": top(2, 1e6),
-        **{
-            f"{n}-top-1e{k}": top(n, 10.0**k)
-            for n, k in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8), (100, 4), (100, 8))
-        },
-        **{f"{n}-bottom-1e{k}": bottom(n, 10.0**k) for n, k in ((2, 8), (10, 4), (10, 8), (100, 8))},
-        "10-growing-1e8": np.geomspace(1.0, 1e8, 10),
-        "10-shrinking-1e8": np.geomspace(1.0, 1e8, 10)[::-1],
-        "100-alternating-1e4": np.resize([1.0, 1e4], 100),
-    }
-    return {
-        **{f"hard-stack-{key}": partial(stacks.stack, values) for key, values in masses.items()},
+    },
+    "stacks": {
+        **{f"hard-stack-{key}": partial(stacks.stack, values) for key, values in _MASSES.items()},
         **{f"hard-tower-{n}": partial(stacks.sliding_tower, np.ones(n)) for n in (3, 10, 100)},
-        "hard-tower-10-top-1e4": partial(stacks.sliding_tower, top(10, 1e4)),
-        "hard-tower-10-bottom-1e8": partial(stacks.sliding_tower, bottom(10, 1e8)),
+        "hard-tower-10-top-1e4": partial(stacks.sliding_tower, top_heavy(10, 1e4)),
+        "hard-tower-10-bottom-1e8": partial(stacks.sliding_tower, bottom_heavy(10, 1e8)),
         "hard-scaled-rows": stacks.scaled_rows,
         **{f"hard-scaled-rows-{n}": partial(stacks.scaled_rows, n) for n in (3, 15)},
         **{f"hard-scaled-tower-{n}": partial(stacks.scaled_tower, n) for n in (10, 30)},
         "hard-cradle-3": partial(stacks.cradle, 3, 1.0),
         "hard-cradle-10": partial(stacks.cradle, 10, 0.5),
         "hard-cradle-100": partial(stacks.cradle, 100, 1.0),
-    }
-
-
-def _wedges() -> dict[str, Maker]:
-    return {
+    },
+    "wedges": {
         "hard-groove-frictionless": partial(wedges.v_groove, 0.0),
         "hard-groove": partial(wedges.v_groove, 0.3),
         "hard-groove-mu10": partial(wedges.v_groove, 10.0),
@@ -83,12 +93,8 @@ def _wedges() -> dict[str, Maker]:
         "hard-parallel-1e-8": partial(wedges.nearly_parallel, 4, 1e-8, 0.0),
         "hard-parallel-friction-1e-3": partial(wedges.nearly_parallel, 4, 1e-3, 0.5),
         "hard-parallel-friction-1e-8": partial(wedges.nearly_parallel, 50, 1e-8, 0.5),
-    }
-
-
-def _rods() -> dict[str, Maker]:
-    critical = rods.CRITICAL_FRICTION
-    return {
+    },
+    "rods": {
         "hard-counterexample": partial(rods.rod, (-0.0981, 1.0), 2.0, ("slip-",)),
         "hard-counterexample-mu4": partial(rods.rod, (-0.0981, 1.0), 4.0, ("slip-",)),
         "hard-counterexample-mu10": partial(rods.rod, (-0.0981, 1.0), 10.0, ("slip-",)),
@@ -102,26 +108,22 @@ def _rods() -> dict[str, Maker]:
         "hard-three-solutions-3": partial(rods.undecided_rods, (1.0, 1e-2, 1e2)),
         "hard-pressing-rod-mu0.5": partial(rods.pressing_rod, 0.5),
         "hard-pressing-rod-mu1.2": partial(rods.pressing_rod, 1.2),
-        "hard-pressing-rod-below": partial(rods.pressing_rod, critical - 1e-3),
-        "hard-pressing-rod-critical": partial(rods.pressing_rod, critical),
-        "hard-pressing-rod-above": partial(rods.pressing_rod, critical + 1e-3),
+        "hard-pressing-rod-below": partial(rods.pressing_rod, CRITICAL_FRICTION - 1e-3),
+        "hard-pressing-rod-critical": partial(rods.pressing_rod, CRITICAL_FRICTION),
+        "hard-pressing-rod-above": partial(rods.pressing_rod, CRITICAL_FRICTION + 1e-3),
         "hard-pressing-rod-mu10": partial(rods.pressing_rod, 10.0),
-        "hard-leaving-rod-below": partial(rods.leaving_rod, critical - 1e-3),
-        "hard-leaving-rod-above": partial(rods.leaving_rod, critical + 1e-3),
+        "hard-leaving-rod-below": partial(rods.leaving_rod, CRITICAL_FRICTION - 1e-3),
+        "hard-leaving-rod-above": partial(rods.leaving_rod, CRITICAL_FRICTION + 1e-3),
         "hard-leaving-rod-mu1.4": partial(rods.leaving_rod, 1.4),
         "hard-leaving-rod-mu10": partial(rods.leaving_rod, 10.0),
         "hard-leaving-rods-20": partial(rods.opening_rods, 20),
         "hard-many-rods": partial(rods.many_rods, 100),
-    }
-
-
-def _spheres() -> dict[str, Maker]:
-    angles = {"below": -1e-9, "critical": 0.0, "above": 1e-9}
-    return {
+    },
+    "spheres": {
         **{
-            f"hard-incline-mu{mu:g}-{word}": partial(spheres.incline, mu, angles[word])
+            f"hard-incline-mu{mu:g}-{word}": partial(spheres.incline, mu, _ANGLES[word])
             for mu in (0.1, 1.0, 10.0)
-            for word in angles
+            for word in _ANGLES
         },
         "hard-inclines-30": partial(spheres.inclines, 30),
         "hard-rolling-sphere": partial(spheres.incline, 0.3, 0.0, 3.5),
@@ -134,11 +136,8 @@ def _spheres() -> dict[str, Maker]:
         "hard-oblique-impacts-1001": partial(spheres.oblique_impacts, 1001, 0.9, 2.0),
         "hard-scattered-100": partial(spheres.scattered, 100),
         "hard-scattered-3000": partial(spheres.scattered, 3000),
-    }
-
-
-def _degenerate() -> dict[str, Maker]:
-    return {
+    },
+    "degenerate": {
         "hard-empty": degenerate.empty,
         "hard-one-row-closed": partial(degenerate.one_row, -1.0),
         "hard-one-row-open": partial(degenerate.one_row, 1.0),
@@ -158,16 +157,8 @@ def _degenerate() -> dict[str, Maker]:
         "hard-immovable-spatial": partial(degenerate.immovable_contact, 2, 3),
         "hard-immovable-among-50": partial(degenerate.immovable_among, 50),
         "hard-squeezed": degenerate.squeezed,
-    }
-
-
-def _mixed() -> dict[str, Maker]:
-    def measured(make: Maker, **units: float) -> Maker:
-        return lambda: in_units(make(), **units).problem
-
-    slider, tower, joint = supports.sliding_block, partial(stacks.sliding_tower, np.ones(10)), mixed.mixed_laws
-    milligram, tonne = {"mass": 1e-6, "length": 1e-6}, {"mass": 1e3, "length": 1e3}
-    return {
+    },
+    "mixed": {
         "hard-tresca-joint": mixed.tresca_joint,
         "hard-mixed-laws": mixed.mixed_laws,
         **{f"hard-mixed-laws-{7 * copies}": partial(mixed.mixed_laws, copies) for copies in (3, 12)},
@@ -176,46 +167,36 @@ def _mixed() -> dict[str, Maker]:
         "hard-disconnected-parts": mixed.disconnected_parts,
         "hard-disconnected-parts-few": mixed.few_parts,
         "hard-disconnected-parts-twice": mixed.disconnected_twice,
-        "hard-slider-in-um-mg": measured(slider, **milligram),
-        "hard-slider-in-km-t": measured(slider, **tonne),
-        "hard-tower-in-um-mg": measured(tower, **milligram),
-        "hard-tower-in-km-t": measured(tower, **tonne),
-        "hard-mixed-laws-in-um-mg": measured(joint, **milligram),
-        "hard-mixed-laws-in-km-t": measured(joint, **tonne, time=3600.0),
-    }
-
-
-def _random() -> dict[str, Maker]:
-    solved, braced, single = families.with_solution, families.braced, families.single_precision
-    spectrum, rank = np.geomspace(1e-4, 1.0, 60), np.append(np.random.default_rng(5).random(20), np.zeros(40))
-    return {
-        "hard-random-frictionless": partial(solved, Family(40, 1, n_dofs=30), 1),
-        "hard-random-frictionless-masses": partial(solved, Family(40, 1, n_dofs=60, mass_range=10, density=0.1), 2),
-        "hard-random-planar": partial(solved, Family(20, 2, n_dofs=50, friction=0.25), 3),
-        "hard-random-redundant": partial(solved, Family(30, 3, n_dofs=30, friction=0.25), 4),
-        "hard-random-sparse-300": partial(solved, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5),
-        "hard-random-mu8": partial(solved, Family(20, 3, n_dofs=90, friction=8.0), 6),
-        "hard-random-spectrum": partial(families.with_spectrum, spectrum, 3, 0.25, 7),
-        "hard-random-rank": partial(families.with_spectrum, rank, 3, 0.25, 8),
+        "hard-slider-in-um-mg": partial(_measured, supports.sliding_block, **_MILLIGRAM),
+        "hard-slider-in-km-t": partial(_measured, supports.sliding_block, **_TONNE),
+        "hard-tower-in-um-mg": partial(_measured, _ten_high, **_MILLIGRAM),
+        "hard-tower-in-km-t": partial(_measured, _ten_high, **_TONNE),
+        "hard-mixed-laws-in-um-mg": partial(_measured, mixed.mixed_laws, **_MILLIGRAM),
+        "hard-mixed-laws-in-km-t": partial(_measured, mixed.mixed_laws, **_TONNE, time=3600.0),
+    },
+    "random": {
+        "hard-random-frictionless": partial(with_solution, Family(40, 1, n_dofs=30), 1),
+        "hard-random-frictionless-masses": partial(
+            with_solution, Family(40, 1, n_dofs=60, mass_range=10, density=0.1), 2
+        ),
+        "hard-random-planar": partial(with_solution, Family(20, 2, n_dofs=50, friction=0.25), 3),
+        "hard-random-redundant": partial(with_solution, Family(30, 3, n_dofs=30, friction=0.25), 4),
+        "hard-random-sparse-300": partial(with_solution, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5),
+        "hard-random-mu8": partial(with_solution, Family(20, 3, n_dofs=90, friction=8.0), 6),
+        "hard-random-spectrum": partial(with_spectrum, np.geomspace(1e-4, 1.0, 60), 3, 0.25, 7),
+        "hard-random-rank": partial(with_spectrum, _RANK, 3, 0.25, 8),
         "hard-braced": partial(braced, Family(20, 3, n_dofs=40, friction=0.5), 9),
         "hard-braced-mu10": partial(braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
         "hard-braced-redundant-mu1": partial(braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
-        "hard-float32": partial(single, Family(10, 3, n_dofs=40, friction=0.25), 12),
-        "hard-float32-frictionless-20": partial(single, Family(20, 1, n_dofs=15), 13),
-        "hard-float32-assembled-5": partial(single, Family(5, 2, n_dofs=12, friction=0.25), 14, assembled=True),
-        "hard-float32-sparse-100": partial(single, Family(100, 3, n_dofs=300, density=0.01, friction=0.5), 15),
-    }
-
-
-CASE_GROUPS: dict[str, dict[str, Maker]] = {
-    "supports": _supports(),
-    "stacks": _stacks(),
-    "wedges": _wedges(),
-    "rods": _rods(),
-    "spheres": _spheres(),
-    "degenerate": _degenerate(),
-    "mixed": _mixed(),
-    "random": _random(),
+        "hard-float32": partial(single_precision, Family(10, 3, n_dofs=40, friction=0.25), 12),
+        "hard-float32-frictionless-20": partial(single_precision, Family(20, 1, n_dofs=15), 13),
+        "hard-float32-assembled-5": partial(
+            single_precision, Family(5, 2, n_dofs=12, friction=0.25), 14, assembled=True
+        ),
+        "hard-float32-sparse-100": partial(
+            single_precision, Family(100, 3, n_dofs=300, density=0.01, friction=0.5), 15
+        ),
+    },
 }
 """The cases of one kind, by name of the kind."""
 

@@ -15,8 +15,65 @@ from .effects import Friction, Gravity, ball_system
 from .scene import OVERLAP, ClosedFormScene
 
 
+class RollingSphere(ClosedFormScene):
+    """A homogeneous sphere that descends from rest, touching walls whose normals stand at α to their plane of symmetry.
+
+    The points of contact are at the distance r sin α from the axis of rotation, where sin α = 1 on a plane.
+    """
+
+    slope: float
+    friction: float | None
+    radius: float
+    gravity: float
+
+    @property
+    def lever(self) -> float:
+        """Distance of the points of contact from the axis of rotation over the radius, sin α."""
+        return 1.0
+
+    @property
+    def upward(self) -> FloatArray:
+        """Unit normal to the direction of descent in the plane of symmetry, shape (3,)."""
+        return np.array([sin(self.slope), 0.0, cos(self.slope)])
+
+    @property
+    def downhill(self) -> FloatArray:
+        """Unit direction of descent, shape (3,)."""
+        return np.array([cos(self.slope), 0.0, -sin(self.slope)])
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
+
+        Rolling takes the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), of which 2 μ times the force m g cos θ/(2 sin α)
+        of each wall is available, on a plane 2/7 m g sin θ of μ m g cos θ. For tan θ above the bound, up to
+        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove rolls as well: there the motion
+        from rest is not unique.
+        """
+        if self.friction is None:
+            return False
+        return tan(self.slope) <= self.friction * (5.0 * self.lever**2 + 2.0) / (2.0 * self.lever)
+
+    @property
+    def acceleration(self) -> float:
+        """Acceleration of the centre [m/s²]: g sin θ/(1 + κ) rolling, g (sin θ − μ cos θ/sin α) sliding."""
+        if self.rolls:
+            return self.gravity * sin(self.slope) / (1.0 + SPHERE_INERTIA / self.lever**2)
+        return self.gravity * (sin(self.slope) - (self.friction or 0.0) * cos(self.slope) / self.lever)
+
+    @property
+    def spin_acceleration(self) -> float:
+        """Angular acceleration about the horizontal axis across the descent [rad/s²].
+
+        a/(r sin α) rolling, 5/2 μ g cos θ / r sliding, where all friction acts at the lever r sin α.
+        """
+        if self.rolls:
+            return self.acceleration / (self.radius * self.lever)
+        return (self.friction or 0.0) * self.gravity * cos(self.slope) / (SPHERE_INERTIA * self.radius)
+
+
 @dataclass(frozen=True)
-class SphereOnIncline(ClosedFormScene):
+class SphereOnIncline(RollingSphere):
     """A homogeneous sphere released from rest on an incline that descends along x, which it touches at the origin.
 
     Attributes:
@@ -40,48 +97,16 @@ class SphereOnIncline(ClosedFormScene):
         if not 0.0 < self.slope < 0.5 * np.pi:
             raise ProblemError(f"slope of an incline must be between 0 and π/2, got {self.slope}.")
 
-    @property
-    def normal(self) -> FloatArray:
-        """Unit normal of the incline, shape (3,)."""
-        return np.array([sin(self.slope), 0.0, cos(self.slope)])
-
-    @property
-    def downhill(self) -> FloatArray:
-        """Unit direction of descent, shape (3,)."""
-        return np.array([cos(self.slope), 0.0, -sin(self.slope)])
-
     def system(self) -> BallSystem:
         """Return the sphere on the incline."""
         plane = Plane((0.0, 0.0, 0.0), (sin(self.slope), 0.0, cos(self.slope)))
         effects = (Gravity(self.gravity), Friction(self.friction))
         return ball_system(np.array([self.radius]), np.array([self.mass]), [plane], effects)
 
-    @property
-    def rolls(self) -> bool:
-        """Whether it rolls without slip: tan θ ≤ 7μ/2.
-
-        Rolling takes the friction force 2/7 m g sin θ, of which μ m g cos θ is available.
-        """
-        return tan(self.slope) <= 3.5 * self.friction
-
-    @property
-    def acceleration(self) -> float:
-        """Acceleration of the centre [m/s²], 5/7 g sin θ rolling, g (sin θ − μ cos θ) sliding."""
-        if self.rolls:
-            return self.gravity * sin(self.slope) / (1.0 + SPHERE_INERTIA)
-        return self.gravity * (sin(self.slope) - self.friction * cos(self.slope))
-
-    @property
-    def spin_acceleration(self) -> float:
-        """Angular acceleration [rad/s²], a/r rolling, 5/2 μ g cos θ / r sliding."""
-        if self.rolls:
-            return self.acceleration / self.radius
-        return self.friction * self.gravity * cos(self.slope) / (SPHERE_INERTIA * self.radius)
-
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: both accelerations are constant."""
-        centre = (self.radius - OVERLAP) * self.normal + 0.5 * self.acceleration * time**2 * self.downhill
-        axis = np.cross(self.normal, self.downhill)
+        centre = (self.radius - OVERLAP) * self.upward + 0.5 * self.acceleration * time**2 * self.downhill
+        axis = np.cross(self.upward, self.downhill)
         velocity = time * np.concatenate([self.acceleration * self.downhill, self.spin_acceleration * axis])
         return State(time, centre, velocity)
 

@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin, tan
+from math import cos, sin
 
 import numpy as np
 
 from ..arrays import FloatArray
 from ..errors import ProblemError
-from ..mechanics.balls import SPHERE_INERTIA, BallSystem
+from ..mechanics.balls import BallSystem
 from ..mechanics.state import State
 from ..mechanics.surfaces import Plane
 from .effects import Effect, Friction, Gravity, ball_system
+from .inclines import RollingSphere
 from .scene import GROUND, OVERLAP, ClosedFormScene
 
 
@@ -64,7 +65,7 @@ class Stack(ClosedFormScene):
 
 
 @dataclass(frozen=True)
-class VGroove(ClosedFormScene):
+class VGroove(RollingSphere):
     """A homogeneous sphere released from rest in a straight groove of two walls, which may descend along x.
 
     Attributes:
@@ -93,9 +94,9 @@ class VGroove(ClosedFormScene):
             raise ProblemError(f"slope of a groove must be from 0 to below π/2, got {self.slope}.")
 
     @property
-    def downhill(self) -> FloatArray:
-        """Unit direction of the groove, shape (3,)."""
-        return np.array([cos(self.slope), 0.0, -sin(self.slope)])
+    def lever(self) -> float:
+        """The sine of α, see ``RollingSphere``."""
+        return sin(self.half_angle)
 
     def system(self) -> BallSystem:
         """Return the sphere between the walls, which meet in a line through the origin."""
@@ -117,43 +118,10 @@ class VGroove(ClosedFormScene):
         """
         return self.mass * self.gravity * cos(self.slope) / (2.0 * sin(self.half_angle))
 
-    @property
-    def rolls(self) -> bool:
-        """Whether it rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α).
-
-        The points of contact are at the distance r sin α from the axis of rotation, so that rolling takes the force
-        m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), of which 2 μ times the wall force is available. A flat groove, α = π/2,
-        is the incline, tan θ ≤ 7μ/2. For tan θ above the bound, up to sin α/√(sin²α − μ² cos²α) times it, a ball
-        wedged by friction across the groove rolls as well: there the motion from rest is not unique.
-        """
-        if self.friction is None:
-            return False
-        lever = sin(self.half_angle)
-        return tan(self.slope) <= self.friction * (5.0 * lever**2 + 2.0) / (2.0 * lever)
-
-    @property
-    def acceleration(self) -> float:
-        """Acceleration along the groove [m/s²]: g sin θ/(1 + κ) rolling, g (sin θ − μ cos θ/sin α) sliding."""
-        if self.rolls:
-            return self.gravity * sin(self.slope) / (1.0 + SPHERE_INERTIA / sin(self.half_angle) ** 2)
-        resisting = (self.friction or 0.0) * cos(self.slope) / sin(self.half_angle)
-        return self.gravity * (sin(self.slope) - resisting)
-
-    @property
-    def spin_acceleration(self) -> float:
-        """Angular acceleration about the horizontal axis across the groove [rad/s²].
-
-        a/(r sin α) rolling, 5/2 μ g cos θ / r sliding, where both friction forces act at the lever r sin α.
-        """
-        if self.rolls:
-            return self.acceleration / (self.radius * sin(self.half_angle))
-        return (self.friction or 0.0) * self.gravity * cos(self.slope) / (SPHERE_INERTIA * self.radius)
-
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: both accelerations are constant."""
-        height = (self.radius - OVERLAP) / sin(self.half_angle)
-        upward = np.array([sin(self.slope), 0.0, cos(self.slope)])
-        centre = height * upward + 0.5 * self.acceleration * time**2 * self.downhill
+        height = (self.radius - OVERLAP) / self.lever
+        centre = height * self.upward + 0.5 * self.acceleration * time**2 * self.downhill
         velocity = time * self.acceleration * self.downhill
         if self.friction is not None:
             velocity = np.concatenate([velocity, [0.0, time * self.spin_acceleration, 0.0]])

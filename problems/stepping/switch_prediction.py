@@ -131,12 +131,7 @@ def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple
 
 
 def _earliest_root(values: FloatArray, now: float) -> tuple[float, float]:
-    """Return the earliest root after ``now``, and how much a lower degree differs.
-
-    Args:
-        values: times and margins, shape (n_margins, n_points, 2).
-        now: present time [s].
-    """
+    """Return the earliest root after ``now``, and how much a lower degree differs; ``values`` are times and margins."""
     origin = values[:, -1:, 0]
     span = np.maximum(origin - values[:, :1, 0], np.finfo(float).tiny)
     last = values[:, -1:, 1]
@@ -155,19 +150,12 @@ def _earliest_root(values: FloatArray, now: float) -> tuple[float, float]:
 
 
 def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the first real root at or after ``after`` of each polynomial through the points (x, y); inf without one.
-
-    Args:
-        x: shape (n, n_points), distinct along the rows.
-        y: values there, of order 1.
-        after: shape (n,).
-    """
+    """Return the first real root at or after ``after`` of the polynomial through each row of x and y; else inf."""
     n_points = x.shape[1]
     if n_points < 2:
         return np.full(len(x), np.inf)
     rising = np.linalg.solve(x[:, :, None] ** np.arange(n_points), y[:, :, None])[:, :, 0]
     largest = np.abs(rising).max(axis=1, initial=0.0)
-    found = np.full(len(x), np.inf)
     degree = n_points - 1
     leading = rising[:, degree]
     # a leading coefficient that is all rounding gives one root at infinity, which the eigenvalues bear
@@ -178,5 +166,5 @@ def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
     roots = np.linalg.eigvals(companion)
     is_real = np.abs(roots.imag) <= 1e-9 * np.maximum(1.0, np.abs(roots))
     candidates = np.where(is_real & (roots.real >= after[:, None] - 1e-3), roots.real, np.inf)
-    found[:] = candidates.min(axis=1, initial=np.inf)
-    return found
+    first: FloatArray = candidates.min(axis=1, initial=np.inf)
+    return first
