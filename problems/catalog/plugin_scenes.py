@@ -4,6 +4,7 @@ import inspect
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
+from dataclasses import replace
 from typing import Any
 
 from ..errors import PluginError, ProblemError, first_line, suggestion
@@ -86,7 +87,7 @@ def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
 
 def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> Scene:
     if isinstance(made, Scene):
-        return Scene(**{**vars(made), "name": name, "options": options})
+        return replace(made, name=name, options=options)
     if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], State)):
         raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(made).__name__}.")
     system: System = made[0]

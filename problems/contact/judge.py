@@ -118,29 +118,29 @@ def judge(problem: "ContactProblem", impulses: ArrayLike, model: Model = Model.C
     given = np.asarray(impulses, dtype=np.float64)
     if given.shape != (problem.n_rows,):
         raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry a row; got {given.shape}.")
-    residual = Residual(problem)
+    residual, inf = Residual(problem), np.inf
+    known = None if problem.answer is None else problem.answer.velocity
     if not np.isfinite(given).all():
-        inf = np.inf
-        velocity_error = None if problem.answer is None or problem.answer.velocity is None else inf
-        return Verdict(inf, inf, inf, inf, inf, inf, inf, np.nan, velocity_error, residual.infeasible, model)
+        error = None if known is None else inf
+        return Verdict(inf, inf, inf, inf, inf, inf, inf, np.nan, error, residual.infeasible, model)
     velocity = problem.relative_velocity(given)
     violation = _violations(problem, residual, given, velocity, model)
-    alpha = residual.alpha
-    energy_scale = _largest_ratio(residual.speeds, np.sqrt(alpha))
-    energy = _largest_ratio(violation, np.sqrt(alpha))
+    root = np.sqrt(residual.alpha)
+    energy, energy_scale = _largest_ratio(violation, root), _largest_ratio(residual.speeds, root)
     natural_map = _natural_map(problem, given, velocity)
     norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
+    error = None if known is None else ratio(float(np.abs(velocity - known).max(initial=0.0)), residual.scale)
     infeasible, normal = residual.infeasible, problem.laws.first_row[~problem.laws.is_friction]
     return Verdict(
-        residual=np.inf if infeasible else ratio(violation.max(initial=0.0), residual.scale),
-        energy_residual=np.inf if infeasible else ratio(energy, energy_scale),
+        residual=inf if infeasible else ratio(violation.max(initial=0.0), residual.scale),
+        energy_residual=inf if infeasible else ratio(energy, energy_scale),
         natural_map_q=ratio(natural_map, norms[0]),
         natural_map_max=ratio(natural_map, max(norms)),
         penetration_velocity=float((-velocity[normal]).max(initial=0.0)),
         cone_violation=_cone_violation(problem, given),
         complementarity=float(np.abs(given[normal] * velocity[normal]).max(initial=0.0)),
         dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
-        velocity_error=_velocity_error(problem, velocity, residual.scale),
+        velocity_error=error,
         infeasible=infeasible,
         model=model,
     )
@@ -310,12 +310,6 @@ def _cone_violation(problem: "ContactProblem", impulses: FloatArray) -> float:
     pulling = (-impulses[laws.first_row[~laws.is_friction]]).max(initial=0.0)
     tangent = np.sqrt((_tangent(problem, impulses) ** 2).sum(axis=1))
     return float(max(pulling, (tangent - _bounds(problem, impulses)[laws.is_friction]).max(initial=0.0)))
-
-
-def _velocity_error(problem: "ContactProblem", velocity: FloatArray, scale: float) -> float | None:
-    if problem.answer is None or problem.answer.velocity is None:
-        return None
-    return ratio(float(np.abs(velocity - problem.answer.velocity).max(initial=0.0)), scale)
 
 
 def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:

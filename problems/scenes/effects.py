@@ -3,15 +3,16 @@
 Each effect is a small class that adds itself to a ``BallSystem``; none of them is known to a stepper or a solver.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from ..arrays import FloatArray
 from ..errors import ProblemError
-from ..mechanics.balls import DISC_INERTIA, Acceleration, BallSystem
+from ..mechanics.balls import DISC_INERTIA, BallSystem
 from ..mechanics.surfaces import Surface
 
 
@@ -32,8 +33,20 @@ class Conservative(Protocol):
         ...
 
 
+class Force(ABC):
+    """An effect that accelerates the centres of balls."""
+
+    def added_to(self, system: BallSystem) -> BallSystem:
+        """Return the system with this force."""
+        return replace(system, accelerations=(*system.accelerations, self.accelerate))
+
+    @abstractmethod
+    def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+        """Return h/m [m/s²] of centres [m] with velocities [m/s], shape (n, d), and masses [kg], shape (n,)."""
+
+
 @dataclass(frozen=True)
-class Gravity:
+class Gravity(Force):
     """Weight: h = −m g along the last axis.
 
     Attributes:
@@ -42,15 +55,11 @@ class Gravity:
 
     acceleration: float = 9.81
 
-    def added_to(self, system: BallSystem) -> BallSystem:
-        """Return the system with weight."""
-
-        def fall(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
-            down = np.zeros_like(centres)
-            down[:, -1] = -self.acceleration
-            return down
-
-        return _with_acceleration(system, fall)
+    def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+        """Return −g along the last axis [m/s²]."""
+        down = np.zeros_like(centres)
+        down[:, -1] = -self.acceleration
+        return down
 
     def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
         """Return V = Σ m g z [J]."""
@@ -58,7 +67,7 @@ class Gravity:
 
 
 @dataclass(frozen=True)
-class Drag:
+class Drag(Force):
     """Linear drag: h = −k v on each centre.
 
     Attributes:
@@ -67,17 +76,13 @@ class Drag:
 
     coefficient: float
 
-    def added_to(self, system: BallSystem) -> BallSystem:
-        """Return the system with drag."""
-
-        def slow(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
-            return -self.coefficient / masses[:, None] * velocities
-
-        return _with_acceleration(system, slow)
+    def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+        """Return −k v/m [m/s²]."""
+        return -self.coefficient / masses[:, None] * velocities
 
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(Force):
     """A linear spring from each centre to an anchor: h = −k (x − x_0).
 
     Attributes:
@@ -88,14 +93,10 @@ class Spring:
     stiffness: float
     anchor: tuple[float, ...]
 
-    def added_to(self, system: BallSystem) -> BallSystem:
-        """Return the system with springs."""
-
-        def pull(centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
-            force: FloatArray = -self.stiffness * (centres - np.array(self.anchor))
-            return force / masses[:, None]
-
-        return _with_acceleration(system, pull)
+    def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+        """Return −k (x − x_0)/m [m/s²]."""
+        force: FloatArray = -self.stiffness * (centres - np.array(self.anchor))
+        return force / masses[:, None]
 
     def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
         """Return V = Σ k |x − x_0|²/2 [J]."""
@@ -142,7 +143,7 @@ class Planar:
         inertia_factor: J/(m r²) about the axis out of the plane; a disc's unless given.
     """
 
-    inertia_factor: float = field(default=DISC_INERTIA)
+    inertia_factor: float = DISC_INERTIA
 
     def added_to(self, system: BallSystem) -> BallSystem:
         """Return the system in two dimensions."""
@@ -165,7 +166,3 @@ def ball_system(
     for effect in effects:
         system = effect.added_to(system)
     return system
-
-
-def _with_acceleration(system: BallSystem, acceleration: Acceleration) -> BallSystem:
-    return replace(system, accelerations=(*system.accelerations, acceleration))
