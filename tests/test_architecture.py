@@ -1,7 +1,9 @@
 """Arrows go one way: problems ← solvers ← bench, without circles, and heavy libraries stay in their rooms."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -64,16 +66,25 @@ def name_of(file: Path) -> str:
     return file.relative_to(ROOT).as_posix()
 
 
-def imports(file: Path) -> Iterator[tuple[int, str, list[str]]]:
+@cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@cache
+def imports(file: Path) -> list[tuple[int, str, list[str]]]:
     """Level, module and names of every import of a file, wherever it stands."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    found: list[tuple[int, str, list[str]]] = []
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
-            yield from ((0, alias.name, []) for alias in node.names)
+            found += [(0, alias.name, []) for alias in node.names]
         if isinstance(node, ast.ImportFrom):
-            yield node.level, node.module or "", [alias.name for alias in node.names]
+            found.append((node.level, node.module or "", [alias.name for alias in node.names]))
+    return found
 
 
-def targets(file: Path) -> set[Path]:
+@cache
+def targets(file: Path) -> frozenset[Path]:
     """Files of the project that a file imports."""
     found = set()
     for level, module, names in imports(file):
@@ -86,10 +97,10 @@ def targets(file: Path) -> set[Path]:
         for candidate in (place.with_suffix(".py"), *(place / f"{name}.py" for name in names)):
             if candidate.is_file():
                 found.add(candidate)
-    return found
+    return frozenset(found)
 
 
-def in_circles(arrows: dict[Node, set[Node]]) -> set[Node]:
+def in_circles(arrows: Mapping[Node, AbstractSet[Node]]) -> set[Node]:
     """What is left when all that imports nothing else that is left is taken away, again and again."""
     left = dict(arrows)
     while True:
@@ -146,7 +157,7 @@ def test_a_folder_has_few_rooms_and_says_who_lives_there(folder: Path) -> None:
     files = {file for file in folder.glob("*.py") if file.name != "__init__.py"}
     folders = {path for path in folder.iterdir() if (path / "__init__.py").is_file()}
     assert len(files | folders) <= MOST_ROOMS
-    assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8")))
+    assert ast.get_docstring(parsed(folder / "__init__.py"))
 
 
 @pytest.mark.parametrize("library", AT_HOME)
@@ -159,4 +170,4 @@ def test_a_heavy_library_is_imported_only_where_it_is_the_business(library: str)
 def test_files_are_short_and_have_a_subject(file: Path) -> None:
     assert len(file.read_text(encoding="utf-8").splitlines()) <= 400
     assert file.stem != "utils"
-    assert ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))
+    assert ast.get_docstring(parsed(file))
