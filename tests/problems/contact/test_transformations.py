@@ -1,4 +1,4 @@
-"""A problem put otherwise has the same solutions."""
+"""A transformed problem has the same solutions."""
 
 import numpy as np
 import pytest

@@ -127,7 +127,7 @@ def test_of_many_bodies_on_inclines_only_those_beyond_the_critical_angle_slide(n
 
 
 @pytest.mark.parametrize("name", IMMOVABLE)
-def test_contacts_that_nothing_can_stop_are_told_by_the_judge(name: str) -> None:
+def test_contacts_that_nothing_can_stop_are_found_by_the_judge(name: str) -> None:
     problem = hard_case(name)
     verdict = judge(problem, np.ones(problem.n_rows))
     assert verdict.infeasible
@@ -145,7 +145,7 @@ def test_beside_the_contact_that_nothing_can_stop_the_others_have_a_solution() -
     assert 0 < stuck < problem.n_rows - 3
 
 
-def test_walls_that_close_in_are_told_by_the_judge() -> None:
+def test_walls_that_close_in_are_found_by_the_judge() -> None:
     for impulses in ([0.0, 0.0], [1.0, 0.0], [1e9, 1e9]):
         assert judge(hard_case("hard-squeezed"), np.array(impulses)).residual >= 1.0
 

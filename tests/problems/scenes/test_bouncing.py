@@ -28,19 +28,22 @@ def test_the_closed_form_is_free_flight_between_impacts_that_obey_newtons_law() 
     assert ball.rest_time == pytest.approx(np.sqrt(2.0 / 9.81) * 1.6 / 0.4, rel=1e-14)
 
 
-def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(step_errors: StepErrors, order: Order) -> None:
+@pytest.mark.parametrize(("finest", "error"), [(900, 3e-3), pytest.param(2700, 1e-3, marks=pytest.mark.slow)])
+def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
+    step_errors: StepErrors, order: Order, finest: int, error: float
+) -> None:
     """The mean error of the height, of which single runs are erratic: an impact falls anywhere into its step.
 
     Medians over nine neighbouring Δt are compared. First order, because each impact is late by a part of a step.
     """
     ball = BouncingBall()
     end, time_steps, errors = 1.1 * ball.rest_time, [], []
-    for steps in (100, 300, 900, 2700):
+    for steps in [steps for steps in (100, 300, 900, 2700) if steps <= finest]:
         counts = [round(steps * (1.0 + 0.02 * k)) for k in range(9)]
         errors.append(float(np.median([step_errors(ball, end / n, n)[0].mean() for n in counts])))
         time_steps.append(end / counts[4])
     assert 0.75 <= order(time_steps, errors) <= 1.25
-    assert errors[-1] <= 1e-3
+    assert errors[-1] <= error
 
 
 def test_the_ball_comes_to_rest_at_the_accumulation_point() -> None:

@@ -63,6 +63,7 @@ def test_a_period_of_the_woodpecker_costs_few_solves(
     assert sum(step.solves for step in steps) <= solves
 
 
+@pytest.mark.slow
 def test_twenty_periods_have_the_twelve_incidents_of_the_published_table_in_order_and_in_time() -> None:
     found = switches(cycle(20.0001, tolerance=1e-9, min_step=1e-10))
     assert [(switch.law, switch.contact + 1, switch.before, switch.after) for switch in found] == [
@@ -101,7 +102,7 @@ class Unforeseen(Anticipating):
         return length
 
 
-def test_incidents_that_nobody_foresees_are_located_all_the_same() -> None:
+def test_incidents_that_are_not_anticipated_are_located_all_the_same() -> None:
     found = switches(cycle(1.0001, tolerance=1e-7, min_step=1e-9, search=Unforeseen))
     assert [0.5 * (switch.begin + switch.end) for switch in found] == pytest.approx(TIMES, abs=1e-8)
 
@@ -200,7 +201,7 @@ def test_tolerance_governs_the_error_of_a_smooth_motion() -> None:
         assert sum(step.solves for step in steps) <= 200
 
 
-def test_steps_join_without_gap_and_end_where_asked() -> None:
+def test_steps_join_without_gap_and_end_at_the_given_time() -> None:
     for options in ({}, {"search": NestedIntervals, "scheme": StepDoubling(), "max_step": 5e-3}):
         steps = cycle(0.5, tolerance=1e-4, min_step=1e-6, **options)
         for before, after in pairwise(steps):

@@ -1,4 +1,4 @@
-"""Fallback tries its parts in turn, from the start and from zero, within one set of limits."""
+"""Fallback runs its parts in turn, from the start and from zero, within one set of limits."""
 
 from dataclasses import dataclass, field
 
@@ -38,13 +38,13 @@ class Scripted:
         return Solution(np.array([1.0 - wrong]), status, min(stop.max_iterations, 700))
 
 
-def tries(*parts: Scripted) -> Fallback:
+def fallback_of(*parts: Scripted) -> Fallback:
     return Fallback(*parts)
 
 
 def test_a_start_that_falls_short_is_left_for_zero_and_both_are_counted() -> None:
     first = Scripted()
-    solution = tries(first).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
+    solution = fallback_of(first).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
     assert first.tried == [(WARM_ITERATIONS, True), (20_000 - WARM_ITERATIONS, False)]
     assert solution.status is Status.SOLVED
     assert solution.iterations == WARM_ITERATIONS + 700
@@ -54,21 +54,23 @@ def test_a_start_that_falls_short_is_left_for_zero_and_both_are_counted() -> Non
 
 def test_others_follow_in_turn_and_the_last_takes_what_is_left() -> None:
     first, second, third = Scripted(0.3), Scripted(0.2), Scripted()
-    solution = tries(first, second, third).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
+    solution = fallback_of(first, second, third).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
     assert [first.tried[1], second.tried[0]] == [(ITERATIONS, False)] * 2
     assert third.tried == [(20_000 - WARM_ITERATIONS - 2 * 700, False)]
     assert solution.status is Status.SOLVED
 
 
 def test_without_any_success_the_best_answer_is_kept() -> None:
-    solution = tries(Scripted(0.3), Scripted(0.1), Scripted(0.2)).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
+    solution = (
+        fallback_of(Scripted(0.3), Scripted(0.1), Scripted(0.2)).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
+    )
     assert solution.status is Status.STALLED
     assert solution.impulses == [0.9]
 
 
 def test_the_limit_of_iterations_holds_for_all_together() -> None:
     first, second = Scripted(0.3), Scripted()
-    solution = tries(first, second).prepare(ONE).solve(Stop(1e-4, WARM_ITERATIONS), np.ones(1))
+    solution = fallback_of(first, second).prepare(ONE).solve(Stop(1e-4, WARM_ITERATIONS), np.ones(1))
     assert first.tried == [(WARM_ITERATIONS, True)]
     assert second.tried == []
     assert solution.status is Status.STALLED
@@ -83,19 +85,19 @@ def test_a_time_that_is_up_ends_it() -> None:
 @pytest.mark.parametrize("start", [None, np.zeros(1)], ids=["none", "zero"])
 def test_zero_is_tried_once(start: np.ndarray | None) -> None:
     first = Scripted()
-    tries(first).prepare(ONE).solve(Stop(1e-4, 2000), start)
+    fallback_of(first).prepare(ONE).solve(Stop(1e-4, 2000), start)
     assert len(first.tried) == 1
 
 
 def test_a_part_that_does_not_take_the_problem_is_left_out() -> None:
     first, second = Scripted(refusal="not this one"), Scripted()
-    fallback = tries(first, second)
+    fallback = fallback_of(first, second)
     assert fallback.supports(ONE) is None
     assert fallback.prepare(ONE).solve(Stop(1e-4)).status is Status.SOLVED
     assert first.tried == []
-    assert tries(first, first).supports(ONE) == "Scripted: not this one; Scripted: not this one"
+    assert fallback_of(first, first).supports(ONE) == "Scripted: not this one; Scripted: not this one"
     with pytest.raises(SolverError, match="not this one"):
-        tries(first).prepare(ONE)
+        fallback_of(first).prepare(ONE)
 
 
 def test_a_first_part_that_solves_leaves_its_bits_and_a_second_one_solves_what_it_cannot() -> None:
@@ -140,7 +142,7 @@ def test_parts_and_options_that_do_not_fit_are_named(parts: str, reason: str) ->
 
 
 def test_the_best_answer_is_the_best_in_the_model_of_the_parts() -> None:
-    """A sliding block: neither part comes to 1e-30, and the convex answer has a Coulomb residual of order one."""
+    """A sliding block: neither part reaches 1e-30, and the convex answer has a Coulomb residual of order one."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 5.0, 0.0), 0.3)
     solution = create("Fallback(ClarabelSOCP, CvxpySOCP)").prepare(problem).solve(Stop(1e-30, 200))
     assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-9

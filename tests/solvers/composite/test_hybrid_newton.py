@@ -162,7 +162,7 @@ def test_restarts_solve_what_sweeps_lead_away_from(family: Family | None, seed: 
     assert judge(problem, solution.impulses).residual <= 1e-8
 
 
-@pytest.mark.parametrize("limit", [1990, 2050, 2500, 5000])
+@pytest.mark.parametrize("limit", [1990, 2050, 2500, pytest.param(5000, marks=pytest.mark.slow)])
 def test_restarts_and_the_sweeps_after_them_obey_the_iteration_limit_and_are_shown(limit: int) -> None:
     seen: list[int] = []
     prepared = create("HybridNewton").prepare(load("hard-squeezed"))

@@ -82,7 +82,7 @@ def test_they_stay_within_their_share_of_the_work(
 
 @pytest.mark.parametrize("name", ["hard-squeezed", "pile-100"])
 def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock of one machine runs a thousand times as fast as that of the other; neither comes to its limit."""
+    """The clock of one machine runs a thousand times as fast as that of the other; neither reaches its limit."""
     prepared = create("HybridNewton").prepare(load(name))
 
     def solved(reading: float) -> Solution:

@@ -22,7 +22,7 @@ def gradient(problem: ContactProblem, step: float) -> Prepared:
     return iterate(problem, sweeps)
 
 
-def test_it_stops_at_the_judges_residual_and_starts_where_it_is_told() -> None:
+def test_it_stops_at_the_judges_residual_and_starts_from_the_given_impulses() -> None:
     problem = load("hard-mixed-laws")
     prepared = gradient(problem, 0.5)
     solution = prepared.solve(Stop(1e-9))
@@ -31,7 +31,7 @@ def test_it_stops_at_the_judges_residual_and_starts_where_it_is_told() -> None:
     assert prepared.solve(Stop(1e-9), start=solution.impulses).iterations == 0
 
 
-def test_too_long_a_step_is_told_for_what_it_is() -> None:
+def test_too_long_a_step_ends_as_oscillating_diverged_or_stalled() -> None:
     assert gradient(load("hard-stack-10"), 1.0).solve(Stop(1e-9, 50_000)).status in (
         Status.OSCILLATING,
         Status.DIVERGED,
@@ -104,6 +104,6 @@ def test_one_array_may_be_yielded_again_and_again() -> None:
 
 
 @pytest.mark.parametrize(("yielded", "words"), [([], "ended"), ([np.zeros(2)], r"yielded an array of shape \(2,\)")])
-def test_a_generator_that_ends_or_yields_something_else_is_told(yielded: list[FloatArray], words: str) -> None:
+def test_a_generator_that_ends_or_yields_something_else_is_an_error(yielded: list[FloatArray], words: str) -> None:
     with pytest.raises(SolverError, match=words):
         iterate(load("hard-mixed-laws"), lambda start: iter(yielded)).solve(Stop(1e-6))

@@ -1,4 +1,4 @@
-"""Convergence, oscillation, stall, lack of progress, divergence and limits are told apart, and a plateau is no end."""
+"""Convergence, oscillation, stall, lack of progress, divergence and limits differ, and a plateau is no end."""
 
 import numpy as np
 import pytest

@@ -84,8 +84,8 @@ def test_pivoting_in_portions_gives_the_same_bits_as_in_one_go() -> None:
     assert np.array_equal(parts.solution(), whole.solution())
 
 
-def test_exponentially_many_pivots_are_cut_off_where_asked() -> None:
-    """Murty's lower triangular example: 2ⁿ − 1 pivots for some q; the count asked for is never exceeded."""
+def test_exponentially_many_pivots_are_cut_off_at_the_limit() -> None:
+    """Murty's lower triangular example: 2ⁿ − 1 pivots for some q; the given count is never exceeded."""
     n = 12
     matrix = 2.0 * np.tril(np.ones((n, n)), -1).T + np.eye(n)
     tableau = Tableau(matrix, -np.ones(n))

@@ -1,4 +1,4 @@
-"""SemismoothNewton is Newton's method alone: fast near a solution, and honest where it does not come to one."""
+"""SemismoothNewton is Newton's method alone: fast near a solution, and honest where it does not reach one."""
 
 import itertools
 

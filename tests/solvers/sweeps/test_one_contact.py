@@ -183,7 +183,7 @@ def test_painleve_prefers_the_state_that_was() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_friction_that_nothing_moves_changes_as_little_as_its_bound_asks_for(friction: float) -> None:
+def test_friction_that_nothing_moves_changes_as_little_as_its_bound_requires(friction: float) -> None:
     """G = 0 and q = 0: every impulse in the cone is right."""
     held = spatial(np.zeros((3, 3)), np.zeros(3), friction, 0.4, np.array([0.0, 0.1, 0.2]))
     drawn_back = spatial(np.zeros((3, 3)), np.zeros(3), friction, 0.4, np.array([0.0, 3.0, 4.0]))

@@ -209,7 +209,7 @@ def test_a_point_thrown_through_the_top_of_a_circle_leaves_it_where_its_weight_d
     assert first.state.position[1] == pytest.approx(RADIUS * 2.0 / 3.0, abs=1e-11)
 
 
-def test_directions_that_turn_must_be_told() -> None:
+def test_directions_that_turn_need_their_rate() -> None:
     start = State(0.0, np.array([RADIUS * sin(1.2), -RADIUS * cos(1.2)]), np.zeros(2))
     with pytest.raises(ProblemError, match="direction_rates"):
         integrator(bowl()).simulate(start, 0.5)
