@@ -1,6 +1,8 @@
 """Every built-in solver keeps the promises that plugins are held to."""
 
 import os
+from itertools import product
+from typing import Any
 
 import pytest
 from proxbench.bench.conformance import SOLVER_CHECKS, Check, NotApplicable
@@ -43,14 +45,28 @@ LONG = {check.name for check in (*HARD_CHECKS, *INVARIANCE_CHECKS)}
 """Checks on more than a hundred problems, or on some many times."""
 
 SLOW = ("Cvxpy", "ClarabelSOCP(", "JORprox(step")
-"""Solvers that take minutes for those, or variants of others that take them; only the full profile tries."""
+"""Solvers that take minutes for those, or variants of others that take them; only the full profile runs them."""
+
+DAILY = {"SORprox", "PyramidPGS"}
+"""Solvers that run the long checks daily: one of Coulomb friction, one of a model of its own."""
 
 
-@pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
-@pytest.mark.parametrize("name", VARIANTS)
+def pairs() -> list[Any]:
+    """Return each variant with each check; what takes long is slow but for a few solvers."""
+    return [
+        pytest.param(name, check, marks=[pytest.mark.slow] if is_slow(name, check) else [], id=f"{name}-{check}")
+        for name, check in product(VARIANTS, SOLVER_CHECKS)
+    ]
+
+
+def is_slow(name: str, check: Check[Solver]) -> bool:
+    return name not in DAILY if check.name in LONG else name.startswith("Cvxpy")
+
+
+@pytest.mark.parametrize(("name", "check"), pairs())
 def test_it_conforms(name: str, check: Check[Solver]) -> None:
     if check.name in LONG and name.startswith(SLOW) and os.environ.get("PROXBENCH_PROFILE") != "full":
-        pytest.skip("minutes; PROXBENCH_PROFILE=full tries it")
+        pytest.skip("takes minutes; PROXBENCH_PROFILE=full runs it")
     try:
         check.run(create(name))
     except NotApplicable as reason:

@@ -1,6 +1,6 @@
-"""Whatever the problem, every solver keeps its word: random families with a solution built in, put in any way.
+"""Whatever the problem, every solver keeps its promises: random families with a known solution, transformed in any way.
 
-With PROXBENCH_PROFILE=full each property is tried on five hundred problems, with ``hunt`` on five thousand.
+With PROXBENCH_PROFILE=full each property is tested on five hundred problems, with ``hunt`` on five thousand.
 """
 
 from typing import Any
@@ -142,7 +142,7 @@ def without_factors(problem: ContactProblem) -> Transformed:
 
 
 @given(case=transformed_problems(), solver=solvers)
-def test_what_solves_a_problem_put_otherwise_solves_it_as_it_was(
+def test_a_solution_of_a_transformed_problem_solves_the_original(
     case: tuple[ContactProblem, Transformed, str], solver: Solver
 ) -> None:
     problem, other, how = case

@@ -1,4 +1,4 @@
-"""Each check notices the fault that it is there for, and tells it in a sentence."""
+"""Each check notices the fault that it is there for, and names it in a sentence."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from typing import Any
 import faulty_solver
 import numpy as np
 import pytest
-from faulty_solver import DEEDS, Faulty
+from faulty_solver import SIDE_EFFECTS, Faulty
 from proxbench.bench.conformance import PROBLEM_CHECKS, SOLVER_CHECKS, NotApplicable, Violation
 from proxbench.bench.conformance.trial import meet_answer
 from proxbench.problems import Answer, ContactProblem
@@ -81,16 +81,16 @@ def _forgotten() -> Iterator[None]:
     ],
 )
 def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> None:
-    with pytest.raises(Violation) as told:
+    with pytest.raises(Violation) as found:
         CHECKS[check].run(Faulty(fault))
-    sentence = str(told.value)
+    sentence = str(found.value)
     assert words in sentence
     assert sentence.endswith(".")
     assert "\n" not in sentence
 
 
-SOON = ("remembers tangents of any direction", "counts copies twice", "moves")
-"""Faults that are tried with all checks even where time is short."""
+FEW = ("remembers tangents of any direction", "counts copies twice", "moves")
+"""Faults that run through all checks without the full profile too."""
 
 
 @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
@@ -99,7 +99,7 @@ def test_without_a_fault_every_check_is_passed(check: Any) -> None:
 
 
 @pytest.mark.parametrize("check", ["observed", "warm start"])
-def test_a_solver_without_iterates_is_not_asked_for_them(check: str) -> None:
+def test_a_solver_without_iterates_need_not_show_them(check: str) -> None:
     with pytest.raises(NotApplicable, match="has_iterates is False"):
         CHECKS[check].run(Faulty("no iterates"))
 
@@ -107,7 +107,7 @@ def test_a_solver_without_iterates_is_not_asked_for_them(check: str) -> None:
 ALONE = {
     "odd has_iterates": {"interface"},
     "stays at home": {"travels"},
-    **{deed: {"process"} for deed in DEEDS},
+    **{effect: {"process"} for effect in SIDE_EFFECTS},
     "supports at random": {"supports"},
     "nan when cut short": {"finite"},
     "writes start": {"inputs untouched", "warm start"},
@@ -142,13 +142,14 @@ ALONE = {
     "lies on hard-disconnected-parts": {"hard mixed"},
     "lies on hard-braced-mu10": {"hard random"},
 }
-"""Faults of which few checks are to tell, and those checks."""
+"""Faults that few checks notice, and those checks."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ALONE)
 def test_a_fault_is_noticed_by_no_other_check(fault: str) -> None:
-    if fault not in SOON and os.environ.get("PROXBENCH_PROFILE") != "full":
-        pytest.skip("seconds each; PROXBENCH_PROFILE=full tries it")
+    if fault not in FEW and os.environ.get("PROXBENCH_PROFILE") != "full":
+        pytest.skip("takes seconds each; PROXBENCH_PROFILE=full runs it")
     assert set(in_a_process(lambda: "\n".join(broken_by(fault))).splitlines()) == ALONE[fault]
 
 
@@ -181,10 +182,10 @@ def in_a_process(act: Callable[[], str]) -> str:
         finally:
             os._exit(0)
     os.close(writing)
-    with os.fdopen(reading) as told:
-        said = told.read()
+    with os.fdopen(reading) as pipe:
+        returned = pipe.read()
     os.wait()
-    return said
+    return returned
 
 
 def the_violation(check: str, fault: str) -> str:
@@ -196,7 +197,7 @@ def the_violation(check: str, fault: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("deed", "words"),
+    ("effect", "words"),
     [
         ("moves", "changed the working folder; put back"),
         ("raises errors of numpy", "changed numpy's error state"),
@@ -209,11 +210,11 @@ def the_violation(check: str, fault: str) -> str:
         ("replaces the clock", "replaced time.perf_counter; leave alone"),
     ],
 )
-def test_what_a_solver_does_to_its_process_is_told(deed: str, words: str) -> None:
-    assert words in in_a_process(lambda: the_violation("process", deed))
+def test_what_a_solver_does_to_its_process_is_named(effect: str, words: str) -> None:
+    assert words in in_a_process(lambda: the_violation("process", effect))
 
 
-def test_an_answer_that_is_missed_is_told() -> None:
+def test_a_missed_answer_is_reported() -> None:
     problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1, name="a point")
     for wrong in (Answer(impulses=(np.full(1, 0.5),)), Answer(velocity=np.ones(1))):
         with pytest.raises(Violation, match=r"on a point it misses the known answer by 1\.0e\+00"):
@@ -221,7 +222,7 @@ def test_an_answer_that_is_missed_is_told() -> None:
     meet_answer(replace(problem, answer=Answer(impulses=(np.ones(1),), velocity=np.zeros(1))), np.ones(1))
 
 
-def test_a_solver_that_cannot_be_sent_to_another_process_is_told() -> None:
+def test_a_solver_that_cannot_be_pickled_is_reported() -> None:
     @dataclass(frozen=True)
     class Local(Faulty):
         pass

@@ -49,7 +49,7 @@ class Sandbox:
     def run(self, code: str, before: Callable[[], None] | None = None) -> "subprocess.CompletedProcess[str]":
         """Run ``code`` to its end; a process that hangs is an error."""
         process = self.start(code, before)
-        output, errors = process.communicate(timeout=300)
+        output, errors = process.communicate(timeout=600)
         return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
 
     def processes(self) -> list[psutil.Process]:

@@ -38,7 +38,7 @@ def copied(stored: Path, tmp_path: Path) -> Path:
 
 
 def changed(folder: Path, name: str = "", **changes: Any) -> None:
-    """Write a case again with changes and a right checksum, as somebody might who means harm."""
+    """Write a case again with changes and a right checksum, as an attacker might."""
     (file,) = (folder / "cases").glob(f"{name}*.json")
     forge(file, changes)
 

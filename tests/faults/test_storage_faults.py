@@ -23,7 +23,7 @@ SMALL = "['hard-sticking-box', 'hard-tresca-joint', 'funnel-30'], ['SORprox', 'C
 
 
 def failing(sandbox: Sandbox, folder: Path, before: Callable[[], None] | None = None) -> str:
-    """Run into a fault of the disk; return the sentence that tells it."""
+    """Run into a fault of the disk; return the sentence that names it."""
     done = sandbox.run(f"run({SMALL}, results={str(folder.parent)!r}, run_id={folder.name!r})", before)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
@@ -94,14 +94,14 @@ SPOILED = {
     "is written over": "[open(file, 'w').write('[]') for file in glob.glob({folder!r} + '/**/*.json', recursive=True)]",
     "gets pipes": "[(os.unlink(file), os.mkfifo(file)) for file in glob.glob({folder!r} + '/*/*.json')]",
 }
-"""What somebody, a plugin perhaps, does to the folder of a run again and again."""
+"""What another program, a plugin perhaps, does to the folder of a run again and again."""
 
 
 @pytest.mark.parametrize("how", SPOILED)
 def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(how: str, sandbox: Sandbox, undisturbed: Path) -> None:
     folder = sandbox.results / "it"
-    deed = SPOILED[how].format(folder=str(folder))
-    spoil = f"import glob, os, shutil\ndef spoil(event):\n    {deed}\n"
+    spoiling = SPOILED[how].format(folder=str(folder))
+    spoil = f"import glob, os, shutil\ndef spoil(event):\n    {spoiling}\n"
     done = sandbox.run(f"{spoil}run({SMALL}, results={str(sandbox.results)!r}, run_id='it', on_event=spoil)")
     assert done.returncode == 0, done.stderr
     assert verdicts(folder) == verdicts(undisturbed)
@@ -109,7 +109,7 @@ def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(how: str, sandbo
     assert sandbox.left_behind() == []
 
 
-def test_a_folder_that_cannot_be_made_again_is_told(sandbox: Sandbox) -> None:
+def test_a_folder_that_cannot_be_made_again_ends_the_run_with_an_error(sandbox: Sandbox) -> None:
     folder = sandbox.results / "it"
     spoil = (
         "import pathlib, shutil\n"
@@ -131,7 +131,7 @@ def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) 
     with pytest.raises(BenchError, match="exists already"):
         run(["hard-no-motion"], ["SORprox"], results=sandbox.results, run_id="it")
     os.kill(first.pid, signal.SIGCONT)
-    _, errors = first.communicate(timeout=300)
+    _, errors = first.communicate(timeout=600)
     assert first.returncode == 0, errors
     assert verdicts(folder) == verdicts(undisturbed)
     assert sandbox.left_behind() == []
@@ -157,7 +157,7 @@ def test_a_clock_that_jumps_changes_no_result(
     folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3]).folder
     monkeypatch.undo()
     assert verdicts(folder) == verdicts(undisturbed)
-    assert load(folder).cases["wall_seconds"].between(0.0, 60.0).all()
+    assert load(folder).cases["wall_seconds"].between(0.0, 3600.0).all()
 
 
 def test_a_run_of_another_version_is_refused_by_name(undisturbed: Path, tmp_path: Path, capsys: Any) -> None:

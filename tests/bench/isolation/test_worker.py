@@ -1,4 +1,4 @@
-"""Whatever a solver does costs its own case and nothing else, and is told for what it is."""
+"""Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
 import psutil
 import pytest
@@ -13,13 +13,13 @@ from proxbench.problems.catalog.storage import problem_bytes
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
 ENDLESS = {"sleep", "spin"}
-"""Deeds that only a limit of time ends; the others have all the time that they need on a busy machine."""
+"""Actions that only a time limit ends; the others have all the time that they need on a busy machine."""
 
 
-def carried_out(deed: str) -> Case:
+def carried_out(action: str) -> Case:
     problem = load("hard-sticking-box")
-    limits = replace(LIMITS, case_seconds=1.0) if deed in ENDLESS else LIMITS
-    case = Case(problem, contestant(Misbehaving(deed)), limits)
+    limits = replace(LIMITS, case_seconds=1.0) if action in ENDLESS else LIMITS
+    case = Case(problem, contestant(Misbehaving(action)), limits)
     try:
         case.begin(problem_bytes(problem), 1e-6)
         if case.is_open:
@@ -32,7 +32,7 @@ def carried_out(deed: str) -> Case:
 
 
 @pytest.mark.parametrize(
-    ("deed", "outcome", "words"),
+    ("action", "outcome", "words"),
     [
         ("raise", Outcome.CRASHED, "the plugin gave up"),
         ("exit", Outcome.CRASHED, "exit code 7"),
@@ -46,8 +46,8 @@ def carried_out(deed: str) -> Case:
         ("write", Outcome.MISBEHAVED, "changed the numbers"),
     ],
 )
-def test_a_fault_is_named_and_leaves_no_process(deed: str, outcome: Outcome, words: str) -> None:
-    case = carried_out(deed)
+def test_a_fault_is_named_and_leaves_no_process(action: str, outcome: Outcome, words: str) -> None:
+    case = carried_out(action)
     record = case.record()
     assert record.outcome is outcome
     assert words in record.reason
@@ -73,9 +73,9 @@ def test_a_solver_that_a_signal_kills_leaves_the_place_in_its_code() -> None:
     assert "Extension modules" not in printed
 
 
-@pytest.mark.parametrize("deed", ["lie", "patch"])
-def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_process(deed: str) -> None:
-    points = carried_out(deed).record().points
+@pytest.mark.parametrize("action", ["lie", "patch"])
+def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_process(action: str) -> None:
+    points = carried_out(action).record().points
     assert [point.outcome for point in points] == [Outcome.WRONG]
     assert points[0].measured is not None
     assert points[0].measured.residual is not None

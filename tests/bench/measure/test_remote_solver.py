@@ -52,7 +52,7 @@ def test_the_reason_of_a_refusal_comes_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("deed", "outcome"),
+    ("action", "outcome"),
     [
         ("raise", Outcome.CRASHED),
         ("segfault", Outcome.CRASHED),
@@ -61,10 +61,10 @@ def test_the_reason_of_a_refusal_comes_back() -> None:
     ],
 )
 def test_a_fault_is_an_error_of_that_solve_and_the_next_request_has_a_fresh_process(
-    deed: str, outcome: Outcome
+    action: str, outcome: Outcome
 ) -> None:
     problem = load("hard-groove")
-    with RemoteSolver(contestant(Misbehaving(deed))) as solver:
+    with RemoteSolver(contestant(Misbehaving(action))) as solver:
         for _ in range(2):
             with pytest.raises(FailedSolveError) as raised:
                 solver.prepare(problem).solve(STOP)
@@ -73,10 +73,11 @@ def test_a_fault_is_an_error_of_that_solve_and_the_next_request_has_a_fresh_proc
 
 
 def test_a_solver_that_hangs_is_ended_in_time() -> None:
-    with RemoteSolver(contestant(Misbehaving("sleep")), seconds=0.5) as solver:
-        prepared = solver.prepare(load("hard-groove"))
-        with pytest.raises(FailedSolveError) as raised:
-            prepared.solve(Stop(1e-8, 10, 0.1))
+    with (
+        RemoteSolver(contestant(Misbehaving("sleep")), seconds=2.0) as solver,
+        pytest.raises(FailedSolveError) as raised,
+    ):
+        solver.prepare(load("hard-groove")).solve(Stop(1e-8, 10, 0.1))
     assert raised.value.outcome is Outcome.TIMEOUT
 
 

@@ -129,8 +129,8 @@ class _Faulty:
             if key not in memory:
                 memory[key] = self.inner.solve(stop)
             return memory[key]
-        if self.fault in DEEDS:
-            DEEDS[self.fault]()
+        if self.fault in SIDE_EFFECTS:
+            SIDE_EFFECTS[self.fault]()
         if self.fault == "cold":
             start = None
         if self.fault == "writes start" and start is not None:
@@ -165,8 +165,8 @@ def the_only_copy(problem: ContactProblem) -> Any:
     if not problem.n_contacts or problem.n_rows % problem.n_contacts:
         return None
     contacts = np.arange(problem.n_rows).reshape(problem.n_contacts, -1)
-    told = np.vstack([problem.delassus().toarray(), problem.free_velocity])
-    alike = [rows for rows in contacts[:-1] if np.array_equal(told[:, rows], told[:, contacts[-1]])]
+    columns = np.vstack([problem.delassus().toarray(), problem.free_velocity])
+    alike = [rows for rows in contacts[:-1] if np.array_equal(columns[:, rows], columns[:, contacts[-1]])]
     return alike[0] if len(alike) == 1 else None
 
 
@@ -237,7 +237,7 @@ MISTAKES: dict[str, Callable[[_Faulty, Solution, Stop], Solution]] = {
     "empty unsolved": _empty_unsolved,
     "counts copies twice": _counts_copies_twice,
 }
-"""What a faulty solver makes of its solution in some cases."""
+"""How a faulty solver changes its solution in some cases."""
 
 
 def _replace_the_judge() -> None:
@@ -246,7 +246,7 @@ def _replace_the_judge() -> None:
     trial.judge = lambda *arguments, **options: judge(*arguments, **options)
 
 
-DEEDS: dict[str, Callable[[], Any]] = {
+SIDE_EFFECTS: dict[str, Callable[[], Any]] = {
     "moves": lambda: os.chdir("/"),
     "raises errors of numpy": lambda: np.seterr(all="raise"),
     "draws from numpy": np.random.random,

@@ -24,9 +24,9 @@ from proxbench.solvers import Model, Solution, Status, Stop, create
 
 @dataclass(frozen=True)
 class Misbehaving:
-    """Solves as SORprox does, after having done what ``deed`` names; with ``only``, one problem alone."""
+    """Solves as SORprox does, after the action that ``action`` names; with ``only``, on one problem alone."""
 
-    deed: str
+    action: str
     only: str = ""
 
     model: ClassVar[Model] = Model.COULOMB
@@ -34,17 +34,17 @@ class Misbehaving:
 
     @property
     def name(self) -> str:
-        return f"Misbehaving({self.deed})"
+        return f"Misbehaving({self.action})"
 
     def supports(self, problem: ContactProblem) -> str | None:
         if self.only and problem.name != self.only:
             return f"it misbehaves on {self.only} alone"
-        if self.deed == "refuse badly":
-            raise RuntimeError("nobody knows")
-        return {"refuse at length": "never " * 10**6, "refuse without words": " "}.get(self.deed)
+        if self.action == "refuse badly":
+            raise RuntimeError("for no reason")
+        return {"refuse at length": "never " * 10**6, "refuse without words": " "}.get(self.action)
 
     def prepare(self, problem: ContactProblem) -> "_Prepared":
-        return _Prepared(problem, self.deed)
+        return _Prepared(problem, self.action)
 
 
 _ONCE = {
@@ -57,13 +57,13 @@ _ONCE = {
     "litter",
     "leave slowly",
 }
-"""Deeds that stay done, so that doing them in every solve would only take time."""
+"""Actions that last, so that repeating them in every solve would only take time."""
 
 _kept: list[object] = []
 """What lives until its process ends."""
 
 _done: set[str] = set()
-"""Deeds done by this process."""
+"""Actions that this process has taken."""
 
 
 class SlowToGo:
@@ -75,22 +75,22 @@ class NoOrdinaryError(BaseException):
     pass
 
 
-class BadlyToldError(Exception):
+class UnprintableError(Exception):
     def __str__(self) -> str:
-        raise ValueError("it cannot be told")
+        raise ValueError("it cannot be printed")
 
 
 @dataclass
 class _Prepared:
     problem: ContactProblem
-    deed: str
+    action: str
 
     def solve(self, stop: Stop, start: object = None, observe: object = None) -> object:
         solution = create("SORprox").prepare(self.problem).solve(stop)
-        if self.deed in _ONCE and self.deed in _done:
+        if self.action in _ONCE and self.action in _done:
             return solution
-        _done.add(self.deed)
-        return getattr(self, f"do_{self.deed.replace(' ', '_')}")(solution)
+        _done.add(self.action)
+        return getattr(self, f"do_{self.action.replace(' ', '_')}")(solution)
 
     # what it returns
 
@@ -98,10 +98,10 @@ class _Prepared:
         raise RuntimeError("the plugin gave up")
 
     def do_raise_badly(self, solution: Solution) -> object:
-        raise BadlyToldError
+        raise UnprintableError
 
     def do_raise_anything(self, solution: Solution) -> object:
-        raise NoOrdinaryError("nobody catches it")
+        raise NoOrdinaryError("beyond every except clause")
 
     def do_interrupt(self, solution: Solution) -> object:
         raise KeyboardInterrupt
