@@ -37,7 +37,7 @@ class Faulty:
     def assemble(self, *arguments: Any) -> Any:
         self._calls += 1
         if self._calls > FAULTY_FROM:
-            faults = {"raise": self._raise, "exit": lambda: os._exit(3), "hang": lambda: time.sleep(60), "eat": _eat}
+            faults = {"raise": self._raise, "exit": lambda: os._exit(3), "hang": lambda: time.sleep(1000), "eat": _eat}
             faults[self._fault]()
         return self._system.assemble(*arguments)
 

@@ -43,12 +43,12 @@ def test_a_chart_that_exists_is_replaced_only_by_force(
     line: str, taken: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / taken).write_text("mine")
-    asked = [*line.split(), "--output", f"{tmp_path}/a.npz", "--chart", f"{tmp_path}/mine"]
-    assert run_command(asked) == 2
+    arguments = [*line.split(), "--output", f"{tmp_path}/a.npz", "--chart", f"{tmp_path}/mine"]
+    assert run_command(arguments) == 2
     assert f"{taken} exists already" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == [taken]
     assert (tmp_path / taken).read_text() == "mine"
-    assert run_command([*asked, "--force"]) == 0
+    assert run_command([*arguments, "--force"]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"a.npz", "mine.svg", "mine.png"}
     assert (tmp_path / taken).read_bytes() != b"mine"
 
@@ -57,11 +57,11 @@ def test_a_picture_beside_a_new_result_is_replaced_only_by_force(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "a.png").write_text("mine")
-    asked = [*VARIABLE.split(), "--output", f"{tmp_path}/a.npz"]
-    assert run_command(asked) == 2
+    arguments = [*VARIABLE.split(), "--output", f"{tmp_path}/a.npz"]
+    assert run_command(arguments) == 2
     assert "a.png exists already" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-    assert run_command([*asked, "--force"]) == 0
+    assert run_command([*arguments, "--force"]) == 0
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 

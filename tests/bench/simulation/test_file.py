@@ -80,7 +80,7 @@ def test_a_file_cut_short_is_noticed(stored: Path, share: float) -> None:
     assert_refused(stored, "is damaged")
 
 
-def test_files_of_others_are_told_apart(tmp_path: Path) -> None:
+def test_files_of_other_programs_are_recognised(tmp_path: Path) -> None:
     file = tmp_path / "other.npz"
     for content in (b"", b"hello", b"\x93NUMPY"):
         file.write_bytes(content)

@@ -88,7 +88,7 @@ def test_an_axis_follows_what_moves() -> None:
     assert "domain" not in vertical(panels(made("woodpecker", 1e-3))["sleeve angle [rad]"])["scale"]
 
 
-def test_switching_points_are_laws_that_switch_and_instants_are_told_beside() -> None:
+def test_switching_points_are_laws_that_switch_and_instants_are_listed_beside() -> None:
     simulation = made("woodpecker", switches=((0.35, 0), (0.35, 1), (0.85, 0)))
     assert "10 steps" in subtitle(simulation)
     assert "3 switching points at 2 instants" in subtitle(simulation)

@@ -72,19 +72,19 @@ def test_no_code_of_the_scene_runs_here() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "seconds", "words"),
     [
-        ("raise", "RuntimeError: oh no"),
-        ("exit", "exit code 3"),
-        ("hang", "it took longer than 2 s"),
-        ("eat", "MB of memory"),
+        ("raise", 60.0, "RuntimeError: oh no"),
+        pytest.param("exit", 60.0, "exit code 3", marks=pytest.mark.slow),
+        pytest.param("hang", 2.0, "it took longer than 2 s", marks=pytest.mark.slow),
+        pytest.param("eat", 60.0, "MB of memory", marks=pytest.mark.slow),
     ],
 )
 def test_a_fault_of_the_scene_ends_the_simulation_at_its_step_and_keeps_all_before(
-    fault: str, words: str, tmp_path: Path
+    fault: str, seconds: float, words: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "a.npz"
-    plan = make_simulation_plan(f"faulty(fault={fault!r})", duration=1.0, step_seconds=2.0)
+    plan = make_simulation_plan(f"faulty(fault={fault!r})", duration=1.0, step_seconds=seconds)
     with pytest.raises(FailedSimulationError) as caught:
         simulate(plan, file)
     assert words in str(caught.value)

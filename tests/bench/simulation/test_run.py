@@ -41,8 +41,8 @@ def bare_rule(plan: SimulationPlan) -> MidpointRule:
 
 
 def stop_after(steps: int) -> Callable[[], bool]:
-    asked = iter(range(steps + 1))
-    return lambda: next(asked) == steps
+    checks = iter(range(steps + 1))
+    return lambda: next(checks) == steps
 
 
 @pytest.mark.parametrize(("scene", "step"), [("pile(balls=30)", 1e-3), ("woodpecker", 1e-4)])

@@ -33,15 +33,21 @@ class Broken:
         return Solution(np.full(self._rows, np.nan), Status.SOLVED, 1)
 
 
-@pytest.fixture(params=["raises", "exits", "nan"])
+@pytest.fixture(
+    params=[
+        "raises",
+        pytest.param("exits", marks=pytest.mark.slow),
+        pytest.param("nan", marks=pytest.mark.slow),
+    ]
+)
 def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Let every solver fail from its fortieth problem on."""
     prepare, calls = StepSolver.prepare, []
 
-    def fail(asked: StepSolver, problem: Any) -> Any:
+    def fail(solver: StepSolver, problem: Any) -> Any:
         calls.append(problem)
         if len(calls) < 40:
-            return prepare(asked, problem)
+            return prepare(solver, problem)
         if request.param == "nan":
             return Broken(problem.n_rows)
         raise RuntimeError("no more") if request.param == "raises" else SystemExit(3)

@@ -75,13 +75,13 @@ def test_a_period_of_other_switching_points_is_not_shown() -> None:
 @pytest.mark.parametrize(
     ("periods", "complete"), [(0.5, "no complete period, from row 1"), (1 + 1 / 12, "1 of 1 complete period,")]
 )
-def test_complete_periods_and_times_from_section_to_section_are_told_apart(periods: float, complete: str) -> None:
+def test_complete_periods_and_times_from_section_to_section_are_distinguished(periods: float, complete: str) -> None:
     text = printed(pecking(periods))
     assert complete in text
     assert "is not met twice yet, so there is no time from section to section" in text
 
 
-def test_a_single_unsolved_step_is_told_in_the_singular() -> None:
+def test_a_single_unsolved_step_is_in_the_singular() -> None:
     assert "1 of 13 steps is not solved to 1e-12; largest residual 1.0e-03" in printed(pecking(1.0, residual=1e-3))
 
 

@@ -65,7 +65,7 @@ def test_a_row_shows_means_of_costs_and_the_worst_of_errors() -> None:
     assert (row.energy, row.balls_through) == (8.0, 4)
 
 
-def test_unsolved_steps_are_told_with_their_number_the_worst_one_and_what_the_solver_says(pour: Pour) -> None:
+def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_solver_says(pour: Pour) -> None:
     simulation = simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10))
     text = printed(simulation)
     count = int(simulation.unsolved.sum())
@@ -75,7 +75,7 @@ def test_unsolved_steps_are_told_with_their_number_the_worst_one_and_what_the_so
     assert "every step is solved to 1e-04, by the judge" in printed(simulate(pour()))
 
 
-def test_a_single_step_is_told_in_the_singular() -> None:
+def test_a_single_step_is_in_the_singular() -> None:
     text = printed(made(np.array([0.1, 0.2]), residual=[1e-3, 0.0]))
     assert "1 of 2 steps is not solved to 1e-04" in text
     assert "no contact, 1 time\n" in text

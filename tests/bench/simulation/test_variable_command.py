@@ -70,7 +70,7 @@ def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("options", "words"),
     [
         (
             "woodpecker(friction=0.2)",
@@ -88,11 +88,11 @@ def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureF
     ],
 )
 def test_what_contradicts_a_stored_variable_step_is_named_beside_what_is_stored(
-    asked: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    options: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "toy.npz"
     write_simulation(Simulation(make_simulation_plan("woodpecker")), file)
-    assert run_command(f"simulate --resume {file} {asked}".split()) == 2
+    assert run_command(f"simulate --resume {file} {options}".split()) == 2
     assert (
         capsys.readouterr().err
         == f"proxbench: {words.format(file=file, options='friction, gravity, restitution, start')}\n"
@@ -129,7 +129,7 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
         ("--duration -1", "duration must be positive and finite, got -1.0 s"),
         ("--duration inf", "duration must be positive and finite, got inf s"),
         ("--stepper Extrapolated(min_step=1e-30)", "too short to separate times"),
-        ("--solver Nobody", "Nobody"),
+        ("--solver Unknown", "Unknown"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(
