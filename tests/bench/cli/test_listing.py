@@ -1,6 +1,7 @@
 """The listing reads well whatever the number of contacts, rows and laws, and fits a narrow terminal."""
 
 import re
+from typing import Any
 
 import pytest
 from proxbench.bench.cli.listing import listed, print_listing
@@ -10,6 +11,12 @@ from proxbench.problems.catalog.catalog import SUITES, suite_members
 @pytest.fixture(autouse=True)
 def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
+
+
+@pytest.fixture(scope="module")
+def hard() -> list[dict[str, Any]]:
+    """Every problem of the hard suite, as listed."""
+    return listed("problems", "hard")["problems"]
 
 
 @pytest.mark.parametrize(
@@ -22,9 +29,9 @@ def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_a_problem_is_described_by_its_sizes_friction_and_form(
-    name: str, words: str, capsys: pytest.CaptureFixture[str]
+    name: str, words: str, hard: list[dict[str, Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rows = [row for row in listed("problems", "hard")["problems"] if row["name"] == name]
+    rows = [row for row in hard if row["name"] == name]
     print_listing({"problems": rows})
     head, line = (line for line in capsys.readouterr().out.splitlines() if line.startswith("  "))
     assert head.split() == ["contacts", "rows", "friction", "form"]
