@@ -38,6 +38,7 @@ def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:
         assert difference(problem, load(problem.name)) <= 1e-6
 
 
+@pytest.mark.slow
 def test_two_fresh_processes_generate_equal_digests(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "from proxbench.bench.cli.main import main; main()", "generate", *SMALL, "--json"]
     digests = []
@@ -58,7 +59,7 @@ def test_problems_of_one_simulation_are_captured_at_their_own_steps(tmp_path: Pa
 
 
 @pytest.mark.parametrize(("name", "words"), [("hard-groove", "nothing to generate"), ("funel-30", "'funnel-30'")])
-def test_names_without_a_recipe_are_told(name: str, words: str, tmp_path: Path) -> None:
+def test_names_without_a_recipe_are_refused(name: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=words):
         generate([name], tmp_path)
     assert list(tmp_path.iterdir()) == []

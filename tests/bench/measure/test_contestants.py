@@ -47,13 +47,14 @@ def module_from(text: str, name: str) -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["-", "script.py"])
 def test_a_class_of_a_script_or_of_standard_input_is_measured_and_the_script_not_run_again(
     way: str, tmp_path: Path
 ) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
     text = SCRIPT if way == "-" else None
-    done = subprocess.run([sys.executable, way], input=text, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, way], input=text, cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert done.stdout.splitlines() == ["begun", "['measured']"], done.stderr
 
 

@@ -54,12 +54,12 @@ def command_with(*wheels: Path, site: Path) -> Command:
     """Install wheels into a folder of their own; return the command line that sees it."""
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-compile"]
     environment = {**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
-    subprocess.run([*pip, "--target", str(site), *map(str, wheels)], check=True, timeout=120, env=environment)
+    subprocess.run([*pip, "--target", str(site), *map(str, wheels)], check=True, timeout=600, env=environment)
 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         line = [sys.executable, "-c", "from proxbench.bench.cli.main import main; main()", *words]
         environment = {**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200"}  # names stay in one piece
-        return subprocess.run(line, capture_output=True, text=True, timeout=300, env=environment, check=False)
+        return subprocess.run(line, capture_output=True, text=True, timeout=600, env=environment, check=False)
 
     return run
 

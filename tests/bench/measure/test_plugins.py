@@ -1,4 +1,4 @@
-"""Plugin files: what they offer can be named, in the processes of cases too, and what is wrong with them is told."""
+"""Plugin files: what they offer can be named, in the processes of cases too, and what is wrong with them is named."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -150,7 +150,7 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
 
 
 @pytest.mark.parametrize(
-    ("deed", "words"),
+    ("code", "words"),
     [
         ("import os; os._exit(0)", "its process ended by itself with exit code 0"),
         ("import ctypes; ctypes.string_at(0)", "its process was killed by SIGSEGV"),
@@ -160,9 +160,9 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
     ids=["exit", "segfault", "leaves a process", "memory"],
 )
 def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
-    deed: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
+    code: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    path = written(GOOD + deed)
+    path = written(GOOD + code)
     assert run_command(["run", "--results", str(tmp_path / "results"), "--plugin", str(path)]) == 2
     printed = capfd.readouterr()
     assert printed.out == ""
@@ -233,7 +233,7 @@ def test_a_solver_of_a_file_may_hold_what_cannot_be_pickled(written: Callable[..
     assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
 
 
-def test_a_problem_that_cannot_be_built_is_told_before_anything_is_measured(
+def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     for body, words in (("return 3", "makes a value of type int"), ("1 / 0", "cannot be built: ZeroDivisionError")):
@@ -245,7 +245,7 @@ def test_a_problem_that_cannot_be_built_is_told_before_anything_is_measured(
         assert not results.exists()
 
 
-def test_resume_asks_for_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
+def test_resume_requires_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
     path = written(GOOD)
     folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path]).folder
     recorded = load(folder).info.plugins

@@ -78,7 +78,7 @@ def test_known_impulses_are_compared(finished_run: Path) -> None:
     assert (solved["impulse_error"] <= 1e-6).all()
 
 
-def test_run_json_tells_machine_and_drift(finished_run: Path) -> None:
+def test_run_json_describes_the_machine_and_its_drift(finished_run: Path) -> None:
     info = load(finished_run).info
     assert info.machine.processor
     assert info.machine.versions["numpy"] == np.__version__
@@ -142,6 +142,7 @@ def test_a_round_goes_on_for_its_time_but_a_failure_is_measured_once() -> None:
     assert len(times) == 1
 
 
+@pytest.mark.slow
 def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
     command = [
         sys.executable,
@@ -162,11 +163,11 @@ def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell may ignore it
     )
     cases = tmp_path / "x" / "cases"
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 600
     while time.monotonic() < deadline and len(list(cases.glob("*.json"))) < 2:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=600)
     assert process.returncode == 130
     assert "--resume" in errors
     finished = list(cases.iterdir())
@@ -190,6 +191,7 @@ def test_limits_are_those_of_the_plan(tmp_path: Path) -> None:
     assert 0.5 <= case["wall_seconds"] < Limits().case_seconds
 
 
+@pytest.mark.slow
 def test_a_script_without_a_main_guard_is_run_once(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
@@ -198,5 +200,5 @@ def test_a_script_without_a_main_guard_is_run_once(tmp_path: Path) -> None:
         f"folder = run(['hard-no-motion'], ['SORprox', 'Jprox'], results={str(tmp_path)!r}, tolerances=[1e-2])\n"
         "print(load(folder).cases['outcome'].tolist())\n"
     )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=120)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=600)
     assert done.stdout.splitlines() == ["begin", "['measured', 'measured']"]

@@ -7,7 +7,7 @@ import pytest
 from proxbench.bench.cli.main import run_command
 
 
-def test_solvers_are_recorded_and_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_solvers_are_recorded_and_listed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "a.rrd"
     line = f"record hard-sticking-box --solver SORprox --solver ClarabelCoulomb --tolerance 1e-4 --output {file}"
     assert run_command(line.split()) == 0

@@ -13,6 +13,7 @@ RECORD = "record hard-sticking-box --solver SORprox --tolerance 1e-4"
 DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
 def test_a_still_has_the_size_of_the_viewer_and_shows_something(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -26,6 +27,7 @@ def test_a_still_has_the_size_of_the_viewer_and_shows_something(
     assert len(picture) > 10_000  # an empty picture of this size compresses to less
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
 def test_a_still_of_a_stored_simulation_is_drawn_from_its_result_alone(
     capsys: pytest.CaptureFixture[str], tmp_path: Path

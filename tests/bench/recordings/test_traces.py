@@ -52,7 +52,7 @@ def test_a_misbehaving_solver_ends_its_own_trace_only(kind: Any, words: str) -> 
     assert trace.iterations[0] == 0
 
 
-def test_an_unsupported_problem_is_told_with_the_reason() -> None:
+def test_an_unsupported_problem_is_named_with_the_reason() -> None:
     trace = trace_solve(load("funnel-30"), create("Enumeration"), Stop(1e-6, 100))
     assert trace.ended.startswith("The solver cannot treat this problem: ")
     assert trace.iterations == []
