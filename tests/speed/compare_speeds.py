@@ -211,7 +211,7 @@ def table(rows: Sequence[Row], title: str) -> Table:
 
 
 def report(new: Speeds, old: Speeds | None, console: Console) -> None:
-    """Print the table, and what it comes to."""
+    """Print the table and its summary."""
     if old is None:
         console.print(table(compare(new, None), f"{new.path.name}, nothing before it to compare with"))
         return

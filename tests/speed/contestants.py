@@ -10,7 +10,7 @@ SIZES = (30, 300, 1000)
 """Balls in the funnel; the steps have about 60, 340 and 1670 contacts."""
 
 TOLERANCE = 1e-4
-"""What every solver is asked for, by the judge of the model that it solves."""
+"""The residual that every solver must reach, by the judge of the model that it solves."""
 
 OPTIONS = {
     "JORprox": ["JORprox(relaxation=0.5)"],
@@ -31,7 +31,7 @@ EXCUSES = {
     ("CvxpyCoulomb", 1000): "fifteen cone programs of 1.5 s each; ClarabelCoulomb solves the same ones without cvxpy",
     ("Lemke", 1000): "thousands of pivots in a tableau of hundreds of megabytes take minutes",
 }
-"""Why a solver is not asked to reach the tolerance on the step of so many balls."""
+"""Why a solver need not reach the tolerance on the step of so many balls."""
 
 _KINDS = ("funnel-{}", "funnel-planar-{}", "funnel-frictionless-{}")
 """Steps of one size, the most general first."""
@@ -66,5 +66,5 @@ def step_for(entry: str, size: int) -> tuple[Solver, ContactProblem | None, str]
 
 @cache
 def funnel_step(name: str) -> ContactProblem:
-    """Return a problem of the library, the same object whenever it is asked for."""
+    """Return a problem of the library, the same object in every call."""
     return load(name)

@@ -12,7 +12,7 @@ from proxbench.solvers import Model, Observer, Solution, Status, Stop
 
 @dataclass(frozen=True)
 class Known:
-    """Returns zeros after having kept busy for a known time; the message tells the seconds that either part took.
+    """Returns zeros after having kept busy for a known time; the message says how many seconds either part took.
 
     Attributes:
         prepare_seconds: busy time of preparing [s]; 0 returns at once.
@@ -50,7 +50,7 @@ class PreparedKnown:
 def kept_busy(seconds: float) -> float:
     """Count until the time has passed, and return how long it took by another clock than that of the harness [s].
 
-    It takes longer than it was told where other programs interrupt it.
+    It takes longer than the given time where other programs interrupt it.
     """
     began = time.monotonic_ns()
     while time.monotonic_ns() < began + 1e9 * seconds:

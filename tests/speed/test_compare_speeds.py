@@ -135,7 +135,7 @@ def test_the_table_names_what_is_slower_and_another_machine(tmp_path: Path, caps
     assert "2.00 times as long" in shown_text
 
 
-def test_wrong_usage_is_told_in_a_sentence_with_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_gets_one_sentence_and_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
     assert main([str(tmp_path / "none.json"), str(tmp_path)]) == 2
     assert "none.json cannot be read" in capsys.readouterr().err

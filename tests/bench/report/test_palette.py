@@ -1,4 +1,4 @@
-"""Solvers can be told apart in every chart, by readers with any eyes."""
+"""Solvers can be distinguished in every chart, by readers with any eyes."""
 
 from itertools import combinations
 

@@ -63,16 +63,16 @@ def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run:
         ([0.9, 0.8, 0.7, 0.6, 0.5], ["5e-01"], ["5e-01"]),
     ],
 )
-def test_columns_are_what_was_asked_for(
+def test_columns_are_those_of_the_plan(
     finished_run: Path, tolerances: list[float], columns: list[str], summed: list[str]
 ) -> None:
     frames = load(finished_run)
-    asked = replace(frames, info=changed(frames.info, plan=changed(frames.info.plan, tolerances=tolerances)))
-    results, summary = results_table(asked), summary_table(asked)
+    chosen = replace(frames, info=changed(frames.info, plan=changed(frames.info.plan, tolerances=tolerances)))
+    results, summary = results_table(chosen), summary_table(chosen)
     assert [key for key in results if key.startswith("time_to_")] == [f"time_to_{tag}" for tag in columns]
     assert [key for key in summary if key.startswith("correct_")] == [f"correct_{tag}" for tag in summed]
     shown = StringIO()
-    print_tables(asked, Console(file=shown, width=120))
+    print_tables(chosen, Console(file=shown, width=120))
     assert all(tag in shown.getvalue() for tag in columns)
 
 

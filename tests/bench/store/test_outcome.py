@@ -1,4 +1,4 @@
-"""The rule that tells right from wrong and relaxed."""
+"""The rule that separates right from wrong and relaxed."""
 
 from dataclasses import replace
 
