@@ -282,7 +282,7 @@ def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
     assert run_command(["run", "--resume", str(folder)]) == 2
     assert f"add --plugin {path}" in capsys.readouterr().err
     assert registered() == []
-    assert run_command(["run", "--resume", str(folder), "--plugin", str(path)]) == 0
+    assert run_command(["run", "--resume", str(folder), "--no-charts", "--plugin", str(path)]) == 0
 
 
 def test_a_generated_problem_is_found_without_the_plugin(

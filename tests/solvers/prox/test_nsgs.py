@@ -55,7 +55,7 @@ def test_contacts_apart_from_each_other_are_solved_in_one_sweep(dim: int) -> Non
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, friction=st.sampled_from([0.0, 0.3, 0.8]))
 def test_planar_impulses_are_among_those_of_enumeration(seed: int, friction: float) -> None:
-    problem = random_contacts(2, seed, friction)
+    problem = random_contacts(2, seed, friction, n_contacts=3)
     swept = solve(problem, "NSGS", tolerance=1e-12, max_iterations=20_000)
     if swept.status is not Status.SOLVED:
         return
