@@ -1,19 +1,26 @@
 """Whether a solver from outside keeps to the interface, in one sentence for its author.
 
-Only the form is looked at here: members, signatures, names. What a solver does is the business of the conformance
-checks.
+Only the form is looked at here: members, signatures, names, and the types of what is returned. What a solver does is
+the business of the conformance checks.
 """
 
 import inspect
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..problems.contact.model import Model
+from ..problems.contact.problem import ContactProblem
 from ..problems.errors import PluginError, ProxbenchError, first_line
+from .interface import Solution, Status
 
 _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 
 _SOLVE = "solve(stop, start=None, observe=None)"
+
+MOST_ITERATIONS = 2**53
+"""Largest number of iterations that is believed; it is a whole number also where tables hold it as a float."""
 
 
 def made(name: str, source: str, factory: Any, options: dict[str, Any]) -> Any:
@@ -89,6 +96,41 @@ def reason_fault(reason: Any) -> str | None:
     if reason is None or (isinstance(reason, str) and reason.strip()):
         return None
     return f"its supports returned {reason!r:.60}; return None for a problem it takes, else the reason in words"
+
+
+def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
+    """Say why ``solution`` cannot be one of ``problem``, whatever its numbers, or None."""
+    fault = type_fault(solution)
+    if fault:
+        return fault
+    impulses = solution.impulses
+    if type(impulses) is not np.ndarray:  # a subclass may show every reader something else
+        return f"it returned impulses of type {type(impulses).__name__}, not a plain numpy array"
+    if impulses.shape != (problem.n_rows,):
+        return f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)"
+    if impulses.dtype.kind != "f":
+        return f"it returned impulses of type {impulses.dtype}, not float"
+    if solution.status is Status.SOLVED and not np.isfinite(impulses).all():
+        return "it claims to have solved with impulses that are not finite"
+    return None
+
+
+def type_fault(solution: Any) -> str | None:
+    """Say why ``solution`` is not a ``Solution`` with a status, a count of iterations and a message, or None."""
+    if not isinstance(solution, Solution):
+        return f"its solve returned {type(solution).__name__}, not a Solution"
+    status: Any = solution.status
+    count: Any = solution.iterations
+    message: Any = solution.message
+    if not isinstance(status, Status):
+        return f"it returned the status {status!r}, which is none"
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        return f"it returned {str(count)[:60]} as its number of iterations, which is no whole number"
+    if not 0 <= count <= MOST_ITERATIONS:
+        return f"it returned a number of iterations that is {'negative' if count < 0 else 'beyond 2**53'}"
+    if not isinstance(message, str):
+        return f"it returned a message of type {type(message).__name__}, not text"
+    return None
 
 
 def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: dict[str, Any]) -> str | None:

@@ -26,10 +26,11 @@ def matrix(
     from ...problems.catalog.catalog import suite_members
     from ...solvers.interface import Stop
     from ..errors import BenchError
-    from ..measure.matrix import Cell, default_solvers, measured_matrix
+    from ..measure.matrix import default_solvers, measured_matrix
     from ..report.matrix import count_bad, matrix_page
     from ..report.progress import ProgressBar
     from ..report.text import print_json
+    from ..store.outcome import Cell
 
     options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:

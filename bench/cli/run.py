@@ -55,7 +55,7 @@ def run(
     from rich.console import Console
 
     from .. import runs
-    from ..report.progress import RunProgress
+    from .progress import RunProgress
 
     _refuse_contradictions(context)
     options.refuse_two_prints(quiet, as_json)

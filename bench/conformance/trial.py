@@ -8,8 +8,8 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual, judge
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError
+from ...solvers.contract import solution_fault
 from ...solvers.interface import Solution, Solver, Status, Stop
-from ..measure.protocol import solution_fault
 from ..store.outcome import WRONG_FACTOR
 from .checks import Violation
 

@@ -5,7 +5,6 @@ crash or hang without harm. The judge sees every result.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import available
-from ..store.outcome import FAULTS, Outcome, claim_reason, point_outcome, verdicts
+from ..store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
 from .describing import contestant
 from .plan import DEFAULT_SOLVERS
 from .problems import resolved
@@ -21,36 +20,6 @@ from .remote_solver import FailedSolveError, RemoteSolver
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""
-
-BAD_OUTCOMES = (*FAULTS, Outcome.WRONG)
-"""What no cell may end in."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One solver on one problem.
-
-    Attributes:
-        problem: name.
-        solver: name, with options.
-        outcome: how it ended.
-        residual: the judge's, under Coulomb's law; NaN if there are no impulses.
-        model_residual: the judge's, under the solver's own model.
-        iterations: number of iterations.
-        reason: why it is not solved; empty if it is.
-        is_finite: whether all impulses are finite numbers.
-        answer_error: largest relative error against the known answer; None where nothing is known.
-    """
-
-    problem: str
-    solver: str
-    outcome: Outcome
-    residual: float = float("nan")
-    model_residual: float = float("nan")
-    iterations: int = 0
-    reason: str = ""
-    is_finite: bool = True
-    answer_error: float | None = None
 
 
 def default_solvers() -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.catalog.storage import read_problem
 from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import prepared_fault, reason_fault
+from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, solution_fault, type_fault
 from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates
 from ..isolation.child import MisbehaviourError
 from .contestants import Contestant
@@ -26,10 +26,6 @@ FIRST_MARKS = 30
 
 MARK_RATIO = 1.04
 """Ratio of that sequence."""
-
-
-MOST_ITERATIONS = 2**53
-"""Largest number of iterations that is believed; it is a whole number also where tables hold it as a float."""
 
 
 @dataclass
@@ -173,41 +169,6 @@ def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
         return "its process sent something that is no answer"
     if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
         return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"
-    return None
-
-
-def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
-    """Say why ``solution`` cannot be one of ``problem``, whatever its numbers, or None."""
-    fault = type_fault(solution)
-    if fault:
-        return fault
-    impulses = solution.impulses
-    if type(impulses) is not np.ndarray:  # a subclass may show every reader something else
-        return f"it returned impulses of type {type(impulses).__name__}, not a plain numpy array"
-    if impulses.shape != (problem.n_rows,):
-        return f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)"
-    if impulses.dtype.kind != "f":
-        return f"it returned impulses of type {impulses.dtype}, not float"
-    if solution.status is Status.SOLVED and not np.isfinite(impulses).all():
-        return "it claims to have solved with impulses that are not finite"
-    return None
-
-
-def type_fault(solution: Any) -> str | None:
-    """Say why ``solution`` is not a ``Solution`` with a status, a count of iterations and a message, or None."""
-    if not isinstance(solution, Solution):
-        return f"its solve returned {type(solution).__name__}, not a Solution"
-    status: Any = solution.status
-    count: Any = solution.iterations
-    message: Any = solution.message
-    if not isinstance(status, Status):
-        return f"it returned the status {status!r}, which is none"
-    if isinstance(count, bool) or not isinstance(count, int | np.integer):
-        return f"it returned {str(count)[:60]} as its number of iterations, which is no whole number"
-    if not 0 <= count <= MOST_ITERATIONS:
-        return f"it returned a number of iterations that is {'negative' if count < 0 else 'beyond 2**53'}"
-    if not isinstance(message, str):
-        return f"it returned a message of type {type(message).__name__}, not text"
     return None
 
 

@@ -16,14 +16,14 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import prepared_fault, reason_fault
+from ...solvers.contract import prepared_fault, reason_fault, solution_fault
 from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, Stop
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
 from ..isolation.worker import MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from .contestants import Contestant
 from .describing import contestant
-from .protocol import answer_fault, solution_fault
+from .protocol import answer_fault
 
 
 class FailedSolveError(BenchError):

@@ -11,8 +11,7 @@ from ...problems.catalog.catalog import load
 from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
 from ...problems.hard import CASE_GROUPS
-from ..measure.matrix import BAD_OUTCOMES, Cell
-from ..store.outcome import FAULTS, Outcome
+from ..store.outcome import BAD_OUTCOMES, FAULTS, Cell, Outcome
 from .text import inline, markdown_table
 
 MARKS = {

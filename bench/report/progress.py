@@ -6,8 +6,6 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..measure.runner import CaseFinished, Event, ProblemStarted, RunStarted
-
 
 class ProgressBar:
     """Shows what is measured, and how much of it is done; use it as a context manager."""
@@ -47,16 +45,3 @@ class ProgressBar:
         self._bar.update(self._task, description=text)
         if not (again or self._hidden or self._console.is_terminal):
             self._console.print(f"measuring {text}", soft_wrap=True, highlight=False, markup=False)
-
-
-class RunProgress(ProgressBar):
-    """Shows the events of a run; hand it to ``run`` as ``on_event``, see ``ProgressBar``."""
-
-    def __call__(self, event: Event) -> None:
-        """Show one event."""
-        if isinstance(event, RunStarted):
-            self.count(event.done, event.total)
-        elif isinstance(event, ProblemStarted):
-            self.name(event.problem)
-        elif isinstance(event, CaseFinished):
-            self.count(event.done)

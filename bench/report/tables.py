@@ -12,10 +12,9 @@ from rich.text import Text
 from ...problems.arrays import FloatArray
 from ...problems.spelling import for_command_line
 from ..errors import BenchError
-from ..measure.matrix import Cell
 from ..store.condition import run_state, steadiness, warnings
 from ..store.frames import RunFrames
-from ..store.outcome import Outcome, claim_reason
+from ..store.outcome import Cell, Outcome, claim_reason
 from .fitting import hanging, print_table
 from .matrix import matrix_page
 from .text import counted, inline, markdown_table

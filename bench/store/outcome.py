@@ -1,5 +1,6 @@
 """How cases and ladder points end, and the rule that separates right answers from wrong ones."""
 
+from dataclasses import dataclass
 from enum import StrEnum
 
 from ...problems.arrays import FloatArray
@@ -42,6 +43,37 @@ class Outcome(StrEnum):
 
 FAULTS = (Outcome.TIMEOUT, Outcome.CRASHED, Outcome.OUT_OF_MEMORY, Outcome.MISBEHAVED)
 """Ways in which a whole case fails."""
+
+
+BAD_OUTCOMES = (*FAULTS, Outcome.WRONG)
+"""What no cell may end in."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One solver on one problem.
+
+    Attributes:
+        problem: name.
+        solver: name, with options.
+        outcome: how it ended.
+        residual: the judge's, under Coulomb's law; NaN if there are no impulses.
+        model_residual: the judge's, under the solver's own model.
+        iterations: number of iterations.
+        reason: why it is not solved; empty if it is.
+        is_finite: whether all impulses are finite numbers.
+        answer_error: largest relative error against the known answer; None where nothing is known.
+    """
+
+    problem: str
+    solver: str
+    outcome: Outcome
+    residual: float = float("nan")
+    model_residual: float = float("nan")
+    iterations: int = 0
+    reason: str = ""
+    is_finite: bool = True
+    answer_error: float | None = None
 
 
 def verdicts(problem: ContactProblem, impulses: FloatArray, model: Model) -> tuple[Verdict, Verdict]:

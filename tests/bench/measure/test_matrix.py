@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.measure.matrix import Cell, default_solvers, measured_matrix
+from proxbench.bench.measure.matrix import default_solvers, measured_matrix
 from proxbench.bench.report.matrix import count_bad, matrix_page
-from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.outcome import Cell, Outcome
 from proxbench.solvers import Stop, available
 
 PROBLEMS = ["hard-groove", "hard-sticking-box", "hard-squeezed", "hard-counterexample"]

@@ -4,8 +4,8 @@ import io
 from pathlib import Path
 
 import pytest
+from proxbench.bench.cli.progress import RunProgress
 from proxbench.bench.measure.runner import CaseFinished, Event, ProblemStarted, RunStarted
-from proxbench.bench.report.progress import RunProgress
 from proxbench.bench.study.live import StudyProgress
 from proxbench.bench.study.study import Study
 from rich.console import Console

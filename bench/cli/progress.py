@@ -1,0 +1,17 @@
+"""The progress of a run."""
+
+from ..measure.runner import CaseFinished, Event, ProblemStarted, RunStarted
+from ..report.progress import ProgressBar
+
+
+class RunProgress(ProgressBar):
+    """Shows the events of a run; hand it to ``run`` as ``on_event``, see ``ProgressBar``."""
+
+    def __call__(self, event: Event) -> None:
+        """Show one event."""
+        if isinstance(event, RunStarted):
+            self.count(event.done, event.total)
+        elif isinstance(event, ProblemStarted):
+            self.name(event.problem)
+        elif isinstance(event, CaseFinished):
+            self.count(event.done)
