@@ -21,7 +21,7 @@ from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
 from ..problems.stepping.moreau import Moreau, Step
 from ..solvers.interface import Stop
 from ..solvers.registry import create
-from .measure.describing import plugin_problem
+from .plugins.describing import plugin_problem
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""

@@ -1,7 +1,7 @@
 """Runs in Python: begin one, finish one, load one."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,10 +13,11 @@ import pandas as pd
 from ..problems.contact.problem import ContactProblem
 from ..solvers.interface import Solver
 from .errors import BenchError
-from .measure.plan import make_plan
-from .measure.plugins import use_plugin_files
-from .measure.problems import problem_of
+from .measure.plan import Plan, make_plan
 from .measure.runner import Event, measure, measure_rest
+from .measure.trajectories.plan import make_study_plan
+from .plugins.files import use_plugin_files
+from .plugins.problems import problem_of
 from .store.frames import RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
@@ -34,7 +35,7 @@ class Report:
 
     Attributes:
         results: time to accuracy and ending of each case.
-        summary: success and mean time of each solver.
+        summary: success and mean time of each solver; in a run over trajectories, its points.
         tables: the files that hold both.
         charts: the files of the charts; none if they were not drawn.
     """
@@ -56,6 +57,7 @@ class Run(RunFrames, os.PathLike[str]):
         points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
             quartiles, the other numbers of the verdict.
         iterations: the convergence curves: problem, solver, iteration, residual.
+        errors: those of trajectories: problem, solver, tolerance, quantity, error, low, high.
         info: plan, machine, plugins, and sessions with drift and load of the machine.
         damaged: one sentence for each case file that could not be read.
     """
@@ -67,7 +69,7 @@ class Run(RunFrames, os.PathLike[str]):
         return str(self.folder)
 
     def __repr__(self) -> str:
-        return f"<Run {str(self.folder)!r}: {len(self.cases)} of {self.n_planned} cases>"
+        return f"<Run {str(self.folder)!r}: {self.n_finished} of {self.n_planned} cases>"
 
     def _repr_html_(self) -> str:
         from .report.html import run_page
@@ -80,6 +82,7 @@ class Run(RunFrames, os.PathLike[str]):
         Raises:
             BenchError: if they cannot be written.
         """
+        from .report.studies import points_table
         from .report.tables import results_table, summary_table, write_tables
 
         tables, drawn = write_tables(self, self.folder / "tables"), []
@@ -87,7 +90,8 @@ class Run(RunFrames, os.PathLike[str]):
             from .report.charts import write_charts  # altair takes a second to import
 
             drawn = write_charts(self, self.folder / "charts")
-        return Report(results_table(self), summary_table(self), tables, drawn)
+        summary = points_table(self) if self.is_study else summary_table(self)
+        return Report(results_table(self), summary, tables, drawn)
 
     def resume(
         self, retry_failed: bool = False, on_event: OnEvent = _ignore, plugins: Sequence[Path | str] = ()
@@ -155,7 +159,60 @@ def run(
         _several(tolerances),
         msgspec.structs.replace(limits or Limits(), **changed),
     )
-    identity = run_id or datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    return _measured(plan, results, run_id, on_event)
+
+
+def study(
+    scene: str,
+    solvers: Sequence[str | Solver] | str | Solver = (),
+    results: Path | str = "results",
+    run_id: str | None = None,
+    limits: Limits | None = None,
+    on_event: OnEvent = _ignore,
+    plugins: Sequence[Path | str] | Path | str = (),
+    *,
+    methods: Mapping[str, Sequence[float]] | None = None,
+    tolerance: float = 1e-12,
+    duration: float | None = None,
+    members: Sequence[float] | None = None,
+) -> Run:
+    """Measure what accuracy of a motion costs, over steps, tolerances, steppers and solvers; a run like any other.
+
+    Args:
+        scene: with options or without.
+        solvers: solvers to compare in addition, over their tolerances, or one of them.
+        results: the folder in which the folder of the run is made.
+        run_id: its name; the scene with date and time if None.
+        limits: of each case, whose solves are simulations; ten minutes for one and two hours for all if None.
+        on_event: called as the run goes on.
+        plugins: plugin files whose solvers and scenes can be named, or one of them.
+        methods: ladders of steppers with solvers by name, ``{"Moreau with NSGS": (1e-3, 5e-4)}`` over the step [s], or
+            ``{"NSGS in Moreau(step=1e-3)": (1e-2, 1e-4)}`` over the solver's tolerance; some that suit the scene if
+            None.
+        tolerance: judged residual that solvers of ``methods`` shall reach where it is not what varies.
+        duration: simulated time [s]; one that suits the scene if None.
+        members: seeds of a scene of balls, else factors on steps and tolerances, over which errors are taken.
+
+    Raises:
+        ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
+        InterruptedRunError: on Ctrl-C; finished points are kept.
+    """
+    use_plugin_files(_several(plugins) or ())
+    plan = make_study_plan(
+        scene,
+        _several(solvers) or (),
+        methods=methods,
+        tolerance=tolerance,
+        duration=duration,
+        members=members,
+        limits=limits,
+    )
+    return _measured(plan, results, run_id, on_event, prefix=f"{scene.partition('(')[0]}-study-")
+
+
+def _measured(plan: Plan, results: Path | str, run_id: str | None, on_event: OnEvent, prefix: str = "") -> Run:
+    """Carry out a plan in a new folder, and return the run."""
+    identity = run_id or f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
     if identity != plain_name(identity):
         raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
     folder = Path(results) / identity

@@ -15,7 +15,7 @@ from ...problems.hard import CASE_GROUPS
 from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, plugin_solvers
 from ..errors import BenchError
-from ..measure.describing import described_scene, described_solver, option_texts, plugin_problem
+from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
 from ..report.text import counted
 
 KINDS = ("solvers", "suites", "scenes", "problems")

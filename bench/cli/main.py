@@ -18,7 +18,7 @@ from .help import HelpCommand, HelpGroup
 from .matrix import matrix
 from .record import record
 from .run import report_run, run
-from .simulate import SceneCommand, simulate
+from .simulate import NO_STUDY, SceneCommand, simulate
 
 COMPARE, SIMULATE, SHOW, LOOK_UP = (
     "Compare and test solvers",
@@ -200,7 +200,7 @@ proxbench report results/RUN --quiet --no-charts""",
 )
 def report(
     run_dir: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Folder of a run, or file of a study (.json) or simulation (.npz).")
+        Path, typer.Argument(metavar="RESULT", help="Folder of a run or study, or file of a simulation (.npz).")
     ],
     plugin: options.PluginFiles = None,
     charts: options.Charts = True,
@@ -209,10 +209,10 @@ def report(
 ) -> int:
     """Print the tables of a stored run, study or simulation, and draw its charts again."""
     options.refuse_two_prints(quiet, as_json)
-    if run_dir.suffix == ".json":
-        from .study import report_study
+    if run_dir.suffix == ".json" and not run_dir.is_dir():
+        from ..errors import BenchError
 
-        return report_study(run_dir, charts, quiet, as_json)
+        raise BenchError(NO_STUDY.format(run_dir))
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
         from .simulation import report_simulation
 

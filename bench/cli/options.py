@@ -17,7 +17,7 @@ selection, limits, output = (partial(typer.Option, rich_help_panel=topic) for to
 
 def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
     if paths:
-        from ..measure.plugins import use_plugin_files
+        from ..plugins.files import use_plugin_files
 
         use_plugin_files(paths)
     return paths

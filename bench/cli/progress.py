@@ -1,6 +1,6 @@
 """The progress of a run."""
 
-from ..measure.runner import CaseFinished, Event, ProblemStarted, RunStarted
+from ..measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted
 from ..report.progress import ProgressBar
 
 
@@ -13,5 +13,7 @@ class RunProgress(ProgressBar):
             self.count(event.done, event.total)
         elif isinstance(event, ProblemStarted):
             self.name(event.problem)
+        elif isinstance(event, PointFinished):
+            self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", again=True)
         elif isinstance(event, CaseFinished):
             self.count(event.done)

@@ -28,7 +28,7 @@ def record(
     """Record solvers iterating side by side on one problem, or a stored simulation; watch with: rerun FILE."""
     from ...solvers.interface import Stop
     from ..measure.plan import make_plan
-    from ..measure.problems import resolved
+    from ..plugins.problems import resolved
     from ..recordings.blueprints import ITERATION, STEP
     from ..recordings.solves import record_solves
     from ..recordings.still import refuse_still, write_still

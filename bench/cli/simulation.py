@@ -10,7 +10,6 @@ from rich.console import Console
 
 from ..errors import FailedSimulationError, InterruptedSimulationError
 from ..report.output_file import drawn, output_file
-from ..report.presenting import present
 from ..simulation.beside import Beside, chosen_beside, recorded
 from ..simulation.file import SUFFIX, read_simulation, write_simulation
 from ..simulation.live import LiveSummary
@@ -19,11 +18,12 @@ from ..simulation.run import advance, begun_simulation
 from ..simulation.table import document, print_simulation
 from ..simulation.trajectory import Simulation
 from .interrupts import deferred_interrupts
+from .presenting import present
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line wants of a simulation or a study.
+    """What the command line wants of a simulation.
 
     Attributes:
         scene: the scene with its options, empty if none is named.

@@ -13,8 +13,8 @@ from ...problems.errors import suggestion
 from ...solvers.registry import available, composites, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
-from ..measure.describing import contestant
-from ..measure.plugins import use_plugin_files
+from ..plugins.describing import contestant
+from ..plugins.files import use_plugin_files
 from ..store.outcome import Outcome
 from .task import CHECKS, CheckingTask
 

@@ -12,11 +12,11 @@ from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import available
+from ..plugins.describing import contestant
+from ..plugins.problems import resolved
+from ..plugins.remote_solver import FailedSolveError, RemoteSolver
 from ..store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
-from .describing import contestant
 from .plan import DEFAULT_SOLVERS
-from .problems import resolved
-from .remote_solver import FailedSolveError, RemoteSolver
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""

@@ -10,10 +10,11 @@ from ...problems.catalog.storage import SUFFIX
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver
 from ..errors import BenchError
-from ..store.records import Limits
-from .contestants import Contestant
-from .describing import contestant
-from .problems import check_known, check_numbers, resolved
+from ..plugins.contestants import Contestant
+from ..plugins.describing import contestant
+from ..plugins.problems import check_known, check_numbers, resolved
+from ..store.records import Limits, TrajectoryRecord
+from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
 
@@ -49,12 +50,17 @@ class Plan:
         solvers: solvers, each with a name of its own.
         tolerances: the ladder, from coarse to fine.
         limits: the limits of each case.
+        methods: in a study, the steppers with solvers in place of ``solvers``.
+        trajectories: in a study, its problems.
     """
 
     problems: tuple[str | ContactProblem, ...]
     solvers: tuple[Contestant, ...]
     tolerances: tuple[float, ...]
     limits: Limits
+
+    methods: tuple[Method, ...] = ()
+    trajectories: tuple[TrajectoryRecord, ...] = ()
 
 
 def make_plan(

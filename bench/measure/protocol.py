@@ -16,10 +16,11 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.catalog.storage import read_problem
 from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, solution_fault, type_fault
+from ...solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates
 from ..isolation.child import MisbehaviourError
-from .contestants import Contestant
+from ..plugins.contestants import Contestant
+from ..plugins.remote_solver import answer_fault
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -145,15 +146,6 @@ class MeasuringTask:
             "times": times,
         }
         return answer, np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
-
-
-def answer_fault(answer: dict[str, Any]) -> str | None:
-    """Say why an answer cannot be that to a solve, or None."""
-    status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
-    is_count = type(iterations) is int and 0 <= iterations <= MOST_ITERATIONS
-    if not (status in set(Status) and is_count and isinstance(message, str)):
-        return "its process sent something that is no answer"
-    return None
 
 
 def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:

@@ -1,41 +1,39 @@
-"""A run: every solver on every problem, interleaved, stored case by case.
+"""A run: every contestant on every problem, interleaved, stored case by case.
 
-All cases of one problem live at the same time, each in its process, and work one at a time in short rounds, so that a
-drift of the machine hits all solvers alike. A reference workload between problems measures that drift; it is stored
-each time.
+A reference workload between problems measures the drift of the machine; it is stored each time.
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
 from ...problems.catalog.catalog import is_available
 from ...problems.catalog.storage import problem_bytes
-from ...problems.contact.problem import ContactProblem
+from ...problems.scenes.registry import read_scene
 from ..errors import InterruptedRunError
 from ..generate import generate
+from ..plugins.contestants import Contestant
+from ..plugins.describing import contestant
+from ..plugins.files import check_again, sources, use_plugin_files
+from ..plugins.problems import carry, check_known, problem_of
 from ..store.outcome import FAULTS
 from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session, content_of, record_of
 from ..store.store import Store
 from .case import Case
-from .contestants import Contestant
-from .describing import contestant
+from .ladder import LadderCase, measure_ladder
 from .machine import calibration_seconds, describe_machine
 from .plan import Plan, name_of
-from .plugins import check_again, sources, use_plugin_files
-from .problems import carry, check_known, problem_of
+from .trajectories.case import TrajectoryCase
+from .trajectories.methods import Method, stored_method
+from .trajectories.problems import problem_of as trajectory_of
+from .trajectories.problems import referenced
 
-ROUNDS = 5
-"""Rounds for each point of the ladder; every round has at least one timed solve."""
-
-ROUND_SECONDS = 0.02
-"""Wall time of a round at least, so that a point is measured for at least 0.1 s."""
+Contestants = Sequence[Contestant] | Sequence[Method]
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,16 @@ class CaseFinished:
     total: int
 
 
-Event = RunStarted | ProblemStarted | CaseFinished
+@dataclass(frozen=True)
+class PointFinished:
+    """One point of a case is stored, which goes on from there."""
+
+    problem: str
+    solver: str
+    tolerance: float
+
+
+Event = RunStarted | ProblemStarted | PointFinished | CaseFinished
 
 
 def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None:
@@ -77,17 +84,26 @@ def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None
     """
     store = Store.create(folder)
     names = [name_of(problem) for problem in plan.problems]
-    solvers = [solver.name for solver in plan.solvers]
+    solvers = [method.solver for method in plan.methods] or plan.solvers
+    scenes = [read_scene(trajectory.name)[0] for trajectory in plan.trajectories]
     with store.alone():
         store.refuse_second()
         record = RunRecord(
             run_id=folder.name,
-            plan=PlanRecord(problems=names, solvers=solvers, tolerances=list(plan.tolerances), limits=plan.limits),
+            plan=PlanRecord(
+                problems=names,
+                solvers=[method.record.name for method in plan.methods] or [solver.name for solver in solvers],
+                tolerances=list(plan.tolerances),
+                limits=plan.limits,
+                methods=[method.record for method in plan.methods],
+                trajectories=list(plan.trajectories),
+            ),
             machine=msgspec.convert(describe_machine(), Machine),
-            plugins=sources(solvers, names),
-            carried=carry(plan.problems, store),
+            plugins=sources([solver.name for solver in solvers], names, scenes),
+            carried={} if scenes else carry(plan.problems, store),
         )
-        _carry_out(plan.solvers, store, record_of(content_of(record), RunRecord), {}, on_event)
+        record = record_of(content_of(record), RunRecord)
+        _Progress(plan.methods or plan.solvers, store, record, on_event).complete({})
 
 
 def measure_rest(
@@ -110,101 +126,103 @@ def measure_rest(
     record = store.read_run()
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
-    check_known(name for name in record.plan.problems if name not in record.carried)
-    solvers = tuple(map(contestant, record.plan.solvers))
+    contestants: Contestants = tuple(map(stored_method, record.plan.methods))
+    if not contestants:
+        check_known(name for name in record.plan.problems if name not in record.carried)
+        contestants = tuple(map(contestant, record.plan.solvers))
     with store.alone():
         cases, _ = store.read_cases()
-        finished = {
-            (case.problem, case.solver): case.digest for case in cases if not (retry_failed and case.outcome in FAULTS)
-        }
-        _carry_out(solvers, store, record, finished, on_event)
+        stored = {(case.problem, case.solver): case for case in cases if not (retry_failed and case.outcome in FAULTS)}
+        _Progress(contestants, store, record, on_event).complete(stored)
 
 
-def _carry_out(
-    solvers: Sequence[Contestant],
-    store: Store,
-    record: RunRecord,
-    finished: dict[tuple[str, str], str],
-    on_event: Callable[[Event], None],
-) -> None:
-    plan, session = record.plan, Session(started=_now())
-    total = len(plan.problems) * len(solvers)
-    session = _noted(store, record, session)
-    on_event(RunStarted(store.folder, total, len(finished)))
-    try:
-        record = _generated(store, record)
-        done = 0
-        for name in plan.problems:
-            problem = problem_of(store, record, name)
-            open_solvers = [s for s in solvers if finished.get((name, s.name)) != problem.digest]
-            done += len(solvers) - len(open_solvers)
-            on_event(ProblemStarted(name))
-            for case in _measured(problem, open_solvers, plan):
-                store.write_case(case)
-                done += 1
-                on_event(CaseFinished(name, case.solver, case.outcome, done, total))
-            session = _noted(store, record, session)
-    except KeyboardInterrupt:
-        raise InterruptedRunError(store.folder) from None
-    store.restore()
-    _write(store, record, replace(session, finished=_now()))
+class _Progress:
+    """A plan as far as it is carried out."""
 
+    def __init__(
+        self, contestants: Contestants, store: Store, record: RunRecord, on_event: Callable[[Event], None]
+    ) -> None:
+        self._contestants, self._store, self._record, self._on_event = contestants, store, record, on_event
+        self._session = Session(started=_now())
 
-def _generated(store: Store, record: RunRecord) -> RunRecord:
-    """Generate the problems that are neither carried nor available; return the record of the run that carries them."""
-    names = [name for name in record.plan.problems if name not in record.carried and not is_available(name)]
-    if not names:
-        return record
-    generate(names)
-    return replace(record, carried={**record.carried, **carry(names, store)})
+    def complete(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
+        """Measure what is not among the stored cases, by problem and solver."""
+        plan = self._record.plan
+        total = len(plan.problems) * len(plan.solvers)
+        self._note_machine()
+        done = sum(plan.has_finished(case) for case in stored.values())
+        self._on_event(RunStarted(self._store.folder, total, done))
+        try:
+            self._generate()
+            done = 0
+            for name in plan.problems:
+                known = {solver: case for (problem, solver), case in stored.items() if problem == name}
+                cases = self._cases(name, known)
+                done += len(plan.solvers) - len(cases)
+                self._on_event(ProblemStarted(name))
+                measure_ladder(cases, self._keep)
+                for case in (case.record() for case in cases):
+                    self._store.write_case(case)
+                    done += 1
+                    self._on_event(CaseFinished(name, case.solver, case.outcome, done, total))
+                self._note_machine()
+        except KeyboardInterrupt:
+            raise InterruptedRunError(self._store.folder) from None
+        self._store.restore()
+        self._session = replace(self._session, finished=_now())
+        self._note(self._record)
 
+    def _generate(self) -> None:
+        """Generate the problems that are neither carried nor available, and simulate missing references."""
+        record, plan = self._record, self._record.plan
+        for index, trajectory in enumerate(plan.trajectories):
+            for known in referenced(trajectory, plan.limits):
+                plan = replace(plan, trajectories=[*plan.trajectories[:index], known, *plan.trajectories[index + 1 :]])
+                self._note(replace(record, plan=plan))
+        names = [] if plan.trajectories else plan.problems
+        missing = [name for name in names if name not in record.carried and not is_available(name)]
+        if missing:
+            generate(missing)
+            self._note(replace(record, carried={**record.carried, **carry(missing, self._store)}))
 
-def _noted(store: Store, record: RunRecord, session: Session) -> Session:
-    """Return the session with the speed and load of the machine at this moment, stored with the run."""
-    seconds, load = calibration_seconds(), os.getloadavg()[0]
-    session = replace(session, calibration_seconds=[*session.calibration_seconds, seconds], load=[*session.load, load])
-    _write(store, record, session)
-    return session
+    def _cases(self, name: str, stored: Mapping[str, CaseRecord]) -> list[LadderCase]:
+        """Return the cases of a problem that are left to measure, given those of its cases that are stored."""
+        record, limits = self._record, self._record.plan.limits
+        if record.plan.trajectories:
+            trajectory = trajectory_of(record.plan.trajectory(name))
+            same = {solver: case for solver, case in stored.items() if case.digest == trajectory.digest}
+            finished = {solver for solver, case in same.items() if record.plan.has_finished(case)}
+            points = {solver: case.points for solver, case in same.items()}
+            methods = [method for method in self._contestants if isinstance(method, Method)]
+            return [
+                TrajectoryCase(trajectory, method, limits, points.get(method.record.name, ()))
+                for method in methods
+                if method.record.name not in finished
+            ]
+        problem = problem_of(self._store, record, name)
+        finished = {solver for solver, case in stored.items() if case.digest == problem.digest}
+        solvers = [one for one in self._contestants if isinstance(one, Contestant) and one.name not in finished]
+        data = problem_bytes(problem) if solvers else b""
+        return [Case(problem, solver, limits, record.plan.tolerances, data) for solver in solvers]
 
+    def _keep(self, case: LadderCase) -> None:
+        """Store a case as far as it has come."""
+        record = case.record()
+        self._store.write_case(record)
+        if record.points:
+            self._on_event(PointFinished(record.problem, record.solver, record.points[-1].tolerance))
 
-def _write(store: Store, record: RunRecord, session: Session) -> None:
-    store.write_run(replace(record, sessions=[*record.sessions, session]))
+    def _note_machine(self) -> None:
+        """Store the speed and load of the machine at this moment."""
+        seconds, load, session = calibration_seconds(), os.getloadavg()[0], self._session
+        times = [*session.calibration_seconds, seconds]
+        self._session = replace(session, calibration_seconds=times, load=[*session.load, load])
+        self._note(self._record)
 
-
-def _measured(problem: ContactProblem, solvers: Sequence[Contestant], plan: PlanRecord) -> list[CaseRecord]:
-    """Return all cases of one problem, measured in interleaved rounds."""
-    cases = [Case(problem, solver, plan.limits) for solver in solvers]
-    try:
-        data = problem_bytes(problem) if cases else b""
-        for case in cases:
-            case.begin(data, plan.tolerances[-1])
-        for tolerance in plan.tolerances:
-            _measure_point(cases, tolerance)
-    finally:
-        for case in cases:
-            case.end()
-    return [case.record() for case in cases]
-
-
-def _measure_point(cases: list[Case], tolerance: float) -> None:
-    """Measure one tolerance for all cases in turn, round after round; a failing solve is not repeated."""
-    rounds: dict[int, list[dict[str, Any]]] = {}
-    for number in range(ROUNDS):
-        for index, case in enumerate(cases):
-            if not case.is_open or (number and not _goes_on(rounds.get(index))):
-                continue
-            answer = case.measure(tolerance, ROUND_SECONDS)
-            if answer is not None:
-                rounds.setdefault(index, []).append(answer)
-    for index, case in enumerate(cases):
-        if case.is_open and index in rounds:
-            case.add_point(tolerance, rounds[index])
-        elif case.points:
-            case.skip_point(tolerance)
-
-
-def _goes_on(rounds: list[dict[str, Any]] | None) -> bool:
-    return rounds is not None and rounds[-1]["status"] == "solved"
+    def _note(self, record: RunRecord) -> None:
+        """Store the record of the run."""
+        self._record = record
+        self._store.write_run(replace(record, sessions=[*record.sessions, self._session]))
 
 
 def _now() -> str:

@@ -13,10 +13,10 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
-from ..measure.contestants import Contestant
-from ..measure.describing import contestant
-from ..measure.problems import problem_of
-from ..measure.remote_solver import working_solver
+from ..plugins.contestants import Contestant
+from ..plugins.describing import contestant
+from ..plugins.problems import problem_of
+from ..plugins.remote_solver import working_solver
 from ..report.palette import look, on_dark, rgb
 from ..store.outcome import Outcome
 from ..store.store import Store, plain_name

@@ -9,7 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Solver, Status, Stop, shows_iterates
-from ..measure.remote_solver import FailedSolveError
+from ..plugins.remote_solver import FailedSolveError
 from .contact_states import contact_states, count_states
 
 

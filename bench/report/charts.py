@@ -1,4 +1,7 @@
-"""Charts of a run's problems: what accuracy costs, and how the iterations converge, one file a problem."""
+"""Charts of a run's problems, one file a problem: what accuracy costs, and how the iterations converge.
+
+Of a trajectory they show what accuracy costs in wall time and in one-step solves, for each quantity that has an error.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +31,7 @@ from .drawing import (
     write_drawing,
 )
 from .palette import Look, looks
+from .studies import headline, spreads
 from .summary_charts import summary_charts
 from .tables import ending, measured_points
 from .text import counted
@@ -56,6 +60,12 @@ MARKS = 3
 
 LONGEST_REASON = 70
 """Characters of the reason why a solver is not shown; the tables have all of it."""
+
+LEAST_SHARE = 0.05
+"""A mean deviation that is smaller than this part of the upper end of its bar is noise, and drawn there."""
+
+WORKS = {"wall": "wall time [s]", "iterations": "one-step solves"}
+"""What the errors of trajectories cost, by column."""
 
 ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 
@@ -108,12 +118,68 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)  # it is named to users even if there is nothing to draw
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
+    draw = trajectory_chart if frames.is_study else problem_chart
     for problem in frames.cases["problem"].unique():
-        if len(_costs(frames, problem).rows) or len(_iterations(frames, problem).rows):
-            files += write_drawing(problem_chart(frames, problem), folder / plain_name(problem))
-    for name, chart in summary_charts(frames).items():
+        drawn = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
+        if len(drawn) or len(_iterations(frames, problem).rows):
+            files += write_drawing(draw(frames, problem), folder / plain_name(problem))
+    for name, chart in ({} if frames.is_study else summary_charts(frames)).items():
         files += write_drawing(chart, folder / name)
     return files
+
+
+def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
+    """Return a row of panels for each quantity of a trajectory: wall time, and one-step solves, over the error.
+
+    Bars go from the least to the largest error of a member, or are a standard error of the mean deviation; a dashed
+    line is the standard error, over seeds, of the reference itself.
+    """
+    trajectory = frames.info.plan.trajectory(problem)
+    points = frames.points[frames.points["problem"] == problem].merge(
+        frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
+    )
+    least = np.maximum(LEAST_SHARE * points["high"], SMALLEST_RESIDUAL)
+    shown = {"residual": np.maximum(points["error"], least), "low": np.maximum(points["low"], least)}
+    points = points.assign(wall=points["total_seconds"], **shown)
+    floors = {quantity: floor for quantity, (_, floor) in spreads(trajectory).items() if floor > 0.0}
+    rows: list[alt.HConcatChart] = []
+    for quantity in points["quantity"].unique():
+        of_one = points[points["quantity"] == quantity]
+        name = "error" if len(points) == len(of_one) else f"error of {quantity}"
+        panels = [_cost_panel(frames, of_one, work, name, floors.get(quantity)) for work in WORKS]
+        rows.append(alt.hconcat(*panels, spacing=40))
+    drawn = set(points["solver"])
+    names = key({name: look for name, look in _looks(frames).items() if name in drawn}, 2 * WIDTH + MARGIN)
+    notes = [*map(for_command_line, run_state(frames)), _absent(frames, problem, points)]
+    title = heading(headline(trajectory), notes, 2 * WIDTH + MARGIN)
+    return stacked([*rows, names], title, {"color": "independent"}, spacing=20)
+
+
+def _cost_panel(frames: RunFrames, points: pd.DataFrame, work: str, title: str, floor: float | None) -> alt.LayerChart:
+    """Return what the errors of a quantity cost, accuracy growing to the right."""
+    ends = [points["low"].min(), points["high"].max(), *([] if floor is None else [floor])]
+    errors, costs = _padded(min(ends), max(ends))[::-1], _padded(points[work].min(), points[work].max())
+    columns = ["solver", "tolerance", "residual", "low", "high", "wall", "iterations", "outcome"]
+    label = f"{title}, relative (better to the right)"
+    across = alt.X("residual:Q", title=label).scale(type="log", domain=errors, nice=False)
+    base = alt.Chart(points[columns], width=WIDTH, height=HEIGHT).encode(
+        x=across.axis(format=".0e", values=POWERS, labelOverlap=True),
+        y=alt.Y(f"{work}:Q", title=f"{WORKS[work]} (better below)")
+        .scale(type="log", domain=costs, nice=False)
+        .axis(format="~g", values=round_values(costs)),
+        color=by_name(alt.Color, "solver", _looks(frames), "colour"),
+    )
+    bars = base.mark_rule(strokeWidth=1, opacity=0.55).encode(x=alt.X("low:Q", title=label), x2="high:Q")
+    dash = by_name(alt.StrokeDash, "solver", _looks(frames), "dash")
+    layers = [
+        bars,
+        base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q"),
+        *_marks(base, frames, "wall"),
+    ]
+    if floor is not None:
+        rule = alt.Chart(pd.DataFrame({"floor": [floor]})).mark_rule(strokeDash=[5, 3], color="#666666")
+        layers.append(rule.encode(x=alt.X("floor:Q", title=label)))
+    return alt.LayerChart(layer=layers, width=WIDTH, height=HEIGHT)
 
 
 def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
@@ -180,11 +246,11 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
     return curves.panel([line, marks], named, "How the iterations converge", [_absent(frames, problem, curves.rows)])
 
 
-def _marks(base: alt.Chart, frames: RunFrames) -> list[alt.Chart]:
+def _marks(base: alt.Chart, frames: RunFrames, time: str = "milliseconds") -> list[alt.Chart]:
     """Return marks of the solves by how they ended: filled, hollow, crossed."""
     shaped = base.encode(
         shape=by_name(alt.Shape, "solver", _looks(frames), "shape"),
-        tooltip=["solver", "residual", "milliseconds", "iterations", "outcome"],
+        tooltip=["solver", "residual", time, "iterations", "outcome"],
     )
     ended = alt.FieldOneOfPredicate(field="outcome", oneOf=list(ANSWERED))
     others = [outcome.value for outcome in Outcome if outcome.value not in ANSWERED]

@@ -1,6 +1,7 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ from ...problems.spelling import for_command_line
 from ..errors import BenchError
 from ..store.condition import run_state, steadiness, warnings
 from ..store.frames import RunFrames
-from ..store.outcome import Cell, Outcome, claim_reason
+from ..store.outcome import FAULTS, Cell, Outcome, claim_reason
 from .fitting import hanging, print_table
 from .matrix import matrix_page
+from .studies import headline, points_table, print_points
 from .text import counted, inline, markdown_table
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
@@ -166,27 +168,36 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     """Write both tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
 
+    A run over trajectories has a table of its points in place of summary and matrix.
+
     Raises:
         BenchError: if the folder cannot be written.
     """
     files = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        summary = summary_table(frames)
-        for name, frame, shown, note in (
-            ("results", results_table(frames), _shown_results, ""),
-            ("summary", summary, _shown_summary, f"\n{_summary_legend(summary)}\n" if len(summary) else ""),
-        ):
+        for name, frame, shown, note in _tables(frames):
             frame.to_csv(folder / f"{name}.csv", index=False)
             frame.to_parquet(folder / f"{name}.parquet", index=False)
             content = _markdown_head(frames) + _markdown(shown(frame)) + note
             (folder / f"{name}.md").write_text(content, encoding="utf-8")
             files += [folder / f"{name}.{kind}" for kind in ("csv", "parquet", "md")]
-        (folder / "matrix.md").write_text(matrix_of_run(frames), encoding="utf-8")
-        files.append(folder / "matrix.md")
+        if not frames.is_study:
+            (folder / "matrix.md").write_text(matrix_of_run(frames), encoding="utf-8")
+            files.append(folder / "matrix.md")
     except OSError as error:
         raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
     return files
+
+
+def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
+    """Return the tables of a run: name, numbers, how they are shown, and a note below."""
+    results = ("results", results_table(frames), partial(_shown_results, is_study=frames.is_study), "")
+    if frames.is_study:
+        return [results, ("points", points_table(frames), _shown_points, "")]
+    summary = summary_table(frames)
+    note = f"\n{_summary_legend(summary)}\n" if len(summary) else ""
+    return [results, ("summary", summary, _shown_summary, note)]
 
 
 def matrix_of_run(frames: RunFrames) -> str:
@@ -209,23 +220,35 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if results.empty:
         console.print(Text("no case of this run is finished"))
         return
+    noted = (
+        (*FAULTS, Outcome.UNSUPPORTED) if frames.is_study else tuple(one for one in Outcome if one != Outcome.SOLVED)
+    )
     for problem, rows in results.groupby("problem", sort=False):
-        contacts = int(rows["n_contacts"].iloc[0])
-        shown = _shown_results(rows).drop(columns=["problem", "contacts", "why"])
+        shown = _shown_results(rows, frames.is_study).drop(columns=["problem", "contacts", "why"], errors="ignore")
         best = {head: rows[key].idxmin() for head, key in _times(rows).items() if rows[key].notna().any()}
-        console.print(Text(f"{problem} · {counted(contacts, 'contact')}", style="bold"))
-        print_table(console, shown, words=("model", "ended"), optional=("iter.", "residual", "ended"), best=best)
+        console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
+        optional = ("iter.", "solves", "residual", "error", "ended")
+        print_table(console, shown, words=("model", "ended"), optional=optional, best=best)
         for row in rows.to_dict("records"):
-            if row["outcome"] != Outcome.SOLVED:
+            if row["outcome"] in noted:
                 note = f"{row['solver']}: {row['outcome']}, {row['reason']}"
                 console.print(Text(hanging(note, console.width), style="dim"))
         console.print()
-    summary = summary_table(frames)
+        if frames.is_study:
+            print_points(frames, frames.info.plan.trajectory(str(problem)), console)
+            console.print()
+    summary = pd.DataFrame() if frames.is_study else summary_table(frames)
     if len(summary):
         count = results["problem"].nunique()
         console.print(Text(f"all {count} problems" if count > 1 else "summary", style="bold"))
         print_table(console, _shown_summary(summary), words=("model",), optional=("wrong",))
-    console.print(Text(_legend(list(_times(results)), summary), style="dim"))
+    console.print(Text(_legend(list(_times(results)), summary, frames.is_study), style="dim"))
+
+
+def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
+    if frames.is_study:
+        return headline(frames.info.plan.trajectory(problem))
+    return f"{problem} · {counted(contacts, 'contact')}"
 
 
 def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
@@ -253,9 +276,10 @@ def _times(results: pd.DataFrame) -> dict[str, str]:
     return {key.removeprefix(_TIME): key for key in results.columns if key.startswith(_TIME)}
 
 
-def _legend(heads: list[str], summary: pd.DataFrame) -> str:
+def _legend(heads: list[str], summary: pd.DataFrame, is_study: bool) -> str:
     columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
-    times = f"{columns} the least median time, preparing included, to that judged residual; – means never reached."
+    least = " of a simulation, to that error" if is_study else ", preparing included, to that judged residual"
+    times = f"{columns} the least median time{least}; – means never reached."
     return times if summary.empty else f"{times}\n{_summary_legend(summary)}"
 
 
@@ -281,7 +305,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 1e-6:.2g} µs"
 
 
-def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
+def _shown_results(results: pd.DataFrame, is_study: bool = False) -> pd.DataFrame:
     times = _times(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     shown = results.rename(columns=heads | {key: head for head, key in times.items()})
@@ -289,7 +313,21 @@ def _shown_results(results: pd.DataFrame) -> pd.DataFrame:
         shown[head] = shown[head].map(duration)
     for head, form in (("residual", ".0e"), ("iter.", ".0f")):
         shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
+    if is_study:
+        return shown.drop(columns="contacts").rename(columns={"residual": "error", "iter.": "solves"})
     return shown
+
+
+def _shown_points(points: pd.DataFrame) -> pd.DataFrame:
+    shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
+    for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
+        shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
+    shown.insert(3, "quantity", points["quantity"].fillna("–"))
+    shown["wall"] = points["total_seconds"].map(duration)
+    counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
+    for head, key in counts.items():
+        shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
+    return shown.assign(why=points["reason"])
 
 
 def _shown_summary(summary: pd.DataFrame) -> pd.DataFrame:

@@ -25,7 +25,7 @@ from ...problems.errors import ProxbenchError
 from ...problems.stepping.contact_states import LawStates
 from ...solvers.interface import Solver
 from ..errors import BenchError
-from ..measure.plugins import check_again, sources
+from ..plugins.files import check_again, sources
 from ..store.records import Count, Number, PluginUse, Record, content_of, printable
 from .beside import beside_from
 from .failure import Failure

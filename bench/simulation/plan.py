@@ -14,8 +14,8 @@ from ...problems.stepping.registry import EventDriven, Stepper, Variable, make_s
 from ...solvers.interface import Solver, Stop
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
-from ..measure.remote_scene import local_or_remote_scene
-from ..measure.remote_solver import local_or_remote
+from ..plugins.remote_scene import local_or_remote_scene
+from ..plugins.remote_solver import local_or_remote
 from ..store.records import Count, Positive, Record, Tolerance
 from .step_solver import StepSolver
 from .thinning import STATES

@@ -8,6 +8,10 @@ from ...solvers.interface import Prepared, Solver
 from ..errors import BenchError
 
 
+class UnsupportedStepError(BenchError):
+    """The solver cannot treat the contact problem of a step."""
+
+
 @dataclass(frozen=True)
 class StepSolver:
     """A solver as ``Moreau`` wants it.
@@ -22,10 +26,10 @@ class StepSolver:
         """Prepare ``problem``.
 
         Raises:
-            BenchError: if the solver cannot treat it.
+            UnsupportedStepError: if the solver cannot treat it.
         """
         solver = self.solver if isinstance(self.solver, Fallback) else Fallback(self.solver)
         reason = solver.supports(problem)
         if reason:
-            raise BenchError(f"it cannot treat this step: {reason}")
+            raise UnsupportedStepError(f"it cannot treat this step: {reason}")
         return solver.prepare(problem)

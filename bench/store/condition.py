@@ -21,7 +21,7 @@ def warnings(frames: RunFrames) -> list[str]:
     found = []
     if not frames.is_finished:
         resume = either(f"proxbench run --resume {frames.folder}", f"proxbench.bench.resume({str(frames.folder)!r})")
-        counts = f"{len(frames.cases)} of {frames.n_planned} cases"
+        counts = f"{frames.n_finished} of {frames.n_planned} cases"
         found.append(f"UNFINISHED: {counts} are measured; go on with: {resume}")
     if drift(frames.info) > UNSTEADY:
         found.append(

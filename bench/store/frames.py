@@ -15,7 +15,8 @@ import pandas as pd
 from msgspec import Struct
 
 from ...problems.contact.judge import Verdict
-from .records import CaseRecord, Point, Quartiles, Record, RunRecord
+from .outcome import Outcome
+from .records import CaseRecord, Point, QuantityError, Quartiles, Record, RunRecord
 from .store import Store
 
 _IDENTITY = ("problem", "solver", "model")
@@ -34,6 +35,8 @@ class RunFrames:
             iterations, judged residual (and that of the solver's own model), median times [s] with their quartiles,
             repeats, the other numbers of the verdict, and the error in known impulses.
         iterations: the convergence curves: problem, solver, iteration, residual.
+        errors: those of trajectories, one row a point and quantity: problem, solver, tolerance, quantity, error, and
+            the ends of its bar, low and high.
         info: plan, machine, plugins and sessions.
         damaged: one sentence for each case file that could not be read.
     """
@@ -42,6 +45,7 @@ class RunFrames:
     cases: pd.DataFrame
     points: pd.DataFrame
     iterations: pd.DataFrame
+    errors: pd.DataFrame
     info: RunRecord
     damaged: list[str]
 
@@ -51,9 +55,24 @@ class RunFrames:
         return len(self.info.plan.problems) * len(self.info.plan.solvers)
 
     @property
+    def n_finished(self) -> int:
+        """Number of cases that are stored and readable, and measured as a whole."""
+        measured = self.points.groupby(["problem", "solver"]).size()
+        ladder = self.info.plan.ladder
+        return sum(
+            bool(outcome != Outcome.MEASURED or measured.get((problem, solver), 0) >= len(ladder(solver)))
+            for problem, solver, outcome in self.cases[["problem", "solver", "outcome"]].itertuples(index=False)
+        )
+
+    @property
     def is_finished(self) -> bool:
-        """Whether every planned case is stored and readable."""
-        return len(self.cases) >= self.n_planned
+        """Whether every planned case is."""
+        return self.n_finished >= self.n_planned
+
+    @property
+    def is_study(self) -> bool:
+        """Whether the run is over trajectories."""
+        return bool(self.info.plan.trajectories)
 
 
 def read_frames(folder: Path) -> RunFrames:
@@ -71,7 +90,7 @@ def read_frames(folder: Path) -> RunFrames:
     identified = [(case, point) for case in cases for point in case.points]
     identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
     points = pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
-    return RunFrames(folder, _frame(CaseRecord, cases), points, _iterations(cases), info, damaged)
+    return RunFrames(folder, _frame(CaseRecord, cases), points, _iterations(cases), _errors(identified), info, damaged)
 
 
 class _Column(NamedTuple):
@@ -134,6 +153,16 @@ def _plain(hint: Any) -> tuple[Any, float]:
         else:
             break
     return hint, missing
+
+
+def _errors(points: Sequence[tuple[CaseRecord, Point]]) -> pd.DataFrame:
+    found = [
+        (case, point, error) for case, point in points if point.measured is not None for error in point.measured.errors
+    ]
+    identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
+    place = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
+    place = place.astype({"problem": str, "solver": str, "tolerance": np.float64})
+    return pd.concat([place, _frame(QuantityError, [error for _, _, error in found])], axis=1)
 
 
 def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:

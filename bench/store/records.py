@@ -6,7 +6,7 @@ finite stand as null in files and as None in what is read.
 
 import math
 import re
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct
@@ -56,13 +56,75 @@ class Limits(Struct, frozen=True):
                 raise BenchError(f"{name} must be positive and finite, got {value}.")
 
 
+class MethodRecord(Record, frozen=True, kw_only=True):
+    """A stepper with a solver: its name, its ladder of steps [s] or tolerances, and the limits of its solves."""
+
+    name: str
+    values: Annotated[list[Tolerance], Meta(min_length=1)]
+    tolerance: Tolerance
+    max_iterations: Count
+
+
+class KnownRecord(Record, frozen=True, kw_only=True):
+    """What one member of the reference of a trajectory came to, by name; none with the reason if it failed."""
+
+    member: Number
+    values: dict[str, Number]
+    failure: str = ""
+
+
+class TrajectoryRecord(Record, frozen=True, kw_only=True):
+    """A problem for steppers with solvers.
+
+    Attributes:
+        name: the scene with its options.
+        duration: simulated time [s].
+        members: seeds of the scene where aggregates are compared, else factors on steps or tolerances.
+        error: how it is computed.
+        reference: what simulates the reference, with one value; None where the end of the motion is known otherwise.
+        known: the reference, or the known end, as far as it is generated.
+        scale: what differences from a known end are related to.
+    """
+
+    name: str
+    duration: Positive
+    members: Annotated[list[Number], Meta(min_length=1)]
+    error: Literal["limit cycle", "end position", "aggregates"]
+    reference: MethodRecord | None = None
+    known: list[KnownRecord] = []
+    scale: Positive = 1.0
+
+
 class PlanRecord(Record, frozen=True, kw_only=True):
-    """What a run measures: names of problems, names of solvers, the ladder of tolerances, and the limits of a case."""
+    """What a run measures.
+
+    Attributes:
+        problems: names of problems.
+        solvers: names of solvers, or of steppers with solvers.
+        tolerances: the ladder; where steppers have their own, the errors that tables give the time to.
+        limits: of a case.
+        methods: the steppers with solvers; empty in a run over contact problems.
+        trajectories: the problems of a run over trajectories.
+    """
 
     problems: list[str]
     solvers: list[str]
     tolerances: Annotated[list[Tolerance], Meta(min_length=1)]
     limits: Limits
+    methods: list[MethodRecord] = []
+    trajectories: list[TrajectoryRecord] = []
+
+    def ladder(self, solver: str) -> list[float]:
+        """Return the ladder of one of ``solvers``."""
+        return next((method.values for method in self.methods if method.name == solver), self.tolerances)
+
+    def trajectory(self, name: str) -> TrajectoryRecord:
+        """Return one of the trajectories by its name."""
+        return next(trajectory for trajectory in self.trajectories if trajectory.name == name)
+
+    def has_finished(self, case: "CaseRecord") -> bool:
+        """Whether nothing of a case is left to measure."""
+        return case.outcome is not Outcome.MEASURED or len(case.points) >= len(self.ladder(case.solver))
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
@@ -97,18 +159,6 @@ class PluginUse(Record, frozen=True, kw_only=True):
     source: str
     file: str = ""
     sha256: str = ""
-
-
-def plugin_uses(content: Any) -> list[PluginUse]:
-    """Return what ``content_of`` made of uses of plugins.
-
-    Raises:
-        ValueError: if it is nothing of that kind.
-    """
-    try:
-        return msgspec.convert(content, list[PluginUse])
-    except msgspec.ValidationError as error:
-        raise ValueError(str(error)) from None
 
 
 class Session(Record, frozen=True, kw_only=True):
@@ -171,12 +221,21 @@ class Curve(Record, frozen=True, kw_only=True):
             raise ValueError("its curve has not as many residuals as iterations")
 
 
+class QuantityError(Record, frozen=True, kw_only=True):
+    """The error of a trajectory in one quantity, and the ends of its bar."""
+
+    quantity: str
+    error: Residual
+    low: Residual
+    high: Residual
+
+
 class Measured(Record, frozen=True, kw_only=True):
-    """What was measured at one tolerance.
+    """What was measured at one tolerance, or at one step of a trajectory.
 
     Attributes:
-        iterations: of a timed solve.
-        residual: the judge's, under Coulomb's law.
+        iterations: of a timed solve; of a trajectory, one-step inclusions solved, median over its members.
+        residual: the judge's, under Coulomb's law; of a trajectory, the largest of its errors.
         model_residual: the judge's, under the solver's own model.
         prepare_seconds: times of preparing.
         solve_seconds: times of solving.
@@ -184,6 +243,9 @@ class Measured(Record, frozen=True, kw_only=True):
         repeats: number of timed solves.
         verdict: the other numbers of the judge's verdict.
         impulse_error: distance to the known impulses, if the problem has such.
+        errors: of a trajectory, in each quantity.
+        unsolved_steps: steps of all members of a trajectory that the judge does not find solved.
+        failed_members: members of it that came to no end.
     """
 
     iterations: Count
@@ -195,13 +257,16 @@ class Measured(Record, frozen=True, kw_only=True):
     repeats: Count
     verdict: dict[str, bool | Number | None]
     impulse_error: Number | None
+    errors: list[QuantityError] = []
+    unsolved_steps: Count = 0
+    failed_members: Count = 0
 
 
 class Point(Record, frozen=True, kw_only=True):
     """One tolerance of the ladder.
 
     Attributes:
-        tolerance: what the solver was given.
+        tolerance: what the solver was given, or the value of the ladder of a stepper with a solver.
         outcome: how it ended.
         status: what the solver says; empty if it was not attempted.
         reason: the same in words.
@@ -216,7 +281,7 @@ class Point(Record, frozen=True, kw_only=True):
 
 
 class CaseRecord(Record, frozen=True, kw_only=True):
-    """One solver on one problem.
+    """One solver, or stepper with a solver, on one problem.
 
     Attributes:
         problem: name.

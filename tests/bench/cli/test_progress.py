@@ -5,16 +5,13 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.progress import RunProgress
-from proxbench.bench.measure.runner import CaseFinished, Event, ProblemStarted, RunStarted
-from proxbench.bench.study.live import StudyProgress
-from proxbench.bench.study.study import Study
+from proxbench.bench.measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted
 from rich.console import Console
-
-from ..study.conftest import fixed_case, toy_case, toy_plan
 
 EVENTS: list[Event] = [
     RunStarted(Path("run"), 2, 0),
     ProblemStarted("hard[1]-" + 100 * "x"),
+    PointFinished("hard", "SORprox", 1e-2),
     CaseFinished("hard", "SORprox", "solved", 1, 2),
 ]
 
@@ -26,17 +23,6 @@ def test_a_run_names_each_problem_in_one_line(hidden: bool) -> None:
         for event in EVENTS:
             shown(event)
     assert text.getvalue() == ("" if hidden else f"measuring hard[1]-{100 * 'x'}\n")
-
-
-def test_a_study_names_a_case_once_for_members_that_follow_each_other() -> None:
-    text = io.StringIO()
-    first, second = fixed_case(100, members=(0.99, 1.0)), toy_case()
-    study = Study(toy_plan(first, second))
-    with StudyProgress(Console(file=text)) as shown:
-        for case in (first, first, second):
-            shown(study, case)
-    lines = text.getvalue().splitlines()
-    assert [line.split(",")[0] for line in lines] == [f"measuring {first.series}", f"measuring {second.series}"]
 
 
 def test_a_terminal_shows_the_name_and_how_many_are_done() -> None:

@@ -5,8 +5,8 @@ import pytest
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
 from proxbench.bench.measure.case import Case
-from proxbench.bench.measure.describing import contestant
 from proxbench.bench.measure.plan import Limits
+from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load
 from proxbench.problems.catalog.storage import problem_bytes
@@ -19,11 +19,11 @@ ENDLESS = {"sleep", "spin"}
 def carried_out(action: str) -> Case:
     problem = load("hard-sticking-box")
     limits = replace(LIMITS, case_seconds=1.0) if action in ENDLESS else LIMITS
-    case = Case(problem, contestant(Misbehaving(action)), limits)
+    case = Case(problem, contestant(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
     try:
-        case.begin(problem_bytes(problem), 1e-6)
+        case.begin()
         if case.is_open:
-            answer = case.measure(1e-6, 0.0)
+            answer = case.measure(1e-6, 0)
             if answer is not None:
                 case.add_point(1e-6, [answer])
     finally:

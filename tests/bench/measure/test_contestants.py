@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from proxbench.bench import load, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.describing import contestant
+from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import Model
 from proxbench.solvers import create

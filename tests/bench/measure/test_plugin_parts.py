@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from proxbench.bench.measure.contestants import Contestant
-from proxbench.bench.measure.describing import contestant
-from proxbench.bench.measure.plugins import sources, use_plugin_files
-from proxbench.bench.measure.remote_solver import working_solver
+from proxbench.bench.plugins.contestants import Contestant
+from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.files import sources, use_plugin_files
+from proxbench.bench.plugins.remote_solver import working_solver
 from proxbench.problems import PluginError, load
 from proxbench.problems.catalog.plugins import forget, registered
 from proxbench.solvers import Status, Stop, create

@@ -8,9 +8,9 @@ import pytest
 from proxbench.bench import load, resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.describing import contestant
-from proxbench.bench.measure.plan import resolved
-from proxbench.bench.measure.plugins import use_plugin_files
+from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.files import use_plugin_files
+from proxbench.bench.plugins.problems import resolved
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import PluginError
 from proxbench.problems import load as load_problem

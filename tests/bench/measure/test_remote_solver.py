@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
-from proxbench.bench.measure.describing import contestant
-from proxbench.bench.measure.remote_solver import FailedSolveError, RemoteSolver
+from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.remote_solver import FailedSolveError, RemoteSolver
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load
 from proxbench.solvers import Stop, create

@@ -10,8 +10,6 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.report.output_file import drawn, output_file, picture_files, refuse_pictures
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.study.defaults import make_study_plan
-from proxbench.bench.study.study import Study, write_points
 from proxbench.problems.catalog.atomic_file import replacing
 
 
@@ -28,10 +26,6 @@ def written_simulation(file: Path) -> None:
     simulate(make_simulation_plan("woodpecker", stepper="Moreau(step=1e-3)", duration=1e-3), file)
 
 
-def written_study(file: Path) -> None:
-    Study(make_study_plan("woodpecker"), file).store()
-
-
 ROOT = Path(__file__).parents[3]
 
 
@@ -43,11 +37,9 @@ def written_run(file: Path) -> None:
     ("name", "write"),
     [
         ("a.npz", written_simulation),
-        ("a.json", written_study),
-        ("a.csv", lambda file: write_points([], file)),
         ("b.json", written_run),
     ],
-    ids=["simulation", "study", "points", "run"],
+    ids=["simulation", "run"],
 )
 def test_results_have_the_permissions_of_any_new_file(
     name: str, write: Callable[[Path], None], mask: int, tmp_path: Path

@@ -9,8 +9,8 @@ import pytest
 from proxbench.bench.cli.listing import listed
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, FailedSimulationError
-from proxbench.bench.measure.plugins import use_plugin_files
-from proxbench.bench.measure.remote_scene import RemoteSystem, local_or_remote_scene
+from proxbench.bench.plugins.files import use_plugin_files
+from proxbench.bench.plugins.remote_scene import RemoteSystem, local_or_remote_scene
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate

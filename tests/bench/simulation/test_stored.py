@@ -174,11 +174,7 @@ def test_a_result_that_is_missing_is_named(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_study_keeps_no_states_and_an_odd_number_of_them_is_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert run_command(f"simulate woodpecker --study --states 5 --output {tmp_path}".split()) == 2
-    assert "leave --states out" in capsys.readouterr().err
+def test_a_number_of_states_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for scene in ("pile", "woodpecker"):
         assert run_command(f"simulate {scene} --states 0 --output {tmp_path}".split()) == 2
         assert "states must be at least 1, got 0" in capsys.readouterr().err

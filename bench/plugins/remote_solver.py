@@ -16,14 +16,13 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import prepared_fault, reason_fault, solution_fault
+from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, Stop
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
 from ..isolation.worker import MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from .contestants import Contestant
 from .describing import contestant
-from .protocol import answer_fault
 
 
 class FailedSolveError(BenchError):
@@ -130,6 +129,15 @@ class RemotePrepared:
             for iteration, impulses in zip(shown, rows[1:], strict=True):
                 observe(iteration, impulses)
         return Solution(rows[0].copy(), Status(answer["status"]), answer["iterations"], answer["message"])
+
+
+def answer_fault(answer: dict[str, Any]) -> str | None:
+    """Say why an answer cannot be that to a solve, or None."""
+    status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
+    is_count = type(iterations) is int and 0 <= iterations <= MOST_ITERATIONS
+    if not (status in set(Status) and is_count and isinstance(message, str)):
+        return "its process sent something that is no answer"
+    return None
 
 
 def _are_iterations(shown: Any) -> bool:

@@ -12,9 +12,9 @@ from ...problems.catalog.catalog import is_available, is_held, load, plugin_prob
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, suggestion
 from ..errors import BenchError
+from ..plugins.describing import plugin_problem
 from ..store.records import RunRecord
 from ..store.store import Store
-from .describing import plugin_problem
 
 
 def resolved(problem: str | Path | ContactProblem) -> ContactProblem:

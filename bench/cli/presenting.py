@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from .text import print_json
+from ..report.text import print_json
 
 FILE_WIDTH = 120
 """Columns of a table that goes to a file or a pipe."""

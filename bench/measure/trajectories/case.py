@@ -1,0 +1,160 @@
+"""A stepper with a solver on a trajectory, as it is measured from outside: a round is a member of the problem."""
+
+import time
+from collections.abc import Collection, Sequence
+from statistics import median
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from ....problems.trajectories.problem import TrajectoryProblem
+from ....solvers.interface import Status
+from ...isolation.worker import Fault
+from ...store.outcome import Outcome
+from ...store.records import Count, Limits, Measured, Number, Point, QuantityError
+from ..ladder import LONGEST_REASON, LadderCase, quartiles
+from .methods import Method
+from .task import TrajectoryTask
+
+
+class Simulated(msgspec.Struct, frozen=True):
+    """What a process says of one simulation.
+
+    Attributes:
+        status: how it ended.
+        reason: the same in words, if it came to no end.
+        wall: wall time of its steps [s]; judging and noting are not counted.
+        solves: one-step inclusions solved, those of rejected attempts included.
+        unsolved: steps that the judge does not find solved to the tolerance.
+        values: what it came to, by name; empty if it came to no end.
+    """
+
+    status: Status
+    reason: str
+    wall: Number
+    solves: Count
+    unsolved: Count
+    values: dict[str, Number]
+
+
+def simulated(answer: dict[str, Any], seconds: float, names: Collection[str]) -> Simulated:
+    """Return the answer of a process to "simulate".
+
+    Args:
+        answer: the answer.
+        seconds: wall time that it took from outside [s].
+        names: of the values of a simulation that came to its end; any if there are none.
+
+    Raises:
+        Fault: if it cannot be one.
+    """
+    unreadable = Fault(Outcome.MISBEHAVED, "its process sent something that is no answer")
+    try:
+        read = msgspec.convert(answer, Simulated)
+    except msgspec.ValidationError:
+        raise unreadable from None
+    if read.status is Status.SOLVED and not (read.values and set(names) <= set(read.values)):
+        raise unreadable
+    if not 0.0 <= read.wall <= seconds:
+        clock = f"the clock in its process counted {read.wall:g} s of steps in {seconds:g} s of wall time"
+        raise Fault(Outcome.MISBEHAVED, clock)
+    return read
+
+
+class TrajectoryCase(LadderCase):
+    """A stepper with a solver on a problem.
+
+    Attributes:
+        problem: the problem, with its reference.
+        method: the stepper with its solver.
+    """
+
+    keeps_points = True
+
+    def __init__(
+        self, problem: TrajectoryProblem, method: Method, limits: Limits, points: Sequence[Point] = ()
+    ) -> None:
+        """Note what to measure.
+
+        Args:
+            problem: the problem.
+            method: the stepper with its solver.
+            limits: one simulation has those of a solve.
+            points: what is measured already.
+        """
+        super().__init__(method.record.values, limits)
+        self.problem, self.method, self.points = problem, method, list(points)
+
+    @property
+    def rounds(self) -> int:
+        """One for each member."""
+        return len(self.problem.members)
+
+    def begin(self) -> None:
+        """Start the process and simulate the begin of the motion, so that all it needs is compiled."""
+        self._start(TrajectoryTask(self.problem, self.method, self.limits.solve_seconds))
+        self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
+
+    def measure(self, value: float, number: int) -> dict[str, Any] | None:
+        """Simulate one member; return what came of it, or None if the case failed."""
+        began, member = time.monotonic(), self.problem.members[number]
+        found = self._ask("simulate", value, member)
+        if found is None:
+            return None
+        try:
+            run = simulated(found[0], time.monotonic() - began, self.problem.measure.names)
+        except Fault as fault:
+            self._fail(fault)
+            return None
+        return {"member": member, "simulated": run}
+
+    def goes_on(self, answer: dict[str, Any]) -> bool:
+        """Whether there was time enough: other members take as long."""
+        return answer["simulated"].status is not Status.TIME_LIMIT
+
+    def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
+        """Compute the error over the members; want of time ends the ladder, and no other failure does."""
+        runs: dict[float, Simulated] = {answer["member"]: answer["simulated"] for answer in answers}
+        good = {member: run for member, run in runs.items() if run.status is Status.SOLVED}
+        failed = [run for run in runs.values() if run.status is not Status.SOLVED]
+        errors = self.problem.measure.estimates({member: run.values for member, run in good.items()})
+        counted = list(good.values()) if errors else list(runs.values())
+        wall = quartiles(np.array([run.wall for run in counted]))
+        worst = max((one.error for one in errors.values()), default=np.inf)
+        measured = Measured(
+            iterations=round(median(run.solves for run in counted)),
+            residual=worst,
+            model_residual=worst,
+            prepare_seconds=quartiles(np.zeros(1)),
+            solve_seconds=wall,
+            total_seconds=wall,
+            repeats=len(good),
+            verdict={},
+            impulse_error=None,
+            errors=[
+                QuantityError(quantity=name, error=one.error, low=one.low, high=one.high)
+                for name, one in errors.items()
+            ],
+            unsolved_steps=sum(run.unsolved for run in good.values()),
+            failed_members=len(failed),
+        )
+        status = Status.SOLVED if errors or not failed else failed[0].status
+        if any(run.status is Status.TIME_LIMIT for run in failed):
+            self._ended_by = f"{value:g} already took longer than {self.limits.solve_seconds:g} s"
+        reason = failed[0].reason[:LONGEST_REASON] if failed else ""
+        return Point(
+            tolerance=value, outcome=Outcome(status.value), status=status.value, reason=reason, measured=measured
+        )
+
+    def identity(self) -> dict[str, Any]:
+        """Return problem and method."""
+        return {
+            "problem": self.problem.name,
+            "digest": self.problem.digest,
+            "solver": self.method.record.name,
+            "model": str(self.method.solver.model),
+            "has_iterates": False,
+            "n_rows": 0,
+            "n_contacts": 0,
+        }

@@ -1,0 +1,83 @@
+"""Methods that suit a scene: some minutes of measuring."""
+
+from collections.abc import Iterator, Sequence
+
+from ....problems.scenes.scene import Scene
+from ...plugins.contestants import Contestant
+from ...plugins.describing import contestant
+from ...store.records import TrajectoryRecord
+from .methods import Method, make_method, over_solver
+
+STEPS = (500, 1000, 2000, 5000, 10_000, 50_000)
+"""Fixed steps in the duration of a scene with few contacts."""
+
+STEPPERS = {
+    "Extrapolated": (3, 4, 5, 6, 7, 8, 9),
+    "Extrapolated(search='nested')": (3, 4, 5, 6, 7, 8, 9),
+    "Extrapolated(levels=2)": (3, 4, 5, 6, 7),
+    "StepDoubling": (3, 4, 5, 6, 7),
+    "StepDoubling(search='last')": (3, 4, 5, 6, 7),
+}
+"""Variable steppers for few contacts, and their tolerances, 10 to minus these."""
+
+SOLVERS = ("SORprox", "NSGS", "Lemke", "HybridNewton")
+"""Solvers for few contacts."""
+
+TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-12)
+"""Their tolerances in a variable step, for which 1e-8 is too coarse."""
+
+FIXED_STEPS = 5000
+"""Fixed steps in the duration with which tolerances of a solver are compared."""
+
+FIXED_TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)
+"""The same in a fixed step, for which much less is enough."""
+
+LARGE_SOLVER = "MomentumFallback"
+"""The solver for many contacts."""
+
+LARGE_STEPS = (8.0, 4.0, 2.0, 1.0, 0.5)
+"""Fixed steps for many contacts, over that of the scene; the reference has half of the last."""
+
+LARGE_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)
+"""Tolerances of that solver."""
+
+
+def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Method]:
+    """Yield the methods of a study."""
+    if scene.has_few_contacts:
+        yield make_method("Moreau with SORprox", [trajectory.duration / number for number in STEPS], 1e-10)
+        for stepper, exponents in STEPPERS.items():
+            yield make_method(f"{stepper} with SORprox", [10.0**-exponent for exponent in exponents])
+        yield make_method(f"SORprox in Moreau(step={trajectory.duration / FIXED_STEPS:.3g})", FIXED_TOLERANCES)
+        solvers: Sequence[str] = SOLVERS
+    else:
+        steps = [factor * scene.step_size for factor in LARGE_STEPS]
+        yield make_method(f"Moreau with {LARGE_SOLVER}", steps, _usual_tolerance(trajectory))
+        doubling = f"StepDoubling(min_step={scene.step_size!r}) with {LARGE_SOLVER}"
+        yield make_method(doubling, [1e-2], _usual_tolerance(trajectory))
+        yield make_method(f"{LARGE_SOLVER} in Moreau(step={2.0 * scene.step_size!r})", LARGE_TOLERANCES)
+        solvers = ("NSGS",)
+    yield from added_methods(scene, map(contestant, solvers))
+
+
+def added_methods(scene: Scene, solvers: Iterator[Contestant]) -> Iterator[Method]:
+    """Yield the methods in which solvers are compared over their tolerances."""
+    fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated(tolerance=1e-07, min_step=1e-09)"
+    for one in solvers:
+        if scene.has_few_contacts:
+            yield make_method(over_solver(one, variable), TOLERANCES, given=one)
+        else:
+            yield make_method(over_solver(one, fixed), (1e-2, 1e-4), given=one)
+
+
+def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:
+    """Return what simulates the reference, finer than all of ``default_methods``."""
+    if scene.has_few_contacts:
+        return make_method("Extrapolated with SORprox", [1e-10], 1e-13)
+    size = 0.5 * LARGE_STEPS[-1] * scene.step_size
+    return make_method(f"Moreau with {LARGE_SOLVER}", [size], _usual_tolerance(trajectory))
+
+
+def _usual_tolerance(trajectory: TrajectoryRecord) -> float:
+    """Return the tolerance of solvers in a fixed step; where a single motion counts, it must not hide the step's."""
+    return 1e-4 if trajectory.error == "aggregates" else 1e-8

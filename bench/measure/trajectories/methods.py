@@ -1,0 +1,115 @@
+"""Steppers with solvers, as data: each is a curve over its own ladder, of the stepper or of the solver.
+
+``Extrapolated(search='nested') with SORprox``   the tolerance of the stepper varies, or the step of a fixed one [s]
+``SORprox in Moreau(step=0.001)``                the tolerance of the solver varies
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ....problems.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, Variable, make_stepper
+from ...errors import BenchError
+from ...plugins.contestants import Contestant
+from ...plugins.describing import contestant
+from ...store.records import MethodRecord
+
+WITH, IN = " with ", " in "
+
+RESOLUTION = 100.0
+"""Tolerance of a variable stepper that is written without a minimal step, over that step [s]."""
+
+ITERATIONS = 20_000
+"""Most iterations of the solver in a one-step inclusion."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A stepper with a solver, as it travels to its process.
+
+    Attributes:
+        record: its name, ladder and limits.
+        stepper: with its options.
+        solver: the solver.
+    """
+
+    record: MethodRecord
+    stepper: str
+    solver: Contestant
+
+    def setting(self, value: float) -> tuple[Stepper, float]:
+        """Return the stepper and the tolerance of the solver at a value of the ladder."""
+        made = make_stepper(self.stepper)
+        stepper: Any = made
+        if self.record.name == over_solver(self.solver, self.stepper):
+            return made, value
+        if isinstance(made, Moreau):
+            return replace(made, step=value), self.record.tolerance
+        has_resolution = isinstance(made, Variable) and "min_step" not in self.stepper
+        finest = {"min_step": value / RESOLUTION} if has_resolution else {}
+        return replace(stepper, tolerance=value, **finest), self.record.tolerance
+
+
+def over_stepper(stepper: str, solver: Contestant) -> str:
+    """Return the name of the method in which the stepper varies."""
+    return f"{stepper}{WITH}{solver.name}"
+
+
+def over_solver(solver: Contestant, stepper: str) -> str:
+    """Return the name of the method in which the solver varies."""
+    return f"{solver.name}{IN}{stepper}"
+
+
+def make_method(
+    name: str,
+    values: Sequence[float],
+    tolerance: float = 1e-12,
+    max_iterations: int = ITERATIONS,
+    given: Contestant | None = None,
+) -> Method:
+    """Return the method that ``name`` writes.
+
+    Args:
+        name: ``STEPPER with SOLVER`` or ``SOLVER in STEPPER``.
+        values: the ladder, in any order.
+        tolerance: of the solver, where it is the stepper that varies.
+        max_iterations: of the solver.
+        given: the solver, if it is known.
+
+    Raises:
+        BenchError: if it writes none, or a value is out of range.
+        ProxbenchError: for an unknown stepper, solver or option, with the nearest name.
+    """
+    stepper, joint, solver = name.partition(WITH)
+    varies_solver = not joint or stepper.partition("(")[0].strip() not in STEPPERS
+    if varies_solver:
+        solver, joint, stepper = name.rpartition(IN)
+    if not joint:
+        raise BenchError(
+            f"cannot read {name!r:.200} as a method; write a stepper with a solver, {EXAMPLE} with SORprox, or a "
+            f"solver in a stepper, SORprox in {EXAMPLE}."
+        )
+    ladder = sorted(set(map(float, values)), reverse=True)
+    wrong = next((value for value in (*ladder, tolerance) if not 0.0 < value < 1.0), None)
+    if wrong is not None or not ladder:
+        raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {wrong or 'none'}.")
+    made, stepper = given or contestant(solver.strip()), make_stepper(stepper).name
+    written = over_solver(made, stepper) if varies_solver else over_stepper(stepper, made)
+    record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations)
+    return Method(record, stepper, made)
+
+
+def stored_method(record: MethodRecord) -> Method:
+    """Return a method of a stored run; errors as in ``make_method``."""
+    return make_method(record.name, record.values, record.tolerance, record.max_iterations)
+
+
+def neighbour(stepper: Stepper, factor: float, duration: float) -> Stepper:
+    """Return a stepper with ``factor`` on its tolerance, or on the number of steps in ``duration`` [s].
+
+    A whole number of steps reaches the end exactly.
+    """
+    made: Any = stepper
+    if isinstance(stepper, Moreau):
+        return replace(made, step=duration / max(1, round(duration / made.step * factor)))  # type: ignore[no-any-return]
+    return replace(made, tolerance=made.tolerance * factor)  # type: ignore[no-any-return]

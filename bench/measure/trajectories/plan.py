@@ -1,0 +1,118 @@
+"""What a study measures: a scene, methods with their ladders, and limits, all checked before anything starts."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from msgspec.structs import replace
+
+from ....problems.names import Name
+from ....problems.scenes.registry import read_scene
+from ....problems.scenes.scene import Scene
+from ....problems.scenes.woodpecker import PERIOD
+from ....solvers.interface import Solver
+from ...errors import BenchError
+from ...plugins.describing import contestant
+from ...plugins.remote_scene import local_or_remote_scene
+from ...store.records import Limits, TrajectoryRecord
+from ..plan import Plan
+from .defaults import added_methods, default_methods, default_reference
+from .methods import make_method
+from .problems import LEAST_SEEDS
+
+LIMITS = Limits(solve_seconds=600.0, case_seconds=7200.0)
+"""Limits of a study: one simulation may take ten minutes, and a curve two hours."""
+
+NEIGHBOURS = (0.98, 0.99, 1.0, 1.01, 1.02)
+"""Factors on steps and tolerances: the error is erratic in the number of steps, so medians are compared."""
+
+N_BALLS, N_SEEDS, POUR_SECONDS = 250, 6, 0.6
+"""A small pour: it begins after 0.2 s, and half of the balls are through when it ends."""
+
+CYCLE: Mapping[str, Any] = {"start": "cycle"}
+"""Options of the woodpecker from whose start one period of the limit cycle leads back to it."""
+
+ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-6)
+"""Errors that tables give the time to."""
+
+POUR_ACCURACIES = (1e-1, 3e-2, 1e-2)
+"""The same for pours."""
+
+
+def make_study_plan(
+    scene: str,
+    solvers: Iterable[str | Solver] = (),
+    *,
+    methods: Mapping[str, Sequence[float]] | None = None,
+    tolerance: float = 1e-12,
+    duration: float | None = None,
+    members: Sequence[float] | None = None,
+    limits: Limits | None = None,
+) -> Plan:
+    """Return the plan of the study of a scene.
+
+    Args:
+        scene: with options or without.
+        solvers: to compare in addition, over their tolerances.
+        methods: ladders by the names of methods; those that suit the scene if None.
+        tolerance: judged residual that the solvers of ``methods`` shall reach, where it is not what varies.
+        duration: simulated time [s]; one that suits the scene if None.
+        members: seeds of a scene of balls, else factors on steps and tolerances.
+        limits: of each case; a simulation has those of a solve.
+
+    Raises:
+        ProxbenchError: for an unknown scene, stepper, solver or option, or a number out of range.
+    """
+    trajectory, made = _trajectory(scene, duration, members)
+    if methods is None:
+        chosen = list(default_methods(made, trajectory))
+    else:
+        chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
+    chosen += added_methods(made, map(contestant, solvers))
+    nothing: Any = None  # a stepper looks at its solver when it steps
+    for method in chosen:
+        for value in method.record.values:
+            stepper = method.setting(value)[0].fitted(made)
+            stepper.check(made, nothing, made.start.time, made.start.time + trajectory.duration)
+    return Plan(
+        (trajectory.name,),
+        (),
+        POUR_ACCURACIES if trajectory.error == "aggregates" else ACCURACIES,
+        limits or LIMITS,
+        tuple({method.record.name: method for method in chosen}.values()),
+        (trajectory,),
+    )
+
+
+def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
+    """Return the problem that a scene is, without its reference, and the scene."""
+    plain, options = read_scene(scene)
+    is_cycle = plain == "woodpecker" and duration is None and options in ({}, CYCLE)
+    if is_cycle:
+        options = dict(CYCLE)
+    if plain in ("funnel", "pile"):
+        options = {"balls": N_BALLS, **options}
+        duration = POUR_SECONDS if duration is None else duration
+    made = local_or_remote_scene(str(Name(plain, options)))
+    is_pour = made.n_balls > 1 and "seed" in made.options and made.exact is None
+    if is_pour:
+        first = int(options.pop("seed", made.options["seed"]))
+        members = range(first, first + N_SEEDS) if members is None else members
+        if len(set(members)) < LEAST_SEEDS:
+            raise BenchError(f"a spread over seeds needs at least {LEAST_SEEDS} of them, got {len(set(members))}.")
+    chosen = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
+    wrong = next((one for one in chosen if not (0.0 <= one < math.inf and (is_pour or one))), None)
+    if wrong is not None or not chosen:
+        raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {wrong}.")
+    seconds = PERIOD if is_cycle else made.duration if duration is None else duration
+    if not 0.0 < seconds < math.inf:
+        raise BenchError(f"duration must be positive and finite, got {seconds} s.")
+    trajectory = TrajectoryRecord(
+        name=str(Name(plain, options)),
+        duration=seconds,
+        members=chosen,
+        error="limit cycle" if is_cycle else "aggregates" if is_pour else "end position",
+    )
+    if is_cycle or made.exact is not None:
+        return trajectory, made
+    return replace(trajectory, reference=default_reference(made, trajectory).record), made

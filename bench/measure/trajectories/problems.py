@@ -1,0 +1,83 @@
+"""The problems of a run over trajectories, read from its plan; their references are simulated beforehand."""
+
+import math
+from collections.abc import Iterator
+
+from msgspec.structs import replace
+
+from ....problems.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
+from ....solvers.interface import Status
+from ...errors import BenchError
+from ...isolation.worker import Fault, RenewedWorker
+from ...store.records import KnownRecord, Limits, TrajectoryRecord
+from .case import simulated
+from .methods import Method, make_method, stored_method
+from .task import TrajectoryTask
+
+LEAST_SEEDS = 2
+"""Seeds that a standard error needs."""
+
+
+def problem_of(record: TrajectoryRecord) -> TrajectoryProblem:
+    """Return the problem of a run, its members those that the reference has."""
+    known = {one.member: one.values for one in record.known if not one.failure}
+    members = tuple(record.members)
+    measure: Measure = LimitCycle()
+    if record.error == "aggregates":
+        measure = Aggregates(known)
+        members = tuple(member for member in members if member in known) or members
+    elif record.error == "end position":
+        measure = EndPosition(next(iter(known.values()), {}), record.scale)
+    return TrajectoryProblem(record.name, record.duration, members, measure)
+
+
+def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
+    """Yield the record each time that a part of its reference is simulated, at last with all of it.
+
+    Args:
+        record: as far as it is known.
+        limits: of one simulation, those of a case.
+
+    Raises:
+        BenchError: if the reference cannot be simulated.
+    """
+    wanted = record.members if record.error == "aggregates" else [1.0]
+    left = [member for member in wanted if member not in {one.member for one in record.known}]
+    if record.error != "limit cycle" and left:
+        method = _reference(record)
+        task = TrajectoryTask(problem_of(replace(record, known=[])), method, limits.case_seconds, most_solves=10**9)
+        try:
+            with RenewedWorker(task, limits.case_seconds, limits.memory_bytes) as worker:
+                for member in left:
+                    record = _with_member(record, method, worker, member)
+                    yield record
+        except Fault as fault:
+            raise BenchError(f"the reference of {record.name} cannot be simulated: {fault.reason}.") from None
+    good = sum(not one.failure for one in record.known)
+    if record.error != "limit cycle" and good < (LEAST_SEEDS if record.error == "aggregates" else 1):
+        why = next(one.failure for one in record.known if one.failure)
+        raise BenchError(f"the reference of {record.name} came to no end: {why}; choose a shorter duration.")
+
+
+def _reference(record: TrajectoryRecord) -> Method:
+    """Return what simulates the reference; any method will do to ask a scene for the end that it knows."""
+    if record.reference is None:
+        return make_method("Moreau with SORprox", [1e-3])
+    return stored_method(record.reference)
+
+
+def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker, member: float) -> TrajectoryRecord:
+    """Return the record with what is known of one more member."""
+    scale, failure = record.scale, ""
+    if record.error == "end position":
+        about, _ = worker.ask("known")
+        values, start = dict(about["values"]), dict(about["start"])
+    if record.reference is not None:
+        answer, _ = worker.ask("simulate", method.record.values[0], member)
+        run = simulated(answer, math.inf, ())
+        values, failure = run.values, "" if run.status is Status.SOLVED else run.reason
+    if record.error == "end position" and not failure:
+        scale = max(float(about["length"]), *(abs(values[name] - start[name]) for name in values))
+    return replace(
+        record, scale=scale, known=[*record.known, KnownRecord(member=member, values=values, failure=failure)]
+    )

@@ -1,0 +1,132 @@
+"""What happens inside the process of a case of a trajectory: the scene and the solver are made, and simulated."""
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ....problems.catalog.plugin_scenes import build_plugin_scene, plugin_scene
+from ....problems.errors import ProxbenchError
+from ....problems.scenes.registry import make_scene, read_scene
+from ....problems.scenes.scene import Scene
+from ....problems.stepping.accepted_step import AcceptedStep
+from ....problems.trajectories.pour import Watch
+from ....problems.trajectories.problem import TrajectoryProblem
+from ....solvers.interface import Status
+from ...errors import FailedSimulationError
+from ...simulation.plan import SimulationPlan
+from ...simulation.run import advance
+from ...simulation.step_solver import UnsupportedStepError
+from ...simulation.trajectory import Simulation
+from .methods import Method, neighbour
+
+MOST_SOLVES = 10_000
+"""One-step solves after which a variable step is given up: where its solver is too coarse, its laws flicker."""
+
+WARM_SHARE = 0.2
+"""Share of the duration that is simulated beforehand, so that no compilation is timed."""
+
+
+@dataclass
+class TrajectoryTask:
+    """A case as it travels to its process: answers "warm_up", "simulate" and "known"."""
+
+    problem: TrajectoryProblem
+    method: Method
+    seconds: float
+    most_solves: int = MOST_SOLVES
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        """Answer one request: a simulation of a member at a value of the ladder, the begin of one, or the exact end.
+
+        Raises:
+            Exception: whatever code of a plugin raises.
+        """
+        if request == "known":
+            return self._known(), b""
+        value, member = arguments
+        task = self
+        if request == "warm_up":
+            task = replace(self, problem=replace(self.problem, duration=WARM_SHARE * self.problem.duration))
+        try:
+            return task._simulated(value, member), b""
+        except UnsupportedStepError as refusal:
+            return {"refusal": refusal.sentence}, b""
+
+    def _known(self) -> dict[str, Any]:
+        """Return the exact end of the motion, empty where the scene does not know it; its start; and its length."""
+        scene, measure, duration = self._scene(self.problem.members[0]), self.problem.measure, self.problem.duration
+        watch = Watch(scene)
+        start = measure.values(watch, duration)
+        if scene.exact is None:
+            return {"values": {}, "start": start, "length": scene.length}
+        watch.note(scene.exact(scene.start.time + duration))
+        return {"values": measure.values(watch, duration), "start": start, "length": scene.length}
+
+    def _scene(self, member: float) -> Scene:
+        name, options = read_scene(self.problem.name)
+        if self.problem.varies_seeds:
+            options["seed"] = int(member)
+        return make_scene(name, options) if plugin_scene(name) is None else build_plugin_scene(name, options)
+
+    def _plan(self, value: float, member: float) -> SimulationPlan:
+        scene, (stepper, tolerance) = self._scene(member), self.method.setting(value)
+        stepper = stepper.fitted(scene)
+        if not self.problem.varies_seeds:
+            stepper = neighbour(stepper, member, self.problem.duration)
+        duration, iterations, solver = (
+            self.problem.duration,
+            self.method.record.max_iterations,
+            self.method.solver.make(),
+        )
+        return SimulationPlan(scene, stepper, duration, solver, tolerance, iterations, states=1)
+
+    def _simulated(self, value: float, member: float) -> dict[str, Any]:
+        plan = self._plan(value, member)
+        simulation, watch, solves = Simulation(plan), Watch(plan.scene), 0
+        most = self.most_solves if plan.stepper.locates_switches else math.inf
+        end = time.monotonic() + self.seconds
+
+        def note(number: int, taken: AcceptedStep) -> None:
+            nonlocal solves
+            solves += taken.solves
+            watch.note(taken.end)
+
+        status, reason = Status.SOLVED, ""
+        try:
+            advance(simulation, [note], should_stop=lambda: solves > most or time.monotonic() > end)
+        except FailedSimulationError as failure:
+            status, reason = Status.STALLED, _reason(failure)
+        at = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"
+        values = self.problem.measure.values(watch, self.problem.duration)
+        if status is Status.SOLVED and not simulation.is_finished:
+            status, reason = Status.TIME_LIMIT, f"given up after {self.seconds:g} s, {at}"
+            if solves > most:
+                status, reason = Status.ITERATION_LIMIT, f"given up after {most} one-step solves, {at}"
+        elif status is Status.SOLVED and not np.isfinite(list(values.values())).all():
+            status, reason = Status.DIVERGED, "the motion is no longer finite"
+        return {
+            "status": status.value,
+            "reason": reason,
+            "wall": float(simulation.steps["seconds"].sum()),
+            "solves": int(simulation.steps["solves"].sum()),
+            "unsolved": int(simulation.unsolved.sum()),
+            "values": values if status is Status.SOLVED else {},
+        }
+
+
+def _reason(failure: FailedSimulationError) -> str:
+    """Return why a step failed, if that is part of what is measured.
+
+    Raises:
+        UnsupportedStepError: if the solver cannot treat it.
+        BaseException: whatever the solver or the scene raised that is no ``ProxbenchError``.
+    """
+    cause: BaseException = failure
+    while cause.__cause__ is not None:
+        cause = cause.__cause__
+    if isinstance(cause, UnsupportedStepError) or not isinstance(cause, ProxbenchError):
+        raise cause
+    return failure.sentence.rstrip(".")

@@ -1,0 +1,83 @@
+"""The points of a run over trajectories: what each step or tolerance costs, and how far off it is in each quantity."""
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.text import Text
+
+from ...problems.trajectories.pour import UNITS
+from ...problems.trajectories.problem import Aggregates
+from ..store.frames import RunFrames
+from ..store.records import TrajectoryRecord
+from .fitting import hanging, print_table
+
+_POINT = ("problem", "solver", "tolerance")
+
+_COSTS = ("total_seconds", "iterations", "repeats", "failed_members", "unsolved_steps", "outcome", "reason")
+
+WORDS = {
+    "limit cycle": "error after one period of the limit cycle, of the range of each coordinate",
+    "end position": "error of the last position, over the longest way of a coordinate",
+    "aggregates": "deviation of means over the second half from those of the reference, relative",
+}
+"""What the errors of a problem are."""
+
+
+def points_table(frames: RunFrames) -> pd.DataFrame:
+    """Return one row a point and quantity, or a point that came to no end.
+
+    Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
+    and its high end, total_seconds (median wall time [s]), iterations (median of one-step solves), repeats (members
+    that came to an end), failed_members, unsolved_steps, outcome, reason.
+    """
+    return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
+        [*_POINT, "quantity", "error", "low", "high", *_COSTS]
+    ]
+
+
+def headline(trajectory: TrajectoryRecord) -> str:
+    """Return what a problem is, in one line."""
+    return f"{trajectory.name} · {trajectory.duration:g} s · {WORDS[trajectory.error]}"
+
+
+def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Console) -> None:
+    """Print a table of the points of a problem, the spread of its reference, and why members failed."""
+    table = points_table(frames)
+    table = table[table["problem"] == trajectory.name]
+    of_one = trajectory.error != "aggregates"
+    rows = []
+    for (solver, value), point in table.groupby(["solver", "tolerance"], sort=False):
+        first = point.iloc[0]
+        row = {"solver": solver, "at": f"{value:.2g}"}
+        for quantity in table["quantity"].dropna().unique():
+            found = point[point["quantity"] == quantity]
+            row[str(quantity).replace(" ", "\n")] = _error(found.iloc[0], of_one) if len(found) else "–"
+        if of_one:
+            row |= {"from": f"{first['low']:.1e}", "to": f"{first['high']:.1e}"}
+        counts = {head: first[name] for head, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))}
+        row |= {"wall [s]": f"{first['total_seconds']:.3g}", "solves": _count(first["iterations"])}
+        rows.append(row | {head: _count(count) if count else "–" for head, count in counts.items()})
+    if rows:
+        print_table(console, pd.DataFrame(rows).fillna("–").replace("nan", "–"), optional=("missed", "failed", "from"))
+    for quantity, (mean, spread) in spreads(trajectory).items():
+        unit = UNITS.get(quantity, "")
+        text = f"reference  {quantity} {mean:.5g} {unit}, standard error over seeds {spread:.1e} of it"
+        console.print(Text(text, style="dim"))
+    for failed in table[table["reason"] != ""].drop_duplicates(["solver", "reason"]).to_dict("records"):
+        note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
+        console.print(Text(hanging(note, console.width), style="yellow"))
+
+
+def spreads(trajectory: TrajectoryRecord) -> dict[str, tuple[float, float]]:
+    """Return mean and relative standard error of every aggregate of the reference; empty where there is none."""
+    if trajectory.error != "aggregates":
+        return {}
+    return Aggregates({one.member: one.values for one in trajectory.known if not one.failure}).spreads()
+
+
+def _count(value: float) -> str:
+    return f"{value:.0f}" if np.isfinite(value) else "–"
+
+
+def _error(row: "pd.Series[float]", of_one: bool) -> str:
+    return f"{row['error']:.1e}" if of_one else f"{row['error']:.1e} ± {row['high'] - row['error']:.0e}"

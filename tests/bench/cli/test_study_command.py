@@ -1,0 +1,118 @@
+"""``proxbench simulate --study``: mistakes get one sentence, and a study is begun, resumed and reported as a run."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench import load, study
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.measure.trajectories import defaults
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A finished study of one short motion."""
+    ladder = {"Moreau with SORprox": (2e-3, 1e-3)}
+    return study("sliding_sphere", results=tmp_path, run_id="it", duration=0.01, members=[1.0], methods=ladder).folder
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--study", "name a scene"),
+        ("funel --study", "'funnel'"),
+        ("woodpecker --study --stepper Moreau(step=1e-4)", "--stepper"),
+        ("funnel --study --tolerance 1e-4", "--tolerance"),
+        ("funnel(balls=0) --study", "balls"),
+        ("funnel --study --duration 1e-9", "step of Moreau"),
+        ("funnel --study --record a.rrd", "--record"),
+        ("funnel --study --chart a", "--chart"),
+        ("funnel --study --force", "--force"),
+        ("funnel --study --states 5", "leave --states out"),
+        ("funnel --study --step-seconds 3", "leave --step-seconds out"),
+        ("funnel --study --output a.json", "name the folder"),
+        ("funnel --study --case-seconds 0", "case_seconds must be positive"),
+        ("funnel --study --solver SORprx", "'SORprox'"),
+        ("funnel --solver SORprox --solver Jprox", "one solver"),
+        ("funnel --solve-seconds 3", "leave --solve-seconds out"),
+        ("--study --resume nowhere.npz", "holds no study"),
+        ("--resume old.json", "measure one of an older version again with: proxbench simulate SCENE --study"),
+        ("--study --quiet --json funnel", "exclude each other"),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_leaves_no_file(
+    line: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["simulate", *line.split()]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("proxbench: ")
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_is_a_run_in_a_folder_with_tables_and_charts(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    little = {
+        "STEPS": (10, 20),
+        "FIXED_STEPS": 10,
+        "STEPPERS": {"Extrapolated": (3,)},
+        "SOLVERS": ("NSGS",),
+        "TOLERANCES": (1e-8,),
+    }
+    for name, value in little.items():
+        monkeypatch.setattr(defaults, name, value)
+    line = f"simulate sliding_sphere --study --duration 0.002 --solver Jprox --output {tmp_path} --no-progress --json"
+    assert run_command(line.split()) == 0
+    document = json.loads(capsys.readouterr().out)
+    (folder,) = tmp_path.iterdir()
+    assert folder.name.startswith("sliding_sphere-study-")
+    assert document["run"] == str(folder)
+    assert document["is_finished"]
+    solvers = {row["solver"] for row in document["results"]}
+    assert {"Moreau with SORprox", "Extrapolated with SORprox"} <= solvers
+    assert any(solver.startswith("Jprox in Extrapolated") for solver in solvers)
+    assert {path.name for path in folder.iterdir()} == {"run.json", "cases", "tables", "charts"}
+
+
+@pytest.mark.parametrize("line", ["report {}", "run --resume {} --no-progress", "simulate --resume {} --no-progress"])
+def test_a_study_is_shown_again_by_whatever_shows_a_run(
+    line: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {file: file.read_bytes() for file in (folder / "cases").iterdir()}
+    assert run_command(line.format(folder).split()) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "sliding_sphere · 0.01 s · error of the last position" in printed
+    assert "Moreau with SORprox" in printed
+    assert "least median time of a simulation, to that error" in printed
+    assert (folder / "tables" / "points.csv").is_file()
+    assert (folder / "charts" / "sliding_sphere.svg").is_file()
+    assert {file: file.read_bytes() for file in (folder / "cases").iterdir()} == before
+
+
+def test_what_is_stored_with_a_study_cannot_be_changed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for given in ("--duration 3", "--solver NSGS", "--case-seconds 9", "woodpecker"):
+        assert run_command(f"simulate --resume {folder} {given}".split()) == 2
+        assert "is stored with the study and cannot be changed" in capsys.readouterr().err
+
+
+def test_failed_curves_are_measured_again(folder: Path) -> None:
+    (file,) = (folder / "cases").iterdir()
+    file.write_bytes(file.read_bytes()[:-40])
+    assert not load(folder).is_finished
+    assert run_command(f"run --resume {folder} --retry-failed --no-progress --quiet".split()) == 0
+    assert load(folder).is_finished
+
+
+def test_a_study_of_an_older_version_is_refused_in_one_sentence(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "old.json").write_text('{"kind": "proxbench study of a simulation"}')
+    for line in ("report {}", "simulate --resume {}"):
+        assert run_command(line.format(tmp_path / "old.json").split()) == 2
+        printed = capsys.readouterr().err
+        assert printed.count("\n") == 1
+        assert "proxbench simulate SCENE --study" in printed

@@ -1,0 +1,95 @@
+"""A study has methods that suit its scene, and what is wrong with it is said before anything starts."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import scene_plugin
+from proxbench.bench.measure.trajectories.plan import make_study_plan
+from proxbench.bench.plugins.files import use_plugin_files
+from proxbench.problems import ProxbenchError
+from proxbench.problems.catalog.plugins import forget, registered
+from proxbench.problems.scenes.known_motions import KNOWN_MOTIONS
+from proxbench.problems.scenes.woodpecker import PERIOD
+
+
+@pytest.fixture
+def scenes() -> Iterator[None]:
+    """Scenes of a plugin, for one test."""
+    use_plugin_files([Path(scene_plugin.__file__)])
+    yield
+    for file, _ in registered():
+        forget(file)
+
+
+def test_the_woodpecker_is_measured_over_its_limit_cycle() -> None:
+    plan = make_study_plan("woodpecker")
+    (trajectory,) = plan.trajectories
+    assert (trajectory.name, trajectory.error) == ("woodpecker(start='cycle')", "limit cycle")
+    assert trajectory.duration == PERIOD
+    ladders = {method.record.name: method.record.values for method in plan.methods}
+    assert ladders["Moreau with SORprox"] == [PERIOD / n for n in (500, 1000, 2000, 5000, 10_000, 50_000)]
+    assert set(ladders) >= {"Extrapolated(search='nested') with SORprox", "StepDoubling with SORprox"}
+
+
+def test_a_pour_is_measured_over_seeds_against_a_finer_step() -> None:
+    (trajectory,) = make_study_plan("funnel(balls=3, seed=7, friction=None)").trajectories
+    assert (trajectory.name, trajectory.error) == ("funnel(balls=3, friction=None)", "aggregates")
+    assert trajectory.members == [7, 8, 9, 10, 11, 12]
+    plan = make_study_plan("pile", members=(0, 1))
+    finest = min(value for method in plan.methods for value in method.record.values if " with " in method.record.name)
+    reference = plan.trajectories[0].reference
+    assert reference is not None
+    assert reference.values == [0.5 * finest]
+
+
+@pytest.mark.parametrize("scene", KNOWN_MOTIONS)
+def test_every_closed_form_is_compared_with_its_exact_end_by_fixed_and_variable_steps(scene: str) -> None:
+    plan = make_study_plan(scene)
+    (trajectory,) = plan.trajectories
+    assert (trajectory.error, trajectory.reference) == ("end position", None)
+    assert {method.stepper.partition("(")[0] for method in plan.methods} == {"Moreau", "Extrapolated", "StepDoubling"}
+
+
+@pytest.mark.parametrize(
+    ("scene", "error", "has_reference"),
+    [("tower", "end position", True), ("bouncing", "end position", False), ("twin(balls=5)", "end position", True)],
+)
+@pytest.mark.usefixtures("scenes")
+def test_scenes_of_plugins_are_measured_too(scene: str, error: str, has_reference: bool) -> None:
+    (trajectory,) = make_study_plan(scene).trajectories
+    assert (trajectory.error, trajectory.reference is not None) == (error, has_reference)
+
+
+def test_another_motion_of_the_woodpecker_is_compared_with_a_finer_one() -> None:
+    (trajectory,) = make_study_plan("woodpecker(gravity=9.0)", duration=0.01).trajectories
+    assert trajectory.error == "end position"
+    assert trajectory.reference is not None
+
+
+def test_a_solver_that_is_named_is_compared_too() -> None:
+    names = [method.record.name for method in make_study_plan("pile(balls=3)", ["Jprox", "NSGS"]).methods]
+    assert "Jprox in Moreau(step=0.001)" in names
+    assert len(names) == len(set(names))
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "words"),
+    [
+        ("funel", {}, "there is no scene 'funel'; did you mean 'funnel'"),
+        ("funnel", {"members": [1]}, "at least 2"),
+        ("funnel", {"members": [1, -2]}, r"members must be seeds, got -2\.0"),
+        ("bouncing_ball", {"members": [0.0]}, "positive factors, got 0"),
+        ("bouncing_ball", {"members": []}, "positive factors, got None"),
+        ("funnel(balls=0)", {}, "balls"),
+        ("funnel", {"duration": -1.0}, "duration"),
+        ("funnel", {"duration": 1e-9}, "step of Moreau"),
+        ("funnel", {"solvers": ["SORprx"]}, "SORprox"),
+        ("funnel", {"methods": {"EventDriven with Enumeration": [1e-9]}}, "EventDriven follows"),
+        ("woodpecker", {"methods": {"Extrapolated(min_step=1e-30) with NSGS": [1e-3]}}, "too short to separate"),
+    ],
+)
+def test_a_study_that_cannot_be_is_refused(scene: str, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ProxbenchError, match=words):
+        make_study_plan(scene, **options)
