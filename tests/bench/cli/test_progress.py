@@ -11,7 +11,7 @@ from rich.console import Console
 EVENTS: list[Event] = [
     RunStarted(Path("run"), 2, 0),
     ProblemStarted("hard[1]-" + 100 * "x"),
-    PointFinished("hard", "SORprox", 1e-2),
+    PointFinished("hard[1]", "SORprox", 1e-2),
     CaseFinished("hard", "SORprox", "solved", 1, 2),
 ]
 

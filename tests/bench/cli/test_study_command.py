@@ -99,7 +99,7 @@ def test_what_is_stored_with_a_study_cannot_be_changed(folder: Path, capsys: pyt
         assert "is stored with the study and cannot be changed" in capsys.readouterr().err
 
 
-def test_failed_curves_are_measured_again(folder: Path) -> None:
+def test_a_damaged_curve_is_measured_again(folder: Path) -> None:
     (file,) = (folder / "cases").iterdir()
     file.write_bytes(file.read_bytes()[:-40])
     assert not load(folder).is_finished
