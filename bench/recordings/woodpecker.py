@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 from ...problems.arrays import FloatArray
 from ...problems.mechanics.state import State
 from ...problems.scenes import woodpecker as toy
+from ...problems.scenes.scene import kinetic_energy
 from ...problems.stepping.moreau import Step
 from ..report.palette import rgb
 from .blueprints import Camera, plot, space_view
@@ -48,6 +49,7 @@ class WoodpeckerRecorder(StepRecorder):
         )
         super().__init__(file, "woodpecker", about, force, every)
         self._lowest = self._highest = 0.0
+        self._kinetic_energy = kinetic_energy(toy.woodpecker(), toy.published_start())
 
     def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
         height = float(state.position[0])
@@ -90,7 +92,7 @@ class WoodpeckerRecorder(StepRecorder):
         return [(IMPULSES, arrows(vectors, points, states, ARROW_LENGTH, weight))]
 
     def _energies(self, state: State) -> tuple[float, float]:
-        return toy.kinetic_energy(state.velocity), toy.potential_energy(state.position)
+        return self._kinetic_energy(state.velocity), toy.potential_energy(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
         return {"angles/sleeve": float(state.position[1]), "angles/bird": float(state.position[2])}
