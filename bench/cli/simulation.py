@@ -1,6 +1,7 @@
 """A simulation as the command line carries it out, shows it, and makes its files from the result alone."""
 
 import contextlib
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from rich.console import Console
 
 from ..errors import FailedSimulationError, InterruptedSimulationError
 from ..report.output_file import drawn, output_file
+from ..report.text import print_json
 from ..simulation.beside import Beside, chosen_beside, recorded
 from ..simulation.file import SUFFIX, read_simulation, write_simulation
 from ..simulation.live import LiveSummary
@@ -18,7 +20,9 @@ from ..simulation.run import advance, begun_simulation
 from ..simulation.table import document, print_simulation
 from ..simulation.trajectory import Simulation
 from .interrupts import deferred_interrupts
-from .presenting import present
+
+FILE_WIDTH = 120
+"""Columns of a table that goes to a file or a pipe."""
 
 
 @dataclass(frozen=True)
@@ -73,13 +77,15 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     """
     file = simulation.file
     assert file is not None
-    present(
-        lambda: document(simulation),
-        lambda console: print_simulation(simulation, console),
-        _files(simulation, file),
-        as_json,
-        quiet=quiet,
-    )
+    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
+    if as_json:
+        print_json(document(simulation))
+    elif not quiet:
+        print_simulation(simulation, console)
+        console.print()
+    # what takes long to make, or may fail to be made, comes when everything else is printed
+    for what, path in _files(simulation, file):
+        console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
     if simulation.failure is not None:
         raise simulation.failure.error(file)
     return int(simulation.unsolved.any())
