@@ -88,8 +88,8 @@ def report_run(run: "Run", charts: bool, quiet: bool, as_json: bool) -> int:
 
     from ..report.tables import print_tables
     from ..report.text import print_json
+    from ..store.conversion import content_of
     from ..store.outcome import FAULTS, Outcome
-    from ..store.records import content_of
 
     made = run.report(charts)
     for sentence in run.damaged:

@@ -21,8 +21,9 @@ from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..plugins.files import check_again, sources, use_plugin_files
 from ..plugins.problems import carry, check_known, problem_of
+from ..store.conversion import content_of, record_of
 from ..store.outcome import FAULTS
-from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session, content_of, record_of
+from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session
 from ..store.store import Store
 from .case import Case
 from .ladder import LadderCase, measure_ladder

@@ -26,7 +26,8 @@ from ...problems.stepping.contact_states import LawStates
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
-from ..store.records import Count, Number, PluginUse, Record, content_of, printable
+from ..store.conversion import content_of, printable
+from ..store.records import Count, Number, PluginUse, Record
 from .beside import beside_from
 from .failure import Failure
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan

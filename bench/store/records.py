@@ -5,8 +5,7 @@ finite stand as null in files and as None in what is read.
 """
 
 import math
-import re
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, Struct
@@ -16,9 +15,6 @@ from .outcome import Outcome
 
 LARGEST = 1e300
 """Numbers of files are smaller."""
-
-_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Characters that steer a terminal, turn text around, or are halves that no file can hold."""
 
 Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
 Positive = Annotated[float, Meta(gt=0.0, lt=LARGEST)]
@@ -84,6 +80,9 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: what simulates the reference, with one value; None where the end of the motion is known otherwise.
         known: the reference, or the known end, as far as it is generated.
         scale: what differences from a known end are related to.
+
+    Raises:
+        ValueError: if members of the reference differ in what is known of them.
     """
 
     name: str
@@ -93,6 +92,10 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     reference: MethodRecord | None = None
     known: list[KnownRecord] = []
     scale: Positive = 1.0
+
+    def __post_init__(self) -> None:
+        if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
+            raise ValueError("its reference has other values for each member")
 
 
 class PlanRecord(Record, frozen=True, kw_only=True):
@@ -105,6 +108,9 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         limits: of a case.
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
+
+    Raises:
+        ValueError: if a run over trajectories names others than it has.
     """
 
     problems: list[str]
@@ -113,6 +119,11 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     limits: Limits
     methods: list[MethodRecord] = []
     trajectories: list[TrajectoryRecord] = []
+
+    def __post_init__(self) -> None:
+        names = [one.name for one in self.trajectories], [method.name for method in self.methods]
+        if any(names) and names != (self.problems, self.solvers):
+            raise ValueError("its trajectories or methods are not those that it names")
 
     def ladder(self, solver: str) -> list[float]:
         """Return the ladder of one of ``solvers``."""
@@ -316,68 +327,3 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     peak_memory_bytes: Count
     curve: Curve
     points: list[Point]
-
-
-R = TypeVar("R", RunRecord, CaseRecord)
-
-
-def printable(value: Any) -> Any:
-    """Return a JSON value whose texts can be shown anywhere."""
-    if isinstance(value, str):
-        return _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", value)
-    if isinstance(value, dict):
-        return {printable(key): printable(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [printable(item) for item in value]
-    return value
-
-
-def content_of(record: Record) -> dict[str, Any]:
-    """Return a record as a JSON object whose texts can be shown anywhere, numbers that are not finite as null."""
-    content: dict[str, Any] = _finite(printable(msgspec.to_builtins(record)))
-    return content
-
-
-def record_of(content: dict[str, Any], kind: type[R]) -> R:
-    """Return the record that a JSON object is.
-
-    Raises:
-        ValueError: if it is none; the text names the field.
-    """
-    try:
-        return msgspec.convert(printable(content), kind)
-    except msgspec.ValidationError as error:
-        raise ValueError(_field(str(error))) from None
-    except BenchError:
-        raise ValueError("limits") from None
-
-
-def of_format_1(content: dict[str, Any], kind: type[R]) -> dict[str, Any]:
-    """Return content of the first format as one of today's: it had one session, and the numbers of a point flat in it.
-
-    Raises:
-        LookupError, TypeError, AttributeError: if it is not of that format either.
-    """
-    if kind is RunRecord:
-        session = {key: content[key] for key in ("started", "finished", "calibration_seconds")}
-        return {**content, "sessions": [{**session, "load": content["machine"]["load"][:1]}]}
-    points = [{**point, **({"measured": point} if "verdict" in point else {})} for point in content["points"]]
-    return {**content, "points": points}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return value
-
-
-def _field(fault: str) -> str:
-    """Return the field that a sentence of msgspec is about: ``"points[...].tolerance"``."""
-    path = re.search(r"at `\$\.?(.*)`$", fault)
-    missing = re.search(r"missing required field `(\w+)`", fault)
-    names = [found.group(1) for found in (path, missing) if found]
-    return ".".join(name for name in names if name) or "content"

@@ -22,7 +22,8 @@ from ...problems.catalog.storage import SUFFIX, packed_problem, read_problem
 from ...problems.contact.problem import ContactProblem
 from ...problems.spelling import either, option
 from ..errors import BenchError
-from .records import CaseRecord, R, RunRecord, content_of, of_format_1, record_of
+from .conversion import R, content_of, of_format_1, record_of
+from .records import CaseRecord, RunRecord
 
 FORMAT = 2
 """Version of the files; those of version 1 are read too."""

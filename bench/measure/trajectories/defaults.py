@@ -62,7 +62,7 @@ def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Meth
 
 def added_methods(scene: Scene, solvers: Iterator[Contestant]) -> Iterator[Method]:
     """Yield the methods in which solvers are compared over their tolerances."""
-    fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated(tolerance=1e-07, min_step=1e-09)"
+    fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
     for one in solvers:
         if scene.has_few_contacts:
             yield make_method(over_solver(one, variable), TOLERANCES, given=one)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ....problems.names import read_name
 from ....problems.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, Variable, make_stepper
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
@@ -93,7 +94,8 @@ def make_method(
     wrong = next((value for value in (*ladder, tolerance) if not 0.0 < value < 1.0), None)
     if wrong is not None or not ladder:
         raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {wrong or 'none'}.")
-    made, stepper = given or contestant(solver.strip()), make_stepper(stepper).name
+    make_stepper(stepper)
+    made, stepper = given or contestant(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
     written = over_solver(made, stepper) if varies_solver else over_stepper(stepper, made)
     record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations)
     return Method(record, stepper, made)

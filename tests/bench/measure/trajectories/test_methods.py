@@ -24,8 +24,9 @@ def test_a_stepper_varies_by_its_step_or_its_tolerance_and_the_solver_stays() ->
     assert make_method("Moreau with NSGS", [1e-3], 1e-5).setting(1e-3) == (Moreau(step=1e-3), 1e-5)
     stepper, tolerance = make_method("Extrapolated(levels=2) with NSGS", [1e-4], 1e-9).setting(1e-4)
     assert (stepper, tolerance) == (Extrapolated(tolerance=1e-4, min_step=1e-6, levels=2), 1e-9)
-    fixed = make_method("StepDoubling(min_step=1e-5) with NSGS", [1e-2], 1e-9).setting(1e-2)[0]
-    assert fixed == StepDoubling(tolerance=1e-2, min_step=1e-5)
+    for least in (1e-5, StepDoubling.min_step):
+        fixed = make_method(f"StepDoubling(min_step={least}) with NSGS", [1e-2], 1e-9).setting(1e-2)[0]
+        assert fixed == StepDoubling(tolerance=1e-2, min_step=least)
     assert make_method("EventDriven with Enumeration", [1e-10]).setting(1e-10)[0] == EventDriven(tolerance=1e-10)
 
 

@@ -1,0 +1,77 @@
+"""Records as JSON objects, and back: texts that can be shown anywhere, numbers that are not finite as null."""
+
+import math
+import re
+from typing import Any, TypeVar
+
+import msgspec
+
+from ..errors import BenchError
+from .records import CaseRecord, Record, RunRecord
+
+_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that steer a terminal, turn text around, or are halves that no file can hold."""
+
+R = TypeVar("R", RunRecord, CaseRecord)
+
+
+def printable(value: Any) -> Any:
+    """Return a JSON value whose texts can be shown anywhere."""
+    if isinstance(value, str):
+        return _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", value)
+    if isinstance(value, dict):
+        return {printable(key): printable(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [printable(item) for item in value]
+    return value
+
+
+def content_of(record: Record) -> dict[str, Any]:
+    """Return a record as a JSON object whose texts can be shown anywhere, numbers that are not finite as null."""
+    content: dict[str, Any] = _finite(printable(msgspec.to_builtins(record)))
+    return content
+
+
+def record_of(content: dict[str, Any], kind: type[R]) -> R:
+    """Return the record that a JSON object is.
+
+    Raises:
+        ValueError: if it is none; the text names the field.
+    """
+    try:
+        return msgspec.convert(printable(content), kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(_field(str(error))) from None
+    except BenchError:
+        raise ValueError("limits") from None
+
+
+def of_format_1(content: dict[str, Any], kind: type[R]) -> dict[str, Any]:
+    """Return content of the first format as one of today's: it had one session, and the numbers of a point flat in it.
+
+    Raises:
+        LookupError, TypeError, AttributeError: if it is not of that format either.
+    """
+    if kind is RunRecord:
+        session = {key: content[key] for key in ("started", "finished", "calibration_seconds")}
+        return {**content, "sessions": [{**session, "load": content["machine"]["load"][:1]}]}
+    points = [{**point, **({"measured": point} if "verdict" in point else {})} for point in content["points"]]
+    return {**content, "points": points}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return value
+
+
+def _field(fault: str) -> str:
+    """Return the field that a sentence of msgspec is about: ``"points[...].tolerance"``."""
+    path = re.search(r"at `\$\.?(.*)`$", fault)
+    missing = re.search(r"missing required field `(\w+)`", fault)
+    names = [found.group(1) for found in (path, missing) if found]
+    return ".".join(name for name in names if name) or "content"
