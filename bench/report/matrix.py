@@ -140,7 +140,7 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
         if floor > tolerance:
             return (
                 f"the known solution itself, rounded to double precision, has a residual of {floor:.1e}; "
-                f"{best['solver']} comes to {best['residual']:.1e}."
+                f"{best['solver']} reaches {best['residual']:.1e}."
             )
     return nearest
 

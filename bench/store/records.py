@@ -177,7 +177,7 @@ class Session(Record, frozen=True, kw_only=True):
 
     Attributes:
         started: when, as ISO 8601 in UTC.
-        finished: when it came to its end; empty if it did not.
+        finished: when it ended; empty if it did not.
         calibration_seconds: time of the reference workload [s] at the start and after each problem.
         load: the machine's load average over a minute at the same moments.
     """

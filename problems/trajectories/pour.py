@@ -1,4 +1,4 @@
-"""What a pour comes to as a whole, where single trajectories mean nothing: flow rate, mean height, energy.
+"""Aggregates of a pour, where single trajectories mean nothing: flow rate, mean height, energy.
 
 Two pours that differ in the last bit differ in every ball after some tenths of a second; what they have in common is
 how fast balls leave, how high the others lie on average, and how much energy is lost.
@@ -22,7 +22,7 @@ GRID = 400
 
 @dataclass
 class Watch:
-    """Notes states of a scene as they come; ``aggregates`` says what they came to.
+    """Notes states of a scene as they come; ``aggregates`` averages them.
 
     Attributes:
         scene: the scene.

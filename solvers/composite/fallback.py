@@ -31,8 +31,8 @@ ITERATIONS = 2000
 class Fallback(Method):
     """Solvers tried in turn: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
-    The limits of a solve hold for all tries together. The first solution is returned, else the best impulses of all
-    tries by the judge's residual, with the status of their try; the message says which parts ran, and how each ended.
+    The limits of a solve hold for all parts together. The first solution is returned, else the best impulses of all
+    parts by the judge's residual, with the status of that part; the message says which parts ran, and how each ended.
 
     Attributes:
         parts: the solvers, all of one model; one that does not take a problem is left out.

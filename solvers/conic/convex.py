@@ -2,8 +2,8 @@
 
 A conic solver's own tolerance is no residual: it is tightened until the judge, held to the convex model, agrees. Where
 it gets too tight for the solver's factorisations, all others follow, and once more with more careful linear algebra:
-how near to that edge a solver comes is a matter of luck. A solve to a tighter residual that fails has so tried what one
-to a looser residual tries, and ends no worse.
+how near to that edge a solver comes is a matter of luck. A solve to a tighter residual that fails has so run what one
+to a looser residual runs, and ends no worse.
 """
 
 from abc import ABC, abstractmethod

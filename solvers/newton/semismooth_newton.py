@@ -113,7 +113,7 @@ class _Solve:
 
 
 class Repeats:
-    """Whether iterates come to repeat, in a cycle of any length (Brent 1980).
+    """Whether iterates repeat, in a cycle of any length (Brent 1980).
 
     Attributes:
         latest: the newest iterate.

@@ -47,7 +47,7 @@ class Attempt:
     Attributes:
         damping: what δ is weighed with, relative to α.
         most_steps: number of steps.
-        shortest: shortest part of a step that a search tries, and takes if none is better; 1 for full steps.
+        shortest: shortest part of a step that a search allows, and takes if none is better; 1 for full steps.
         gain: the attempt ends when a new best residual is more than this share of the residual before.
         patience: and when so many steps bring no new best residual.
     """
