@@ -149,7 +149,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
     is_study = given["study"] or (resume is not None and resume.is_dir())
     if resume is None and not given["scene"]:
         raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result to go on with: --resume RESULT.")
-    if resume is not None and resume.suffix == ".json":
+    if resume is not None and resume.suffix == ".json" and not resume.is_dir():
         raise BenchError(NO_STUDY.format(resume))
     if resume is not None and given["study"] and not resume.is_dir():
         raise BenchError(f"{resume} holds no study, which is the folder of a run; leave --study out, or name one.")
