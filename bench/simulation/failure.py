@@ -24,7 +24,8 @@ class Failure(Record, frozen=True, kw_only=True):
     @property
     def what(self) -> str:
         """The step, its time and the reason, as a part of a sentence."""
-        return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {self.reason}"
+        reason = self.reason.removeprefix(f"{self.solver}: ")  # which errors of solvers in processes of their own name
+        return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {reason}"
 
     def error(self, file: Path | None) -> FailedSimulationError:
         """Return the error that says so, and how a simulation stored in ``file`` goes on."""
