@@ -26,7 +26,7 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def tests_full(session: nox.Session) -> None:
-    """Run the slow tests: faults, worked plugins, every solver on every case, examples of the docs, long motions."""
+    """Run the slow tests: faults, worked plugins, every solver on every case, commands of the docs, long motions."""
     _run_tests(session, "slow")
 
 

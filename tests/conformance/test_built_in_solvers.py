@@ -45,7 +45,7 @@ LONG = {check.name for check in (*HARD_CHECKS, *INVARIANCE_CHECKS)}
 """Checks on more than a hundred problems, or on some many times."""
 
 SLOW = ("Cvxpy", "ClarabelSOCP(", "JORprox(step")
-"""Solvers that take minutes for those, or variants of others that take them; only the full profile runs them."""
+"""Solvers that take minutes for those, or variants of others that do; only the full profile runs them there."""
 
 DAILY = {"SORprox", "PyramidPGS"}
 """Solvers that run the long checks daily: one of Coulomb friction, one of a model of its own."""
@@ -60,7 +60,7 @@ def pairs() -> list[Any]:
 
 
 def is_slow(name: str, check: Check[Solver]) -> bool:
-    return name not in DAILY if check.name in LONG else name.startswith("Cvxpy")
+    return name not in DAILY if check.name in LONG else name.startswith(SLOW)
 
 
 @pytest.mark.parametrize(("name", "check"), pairs())

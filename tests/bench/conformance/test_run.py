@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from proxbench.bench.cli.main import run_command
@@ -35,11 +34,6 @@ SOLVERS = [Wrapped]
 """
 
 
-def slow(*values: object) -> Any:
-    """A fault that is left out of the daily tests: a solver with a fault runs through all checks in seconds."""
-    return pytest.param(*values, marks=pytest.mark.slow)
-
-
 def plugin(folder: Path, fault: str, when: str = "stop.max_iterations == 10**9") -> str:
     """A file with a solver that does something, as a rule only in the check of the time limit."""
     path = folder / "wrapped.py"
@@ -57,14 +51,15 @@ def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
     assert registered() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "seconds", "words"),
     [
         ("os._exit(3)", 60.0, "its process ended by itself with exit code 3"),
-        slow("os.abort()", 60.0, "killed by SIGABRT"),
-        slow("time.sleep(1000)", 10.0, "it did not end within 10 s"),
-        slow("raise ValueError('odd')", 60.0, "it raised ValueError: odd (line 18 of wrapped.py)"),
-        slow("[bytes(2**28) for _ in range(100)]", 60.0, "MB of memory"),
+        ("os.abort()", 60.0, "killed by SIGABRT"),
+        ("time.sleep(1000)", 10.0, "it did not end within 10 s"),
+        ("raise ValueError('odd')", 60.0, "it raised ValueError: odd (line 18 of wrapped.py)"),
+        ("[bytes(2**28) for _ in range(100)]", 60.0, "MB of memory"),
     ],
 )
 def test_a_fault_fails_its_own_check_and_the_others_go_on(

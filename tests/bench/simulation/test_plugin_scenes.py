@@ -58,6 +58,7 @@ def test_an_exact_motion_of_a_plugin_is_one_to_compare_with() -> None:
     np.testing.assert_array_equal(remote.exact(0.7).position, here.exact(0.7).position)
 
 
+@pytest.mark.slow
 def test_a_block_given_by_functions_falls_bounces_and_is_stopped_by_friction() -> None:
     """v_T is lost to friction 0.5 · 1.5 · v_N in the first impact, v_N = √(2 g h)."""
     reached = simulate(make_simulation_plan("block(mass=2.0)", stepper="Moreau(step=1e-4)", duration=0.12))

@@ -52,7 +52,9 @@ def test_woodpecker_steps_agree_in_velocity_with_enumeration_sweeps_and_the_coni
             assert speed_difference(problem, found.impulses, other.impulses) <= agreement
 
 
-@pytest.mark.parametrize("name", ["funnel-planar-30", "funnel-planar-100", "funnel-planar-300"])
+@pytest.mark.parametrize(
+    "name", ["funnel-planar-30", "funnel-planar-100", pytest.param("funnel-planar-300", marks=pytest.mark.slow)]
+)
 def test_planar_funnel_steps_are_solved_to_rounding_where_sweeps_creep(name: str) -> None:
     problem = load(name)
     found = solve(problem, "Lemke", tolerance=1e-12)
