@@ -41,6 +41,7 @@ def plugin(folder: Path, fault: str, when: str = "stop.max_iterations == 10**9")
     return str(path)
 
 
+@pytest.mark.slow
 def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

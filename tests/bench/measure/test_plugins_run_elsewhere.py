@@ -61,7 +61,7 @@ def nothing_registered() -> Iterator[None]:
         "simulate funnel(balls=20) --duration 0.05 --solver Noted --output {folder}/funnel.npz --no-progress",
         "simulate woodpecker --duration 0.002 --solver Noted --output {folder}/toy.npz --no-progress",
         "simulate pile(balls=3) --study --solver Noted --duration 0.02 --output {folder} --no-progress",
-        "check Noted",
+        pytest.param("check Noted", marks=pytest.mark.slow),
         "check noted",
     ],
 )
