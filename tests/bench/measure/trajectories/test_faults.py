@@ -31,7 +31,7 @@ def scenes() -> Iterator[None]:
 
 
 @pytest.mark.parametrize(
-    ("deed", "outcome", "words"),
+    ("action", "outcome", "words"),
     [
         ("raise", Outcome.CRASHED, "the plugin gave up"),
         ("exit", Outcome.CRASHED, "exit code 7"),
@@ -41,11 +41,11 @@ def scenes() -> Iterator[None]:
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
     ],
 )
-def test_a_fault_of_a_solver_costs_its_curve_only(deed: str, outcome: Outcome, words: str, tmp_path: Path) -> None:
-    limits = Limits(solve_seconds=60.0, case_seconds=3.0 if deed == "sleep" else 120.0, memory_bytes=2**28)
+def test_a_fault_of_a_solver_costs_its_curve_only(action: str, outcome: Outcome, words: str, tmp_path: Path) -> None:
+    limits = Limits(solve_seconds=60.0, case_seconds=3.0 if action == "sleep" else 120.0, memory_bytes=2**28)
     run = study(
         "sliding_sphere",
-        Misbehaving(deed),
+        Misbehaving(action),
         tmp_path,
         limits=limits,
         duration=0.002,
