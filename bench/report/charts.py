@@ -139,7 +139,8 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
     least = np.maximum(LEAST_SHARE * points["high"], SMALLEST_RESIDUAL)
-    shown = {"residual": np.maximum(points["error"], least), "low": np.maximum(points["low"], least)}
+    shown = {name: np.maximum(points[own], least) for name, own in (("residual", "error"), ("low", "low"))}
+    shown["high"] = np.maximum(points["high"], SMALLEST_RESIDUAL)
     points = points.assign(wall=points["total_seconds"], **shown)
     floors = {quantity: floor for quantity, (_, floor) in spreads(trajectory).items() if floor > 0.0}
     rows: list[alt.HConcatChart] = []
