@@ -12,11 +12,11 @@ from typing import Any
 
 from ..problems.catalog.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, plugin_problems, problem_names
 from ..problems.catalog.storage import SUFFIX, save_problem
-from ..problems.contact.problem import ContactProblem
+from ..problems.contact.problem import FREE_FALL, ContactProblem
 from ..problems.errors import ProblemError, suggestion
 from ..problems.hard import HARD_CASES
 from ..problems.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
-from ..problems.scenes.funnel import TIME_STEP, Funnel
+from ..problems.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
 from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
 from ..problems.stepping.moreau import Moreau, Step
 from ..solvers.interface import Stop
@@ -145,7 +145,7 @@ def _funnel_problems(scene: Funnel, stop: Stop, names: list[str]) -> Iterator[Co
     for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
         for name in names:
             if wanted[name] == number:
-                yield _captured(step, name, "funnel", number, seed=scene.seed, n_balls=scene.n_balls)
+                yield _captured(step, name, "funnel", number, TIME_STEP, seed=scene.seed, n_balls=scene.n_balls)
 
 
 def _woodpecker_problems(names: list[str]) -> Iterator[ContactProblem]:
@@ -159,12 +159,13 @@ def _woodpecker_problems(names: list[str]) -> Iterator[ContactProblem]:
             assert isinstance(recipe, WoodpeckerRecipe)
             if number * time_step >= recipe.time and recipe.contact in step.contacts.keys:
                 del waiting[name]
-                yield _captured(step, name, "woodpecker", number)
+                yield _captured(step, name, "woodpecker", number, time_step)
         if not waiting:
             return
 
 
-def _captured(step: Step, name: str, scene: str, number: int, **origin: int) -> ContactProblem:
+def _captured(step: Step, name: str, scene: str, number: int, time_step: float, **origin: int) -> ContactProblem:
     if step.problem is None:
         raise ProblemError(f"no contact is active in step {number} of the scene of {name!r}.")
-    return step.problem.renamed(name, scene=scene, step=number, **origin)
+    free_fall = STANDARD_GRAVITY * time_step
+    return step.problem.renamed(name, scene=scene, step=number, **origin, **{FREE_FALL: free_fall})

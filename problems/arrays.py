@@ -5,13 +5,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .errors import ProblemError
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-def frozen(values: ArrayLike, dtype: Any) -> NDArray[Any]:
-    """Return a contiguous read-only copy of ``values``."""
-    array = np.array(values, dtype=dtype, order="C", copy=True)
+def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
+    """Return ``values`` as an array, whatever type of real number it has.
+
+    Raises:
+        ProblemError: if they are no real numbers; complex ones, texts and objects are none.
+    """
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{name} must be an array of real numbers, got {type(values).__name__}.") from None
+    if array.dtype.kind not in "fiub":
+        raise ProblemError(f"{name} must be an array of real numbers, got one of {array.dtype}.")
+    return array
+
+
+def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
+    """Return a contiguous read-only copy of ``values``.
+
+    Raises:
+        ProblemError: if they are no real numbers.
+    """
+    array = np.array(real_numbers(values, name), dtype=dtype, order="C", copy=True)
     read_only(array)
     return array
 

@@ -56,6 +56,11 @@ class BlockLayout:
         return len(self.partner)
 
     @cached_property
+    def contact_of_row(self) -> IntArray:
+        """Block of each row, shape (n_rows,)."""
+        return self.slot // self.width
+
+    @cached_property
     def is_dense(self) -> bool:
         """Whether every lane is a row, so that padded and plain vectors are the same numbers."""
         return len(self.slot) == self.n_blocks * self.width

@@ -34,7 +34,7 @@ class InverseMass:
             ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
         """
         if np.ndim(given) == 1 and not sp.issparse(given):
-            diagonal = frozen(given, np.float64)
+            diagonal = frozen(given, np.float64, "M⁻¹")
             index = np.arange(len(diagonal) + 1, dtype=np.int32)
             matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
         else:
@@ -121,7 +121,7 @@ class Factors:
             raise ProblemError(f"M⁻¹ must have shape ({n_dofs}, {n_dofs}) to go with W, got {inverse.matrix.shape}.")
         motion = None
         if free_motion is not None:
-            motion = frozen(free_motion, np.float64)
+            motion = frozen(free_motion, np.float64, "free_motion")
             if motion.shape != (n_dofs,) or not np.isfinite(motion).all():
                 raise ProblemError(f"free_motion must be {n_dofs} finite numbers, got shape {motion.shape}.")
         return Factors(directions, inverse, motion)
@@ -191,12 +191,10 @@ def as_sparse_input(given: Any, name: str) -> Any:
     Raises:
         ProblemError: if it is neither.
     """
-    if sp.issparse(given):
-        return given
     try:
-        dense = np.asarray(given)
-        if dense.ndim == 2 and dense.dtype.kind in "fiub":
-            return dense
+        matrix = given if sp.issparse(given) else np.asarray(given)
+        if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
+            return matrix
     except (TypeError, ValueError):
         pass
     raise ProblemError(f"{name} must be a matrix of real numbers, dense or scipy sparse, got {type(given).__name__}.")

@@ -63,7 +63,7 @@ class Laws:
             ("fixed_bound", np.float64),
             ("partner", np.int64),
         ):
-            array = frozen(getattr(self, name), dtype)
+            array = frozen(getattr(self, name), dtype, f"laws.{name}")
             if array.ndim != 1 or len(array) != len(self.kind):
                 raise ProblemError(
                     f"laws.{name} must have shape ({len(self.kind)},), one entry a law; got {array.shape}."
@@ -122,7 +122,7 @@ class Laws:
         if dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
         try:
-            coefficient = np.broadcast_to(np.asarray(friction, dtype=np.float64), (n_contacts,))
+            coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (n_contacts,))
         except ValueError:
             shape = np.shape(friction)
             raise ProblemError(

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, frozen, read_only
+from ..arrays import FloatArray, frozen, read_only, real_numbers
 from ..errors import ProblemError
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
@@ -33,6 +33,18 @@ SYMMETRY_TOLERANCE = 1e-12
 
 SINGLE_SYMMETRY_TOLERANCE = 1e-5
 """The same for a matrix given in single precision, which is then made symmetric."""
+
+NEGATIVE_TOLERANCE = 1e-9
+"""Most negative eigenvalue of G relative to the largest that passes as rounding."""
+
+LANCZOS_STEPS = 16
+"""Steps of Lanczos' method that look for a negative eigenvalue."""
+
+DENSE_ROWS = 64
+"""Rows up to which all eigenvalues are found instead."""
+
+FREE_FALL = "free_fall"
+"""The entry of the provenance with the velocity that free bodies gain in the problem's time step [m/s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,6 +156,12 @@ class ContactProblem:
         return self.layout.n_blocks
 
     @property
+    def free_fall(self) -> float:
+        """Velocity that free bodies gain in the time step that the problem is of [m/s]; 0 where it is not known."""
+        known = self.provenance.get(FREE_FALL, 0.0)
+        return float(known) if isinstance(known, int | float) and 0.0 < known < np.inf else 0.0
+
+    @property
     def layout(self) -> BlockLayout:
         """How laws group into contacts of equal, padded width, for kernels."""
         return layout_of(self.laws)
@@ -230,10 +248,7 @@ class ContactProblem:
 
 
 def _as_vector(values: ArrayLike, name: str) -> FloatArray:
-    try:
-        vector = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{name} must be an array of numbers, got {type(values).__name__}.") from None
+    vector = np.asarray(real_numbers(values, name), dtype=np.float64)
     if vector.ndim != 1:
         raise ProblemError(f"{name} must be a vector, got shape {vector.shape}.")
     return vector
@@ -273,6 +288,7 @@ def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_a
         if is_single:
             matrix = sp.csr_array(0.5 * (matrix + matrix.T))
             read_only(matrix.data, matrix.indices, matrix.indptr)
+        _check_definite(matrix, SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE)
     return matrix
 
 
@@ -286,3 +302,45 @@ def _check_symmetry(matrix: sp.csr_array, tolerance: float) -> None:
             f"G[{row}, {column}] = {matrix[row, column]} but G[{column}, {row}] = {matrix[column, row]}: "
             "G must be symmetric (allow_asymmetric=True admits public data that is not)."
         )
+
+
+def _check_definite(matrix: sp.csr_array, tolerance: float) -> None:
+    """Raise ``ProblemError`` if G, symmetric, is found indefinite.
+
+    Its 2×2 minors g_ii g_jj − g_ij² and a few Ritz values are looked at: each bounds the least eigenvalue from above,
+    so what is refused is indefinite, and what passes may be so by little.
+    """
+    entries, diagonal = matrix.tocoo(), matrix.diagonal()
+    squares = diagonal[entries.row] * diagonal[entries.col]
+    with np.errstate(over="ignore", invalid="ignore"):
+        excess = np.abs(entries.data) - np.sqrt(squares)
+    worst = int(np.argmax(excess)) if len(excess) else 0
+    if len(excess) and excess[worst] > tolerance * diagonal.max():
+        row, column = int(entries.row[worst]), int(entries.col[worst])
+        raise ProblemError(
+            f"G[{row}, {column}] = {entries.data[worst]} exceeds the root of G[{row}, {row}] G[{column}, {column}] = "
+            f"{squares[worst]}: G must be positive semidefinite."
+        )
+    values = np.linalg.eigvalsh(matrix.toarray()) if matrix.shape[0] <= DENSE_ROWS else _ritz_values(matrix)
+    if len(values) and values[0] < -tolerance * values[-1]:
+        raise ProblemError(
+            f"G has an eigenvalue of {values[0]:.3g} or less beside {values[-1]:.3g}: G must be positive semidefinite."
+        )
+
+
+def _ritz_values(matrix: sp.csr_array) -> FloatArray:
+    """Return the Ritz values of a symmetric matrix, ascending: ``LANCZOS_STEPS`` steps from a fixed random vector."""
+    n_rows, steps = matrix.shape[0], min(LANCZOS_STEPS, matrix.shape[0])
+    basis = np.zeros((steps, n_rows))
+    vector = np.random.default_rng(0).normal(size=n_rows)
+    projected = np.zeros((steps, steps))
+    for k in range(steps):
+        length = np.linalg.norm(vector)
+        if length == 0.0:
+            return np.asarray(np.linalg.eigvalsh(projected[:k, :k]), dtype=np.float64)
+        basis[k] = vector / length
+        vector = matrix @ basis[k]
+        projected[k, : k + 1] = projected[: k + 1, k] = basis[: k + 1] @ vector
+        for _ in range(2):  # the second time for what rounding leaves of the first
+            vector -= basis[: k + 1].T @ (basis[: k + 1] @ vector)
+    return np.asarray(np.linalg.eigvalsh(projected), dtype=np.float64)

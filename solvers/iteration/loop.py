@@ -139,7 +139,7 @@ def confirmed(
 
 def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
     """Return the residual that rounding of ξ may leave at Λ, shape (n_rows,), if c is not zero: a generous guess."""
-    largest = float(np.abs(problem.delassus_diagonal * impulses).max(initial=0.0))
+    largest = float((residual.row_ratios * np.abs(problem.delassus_diagonal * impulses)).max(initial=0.0))
     return ROUNDING * largest / residual.scale if residual.scale > 0.0 else 0.0
 
 

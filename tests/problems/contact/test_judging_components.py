@@ -1,0 +1,129 @@
+"""Nothing that stands in the same vector hides a violation, and no size of the numbers does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems import ContactProblem, Model, ProblemError, judge, load
+from proxbench.problems.contact.judge import ModelResidual, Residual
+from proxbench.problems.contact.problem import FREE_FALL
+from proxbench.problems.contact.transformations import united
+from proxbench.solvers import Stop, create
+
+
+def bullet(speed: float) -> ContactProblem:
+    return ContactProblem.from_delassus(np.eye(3), (-speed, 0.0, 0.0), 0.3)
+
+
+def test_an_uncoupled_fast_contact_hides_nothing() -> None:
+    funnel = load("funnel-100")
+    impulses = create("SORprox").prepare(funnel).solve(Stop(1e-4, max_iterations=10_000)).impulses
+    alone = judge(funnel, impulses).residual
+    speed = 1000.0 * Residual(funnel).scale
+    together = judge(united([funnel, bullet(speed)]), np.append(impulses, (speed, 0.0, 0.0)))
+    assert together.residual == pytest.approx(alone, rel=1e-9)
+    assert together.component_residuals[-1] <= 1e-15
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**31), factor=st.floats(1e-6, 1e6))
+def test_the_residual_of_problems_side_by_side_is_the_largest_of_theirs(seed: int, factor: float) -> None:
+    rng = np.random.default_rng(seed)
+    parts, impulses = [], []
+    for scale in (1.0, factor):
+        root = rng.normal(size=(6, 6))
+        parts.append(ContactProblem.from_delassus(root.T @ root, scale * rng.normal(size=6), 0.4))
+        impulses.append(scale * rng.normal(size=6))
+    verdicts = [judge(part, own) for part, own in zip(parts, impulses, strict=True)]
+    together = judge(united(parts), np.concatenate(impulses))
+    for name in ("residual", "local_residual"):
+        expected = max(getattr(verdict, name) for verdict in verdicts)
+        assert getattr(together, name) == pytest.approx(expected, rel=1e-12)
+    assert together.component_residuals == pytest.approx([verdict.residual for verdict in verdicts], rel=1e-12)
+
+
+@pytest.mark.parametrize("still", [0.0, 1e-14])
+def test_a_component_at_rest_counts_against_the_whole(still: float) -> None:
+    problem = ContactProblem.from_delassus(np.eye(2), (-1.0, -still), dim=1)
+    verdict = judge(problem, (1.0, 1e-3))
+    assert verdict.residual == pytest.approx(1e-3, rel=1e-9)
+    assert verdict.local_residual == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_the_local_residual_relates_each_contact_to_those_that_share_a_body_with_it() -> None:
+    # three contacts in a chain: the outer ones do not touch each other
+    matrix = np.array([[2.0, 0.1, 0.0], [0.1, 2.0, 0.1], [0.0, 0.1, 2.0]])
+    problem = ContactProblem.from_delassus(matrix, (-100.0, -1.0, -0.1), dim=1)
+    verdict = judge(problem, np.zeros(3))  # violated by 100, 1 and 0.1
+    assert verdict.residual == pytest.approx(1.0)
+    assert [verdict.local_median, verdict.local_q99] == pytest.approx([0.1, 1.0])
+    local = [100.0 / 100.0, 1.0 / 100.0, 0.1 / 1.0]
+    assert verdict.local_residual == pytest.approx(max(local))
+    assert verdict.local_median == pytest.approx(sorted(local)[1])
+
+
+def test_free_fall_bounds_the_local_scale_from_below() -> None:
+    slow = ContactProblem.from_delassus(np.eye(1), [-1e-6], dim=1, provenance={FREE_FALL: 1e-2})
+    assert judge(slow, [0.0]).local_residual == pytest.approx(1e-4)
+    assert judge(slow, [0.0]).residual == 1.0
+    assert load("funnel-100").free_fall == pytest.approx(9.81 * 5e-4)
+
+
+@pytest.mark.parametrize("exponent", [-1000, -500, 500, 1000])
+@pytest.mark.parametrize("model", [Model.COULOMB, Model.CONVEX, Model.pyramid(8)])
+def test_very_small_and_very_large_velocities_are_judged_alike(exponent: int, model: Model) -> None:
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(9, 9))
+    usual = ContactProblem.from_delassus(root.T @ root, rng.normal(size=9), 0.4, provenance={FREE_FALL: 0.5})
+    impulses, unit = rng.normal(size=9), 2.0**exponent
+    scaled = replace(usual, free_velocity=unit * usual.free_velocity, provenance={FREE_FALL: unit * 0.5})
+    expected, found = judge(usual, impulses, model), judge(scaled, unit * impulses, model)
+    for name in ("residual", "local_residual", "local_median", "energy_residual", "natural_map_q", "natural_map_max"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-12)
+    assert found.penetration_velocity == pytest.approx(unit * expected.penetration_velocity, rel=1e-12)
+    velocity = scaled.relative_velocity(unit * impulses)
+    assert ModelResidual(scaled, model)(unit * impulses, velocity) == pytest.approx(expected.residual, rel=1e-12)
+    if model is Model.COULOMB:
+        assert Residual(scaled)(unit * impulses, velocity) == pytest.approx(expected.residual, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "what"),
+    [
+        ([[1.0, -3.0], [-3.0, 1.0]], "exceeds the root"),
+        ([[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]], "eigenvalue"),
+        ([[0.0, 1.0], [1.0, 1.0]], "exceeds the root"),
+    ],
+)
+def test_an_indefinite_matrix_is_refused(matrix: list[list[float]], what: str) -> None:
+    with pytest.raises(ProblemError, match=f"{what}.*positive semidefinite"):
+        ContactProblem.from_delassus(np.array(matrix), -np.ones(len(matrix)), dim=1)
+
+
+def test_an_indefinite_matrix_of_many_rows_is_refused_and_a_singular_one_is_not() -> None:
+    rng = np.random.default_rng(0)
+    directions = np.linalg.qr(rng.normal(size=(300, 300)))[0]
+    values = np.linspace(0.0, 1.0, 300)
+    singular = (directions * values) @ directions.T
+    ContactProblem.from_delassus(0.5 * (singular + singular.T), -np.ones(300), dim=1)
+    values[0] = -0.05
+    indefinite = (directions * values) @ directions.T
+    with pytest.raises(ProblemError, match="eigenvalue"):
+        ContactProblem.from_delassus(0.5 * (indefinite + indefinite.T), -np.ones(300), dim=1)
+
+
+@pytest.mark.parametrize("bad", [np.array([1j]), np.array(["1"]), np.array([object()]), object()])
+def test_numbers_that_are_not_real_are_refused(bad: object) -> None:
+    with pytest.raises(ProblemError, match="real numbers"):
+        ContactProblem.from_delassus(np.eye(1), bad, dim=1)  # type: ignore[arg-type]
+    with pytest.raises(ProblemError, match="real numbers"):
+        judge(ContactProblem.from_delassus(np.eye(1), [-1.0], dim=1), bad)  # type: ignore[arg-type]
+
+
+def test_a_complex_matrix_is_refused() -> None:
+    for matrix in (np.array([[1j]]), sp.csr_array(np.array([[1j]]))):
+        with pytest.raises(ProblemError, match="real numbers"):
+            ContactProblem.from_delassus(matrix, [-1.0], dim=1)
