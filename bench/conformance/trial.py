@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual, judge
+from ...problems.contact.judge import judge
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ...problems.errors import ProblemError
 from ...solvers.contract import solution_fault
 from ...solvers.interface import Solution, Solver, Status, Stop

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ...solvers.interface import Status, Stop
 from ..isolation.worker import Fault
 from ..plugins.contestants import Contestant

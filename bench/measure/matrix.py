@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ...solvers.interface import Solver, Stop
 from ...solvers.registry import available
 from ..plugins.describing import contestant

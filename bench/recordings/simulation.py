@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
+from ...problems.contact.residual import Residual
 from ...problems.mechanics.state import State
 from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import Step

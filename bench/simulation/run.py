@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...problems.contact.judge import Residual
+from ...problems.contact.residual import Residual
 from ...problems.errors import said
 from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.stepping.moreau import Step

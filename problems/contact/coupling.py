@@ -6,8 +6,11 @@ bounds it are coupled like contacts of one body. The connected components of thi
 own, which only stand in one vector.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
 from .pieces import Pieces
@@ -47,7 +50,7 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
     return largest
 
 
-def _touching(problem: ContactProblem) -> tuple[int, IntArray, IntArray, FloatArray, IntArray]:
+def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any], NDArray[Any], IntArray]:
     """Return a sparse matrix whose row i belongs to contact contacts[i], and whose columns are the bodies it touches.
 
     Returns:

@@ -192,7 +192,7 @@ def as_sparse_input(given: Any, name: str) -> Any:
         ProblemError: if it is neither.
     """
     try:
-        matrix = given if sp.issparse(given) else np.asarray(given)
+        matrix: Any = given if sp.issparse(given) else np.asarray(given)
         if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
             return matrix
     except (TypeError, ValueError):

@@ -7,11 +7,11 @@ from itertools import chain
 import numpy as np
 
 from ..contact.problem import ContactProblem
-from ..contact.transformations import in_units
 from . import degenerate, mixed, rods, spheres, stacks, supports, wedges
 from .families import Family, braced, single_precision, with_solution, with_spectrum
 from .rods import CRITICAL_FRICTION
 from .stacks import bottom_heavy, top_heavy
+from .transformations import in_units
 
 Maker = Callable[[], ContactProblem]
 

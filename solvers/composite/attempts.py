@@ -1,8 +1,8 @@
 """Attempts at Newton's method within the limits of one solve, and what they cost."""
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..interface import Status
 from ..iteration.loop import Advance
 from ..newton.linearised import Equations

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import ModelResidual, Residual
 from ..interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
 from ..iteration.clock import Clock
 from ..iteration.loop import judged

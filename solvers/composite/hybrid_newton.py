@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import Advance, first_impulses, looked, refuted, rounding
 from ..iteration.stopping import Monitor

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..interface import Prepared, SolverError
 from ..iteration.clock import Clock
 from ..iteration.correction import Correctable

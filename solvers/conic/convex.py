@@ -14,9 +14,9 @@ from typing import ClassVar
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import ModelResidual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import ModelResidual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import judged, refuted
 from ..method import Method

@@ -29,8 +29,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock

@@ -23,8 +23,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import convex_obstacle
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import convex_obstacle
 
 Form = Literal["delassus", "factors"]
 

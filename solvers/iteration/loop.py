@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ...problems.errors import ProblemError
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from .stopping import Monitor, sweeps_to_next_look

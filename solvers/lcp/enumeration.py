@@ -13,9 +13,9 @@ from typing import ClassVar
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted

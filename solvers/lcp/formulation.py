@@ -21,9 +21,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..method import check_option
 
 _Entries = tuple[IntArray, IntArray, FloatArray | float]

@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import ModelResidual, Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted

@@ -15,10 +15,10 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.judge import ModelResidual, Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import ModelResidual, Residual
 from ..iteration.loop import PreparedIteration
 from ..method import Method, check_option
 from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, law_arguments, spatial_velocity

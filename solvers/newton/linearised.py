@@ -23,9 +23,9 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import first_impulses, refuted, rounding

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..iteration.clock import Clock
 from ..iteration.loop import judged
 from .linear_solver import LinearSolver

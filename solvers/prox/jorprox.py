@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from functools import partial
 
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..method import Method
 from ..sweeps.delassus import DelassusSweep

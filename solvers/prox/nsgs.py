@@ -6,8 +6,8 @@ friction.
 
 from dataclasses import dataclass
 
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..method import Method
 from ..sweeps.blocks import BlockIterates, BlockSweep

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..method import Method
 from ..sweeps.delassus import DelassusIterates, DelassusSweep

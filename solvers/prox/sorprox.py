@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-from ...problems.contact.judge import Residual
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..method import Method, check_form, check_option
 from ..sweeps.delassus import DelassusSweep

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, tried
 from proxbench.problems import ContactProblem, judge
-from proxbench.problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
 from proxbench.problems.hard.families import STATES, Family, braced, with_solution, with_spectrum
+from proxbench.problems.hard.transformations import Transformed, duplicated, in_units, permuted, rotated
 from proxbench.solvers import Solver, Status, Stop, available, create
 
 TOLERANCE = 1e-6

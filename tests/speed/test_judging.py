@@ -12,7 +12,7 @@ import pytest
 from contestants import SIZES, TOLERANCE, funnel_step
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems.arrays import FloatArray
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Status, Stop, create
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
-from proxbench.problems.contact.judge import ModelResidual
+from proxbench.problems.contact.residual import ModelResidual
 
 MIXED = Laws(
     np.array([0, 0, 1, 0, 2, 1, 2]),

@@ -8,9 +8,9 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Model, ProblemError, judge, load
-from proxbench.problems.contact.judge import ModelResidual, Residual
 from proxbench.problems.contact.problem import FREE_FALL
-from proxbench.problems.contact.transformations import united
+from proxbench.problems.contact.residual import ModelResidual, Residual
+from proxbench.problems.hard.transformations import united
 from proxbench.solvers import Stop, create
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.composite.refined import Refinement
 from proxbench.solvers.iteration.clock import Clock

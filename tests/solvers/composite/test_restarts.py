@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, load
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Solution, Status, Stop, create
 from proxbench.solvers.composite import restarts as restarts_module

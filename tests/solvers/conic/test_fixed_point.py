@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.conic.fixed_point import PreparedFixedPoint

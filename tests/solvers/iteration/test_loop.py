@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load, project
 from proxbench.problems.arrays import FloatArray
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Prepared, SolverError, Status, Stop, create, iterate
 from proxbench.solvers.iteration.loop import rounding

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.solvers.newton.linearised import Equations
 
 KIND = np.array([0, 0, 1, 0, 2, 2, 0, 1])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws, judge, load
-from proxbench.problems.contact.judge import Residual
+from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Prepared, SolverError, Status, Stop, create, solve
 from proxbench.solvers.iteration.loop import PreparedIteration
 from proxbench.solvers.sweeps.blocks import BlockIterates, BlockSweep

@@ -12,11 +12,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, IntArray
+from ..contact.answer import Answer
+from ..contact.factors import Factors
+from ..contact.laws import ROWS_OF_KIND, LawKind, Laws
+from ..contact.problem import ContactProblem
 from ..errors import ProblemError
-from .answer import Answer
-from .factors import Factors
-from .laws import ROWS_OF_KIND, LawKind, Laws
-from .problem import ContactProblem
 
 
 @dataclass(frozen=True, eq=False)
