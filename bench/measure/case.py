@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -89,7 +88,7 @@ class Case(LadderCase):
             solve_seconds=quartiles(times[:, 1]),
             total_seconds=quartiles(times.sum(axis=1)),
             repeats=len(times),
-            verdict={key: value for key, value in asdict(coulomb).items() if key != "model"},
+            verdict=coulomb.numbers(),
             impulse_error=None if self.problem.answer is None else self.problem.answer.impulse_error(impulses),
         )
         if status is not Status.SOLVED:

@@ -29,6 +29,9 @@ from .problem import ContactProblem
 from .projections import onto_friction_cone
 from .residual import ROUNDING, Residual, friction_bounds, in_units, tangents, violations
 
+NO_NUMBERS = ("model", "component_residuals")
+"""Fields of a verdict that are more than a number."""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -73,7 +76,7 @@ class Verdict:
 
     def numbers(self) -> dict[str, float | bool | None]:
         """Return what is a number of its own, by name: everything but the model and the residuals of components."""
-        return {name: value for name, value in vars(self).items() if name not in ("model", "component_residuals")}
+        return {name: value for name, value in vars(self).items() if name not in NO_NUMBERS}
 
 
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
