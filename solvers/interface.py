@@ -99,7 +99,11 @@ class Solution:
 
 
 class Prepared(Protocol):
-    """A solver made ready for one problem."""
+    """A solver made ready for one problem.
+
+    One whose work goes on elsewhere when ``solve`` returns, on a GPU say, has a method ``synchronise()`` beside, which
+    waits until the impulses stand in the array of the solution; it is called before the clock stops.
+    """
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve from ``start`` (zeros if None), calling ``observe`` once per iteration if given."""
@@ -110,7 +114,8 @@ class Prepared(Protocol):
 class Solver(Protocol):
     """A method with its options.
 
-    A plugin may leave ``has_iterates`` out, which means True; ``shows_iterates`` reads it.
+    A plugin may leave ``has_iterates`` out, which means True; ``shows_iterates`` reads it. One that draws random
+    numbers says ``is_randomised = True``; of any other, answers that differ between repeats are shown as such.
     """
 
     @property
@@ -140,3 +145,8 @@ class Solver(Protocol):
 def shows_iterates(solver: Solver) -> bool:
     """Whether ``solver`` calls its observer once per iteration."""
     return bool(getattr(solver, "has_iterates", True))
+
+
+def draws_randomly(solver: Solver) -> bool:
+    """Whether ``solver`` declares that its answers differ between repeats."""
+    return bool(getattr(solver, "is_randomised", False))

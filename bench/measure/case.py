@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.judge import Verdict
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...solvers.interface import Status, Stop
 from ..isolation.worker import Fault
 from ..plugins.contestants import Contestant
-from ..store.outcome import Outcome, point_outcome, verdicts
+from ..store.outcome import Outcome, late_reason, point_outcome, verdicts
 from ..store.records import Curve, Limits, Measured, Point
 from .ladder import LONGEST_REASON, LadderCase, quartiles
 from .protocol import MeasuringTask, round_fault
@@ -44,6 +45,7 @@ class Case(LadderCase):
     ) -> None:
         super().__init__(ladder, limits)
         self.problem, self.solver, self._data = problem, solver, problem_data
+        self._observed: float | None = None
 
     def begin(self) -> None:
         """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
@@ -53,53 +55,80 @@ class Case(LadderCase):
             seen = self._ask("observe", self._stop(self.ladder[-1]))
             if seen:
                 self._curve = self._judged_curve(*seen)
+                self._observed = _observations_per_claim(seen[0])
 
     def measure(self, value: float, number: int) -> dict[str, Any] | None:
         """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
-        n_rows = self.problem.n_rows
         began = time.monotonic()
-        found = self._ask("round", self._stop(value), ROUND_SECONDS, largest=n_rows * 8)
+        found = self._ask("round", self._stop(value), ROUND_SECONDS)
         if found is None:
             return None
-        answer, impulses = found
+        answer, numbers = found
         fault = round_fault(answer, time.monotonic() - began)
-        if fault is None and len(impulses) != n_rows:
-            fault = f"it returned {len(impulses)} numbers, not {n_rows}"
+        count, n_rows = len(answer.get("times", ())), self.problem.n_rows
+        if fault is None and n_rows and not (n_rows <= len(numbers) <= n_rows * count and len(numbers) % n_rows == 0):
+            fault = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
         if fault is not None:
             self._fail(Fault(Outcome.MISBEHAVED, fault))
             return None
-        return {**answer, "impulses": impulses}
+        return {**answer, "impulses": numbers.reshape(-1, n_rows) if n_rows else np.zeros((1, 0))}
 
     def goes_on(self, answer: dict[str, Any]) -> bool:
         """Whether the solver says that it solved: a failing solve is not repeated."""
         return bool(answer["status"] == Status.SOLVED)
 
     def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
-        """Judge the last impulses; a solve that does not end solved ends the ladder."""
+        """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
         last = answers[-1]
         times = np.array([pair for answer in answers for pair in answer["times"]])
-        status, impulses = Status(last["status"]), last["impulses"]
-        own, coulomb = verdicts(self.problem, impulses, self.solver.model)
+        status = Status(last["status"])
+        outcome, impulses, (own, coulomb), different = self._judged(value, status, answers)
+        reason = last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence)
+        late = late_reason(float(np.median(times[:, 1])), self.limits.solve_seconds)
+        if outcome is Outcome.SOLVED and late:
+            outcome, reason = Outcome.TIME_LIMIT, late
+        if different > 1 and not self.solver.is_randomised:
+            reason = f"{different} different answers in {len(times)} solves{reason and '; '}{reason}"
+        iterations = self._counted(last["iterations"])
         measured = Measured(
-            iterations=last["iterations"],
+            iterations=iterations,
+            claimed_iterations=None if iterations == last["iterations"] else last["iterations"],
             residual=coulomb.residual,
             model_residual=own.residual,
             prepare_seconds=quartiles(times[:, 0]),
             solve_seconds=quartiles(times[:, 1]),
             total_seconds=quartiles(times.sum(axis=1)),
             repeats=len(times),
+            answers=different,
             verdict=coulomb.numbers(),
             impulse_error=None if self.problem.answer is None else self.problem.answer.impulse_error(impulses),
         )
-        if status is not Status.SOLVED:
-            self._ended_by = f"{value:g} already ended {status.value}"
-        return Point(
-            tolerance=value,
-            outcome=point_outcome(status, value, self.solver.model, own, coulomb),
-            status=status.value,
-            reason=last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence),
-            measured=measured,
-        )
+        if status is not Status.SOLVED or outcome is Outcome.TIME_LIMIT:
+            self._ended_by = f"{value:g} already ended {outcome.value}"
+        return Point(tolerance=value, outcome=outcome, status=status.value, reason=reason, measured=measured)
+
+    def _judged(
+        self, tolerance: float, status: Status, answers: list[dict[str, Any]]
+    ) -> tuple[Outcome, FloatArray, tuple[Verdict, Verdict], int]:
+        """Return the outcome, the impulses that it rests on, both verdicts on them, and how many vectors differ.
+
+        All solves but the last one claim to have solved. The worst of the claims counts, unless a last solve that ended
+        otherwise leaves all of them standing: then that one is shown.
+        """
+        last = answers[-1]["impulses"][-1]
+        different = {impulses.tobytes(): impulses for answer in answers for impulses in answer["impulses"]}
+        judged = {key: verdicts(self.problem, impulses, self.solver.model) for key, impulses in different.items()}
+        claims = judged if status is Status.SOLVED else {key: judged[key] for key in judged if key != last.tobytes()}
+        worst = max(claims, key=lambda key: claims[key][0].residual, default=last.tobytes())
+        outcome = point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[worst])
+        if status is not Status.SOLVED and (outcome is not Outcome.WRONG or not claims):
+            worst = last.tobytes()
+            outcome = point_outcome(status, tolerance, self.solver.model, *judged[worst])
+        return outcome, different[worst], judged[worst], len(different)
+
+    def _counted(self, claimed: int) -> int:
+        """Return the iterations of a solve that claims ``claimed``, by what the observed solve showed of its claims."""
+        return claimed if self._observed is None else round(claimed * self._observed)
 
     def identity(self) -> dict[str, Any]:
         """Return problem and solver."""
@@ -128,3 +157,11 @@ class Case(LadderCase):
             iteration=[int(iteration) for iteration in iterations],
             residual=[float(residual(impulses, problem.relative_velocity(impulses))) for impulses in rows],
         )
+
+
+def _observations_per_claim(answer: dict[str, Any]) -> float | None:
+    """Return how often the observer was called for each iteration that the solver claims; None where they agree."""
+    calls, claimed = answer.get("calls"), answer.get("claimed")
+    if type(calls) is not int or type(claimed) is not int or calls == claimed or calls <= 0 or claimed < 0:
+        return None
+    return calls / max(claimed, 1)

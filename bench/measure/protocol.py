@@ -1,12 +1,14 @@
 """What happens inside a case's process: warm up, one observed solve, and rounds of timed solves.
 
 Timed solves are never observed and observed ones never timed. Each timed solve gets a fresh copy of the problem, so
-that everything a solver assembles is on its clock, and garbage collection stays off while the clock runs.
+that everything a solver assembles is on its clock, and garbage collection stays off while the clock runs. The clock
+stops when the impulses are copied, and those of every timed solve leave the process, equal ones once.
 """
 
 import gc
 import io
-from dataclasses import dataclass, field
+import threading
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from time import perf_counter
 from typing import Any
@@ -29,12 +31,38 @@ MARK_RATIO = 1.04
 """Ratio of that sequence."""
 
 
+MOST_NUMBERS = 2**22
+"""Numbers of different answers after which a round ends."""
+
+
+@dataclass
+class Round:
+    """Timed solves.
+
+    Attributes:
+        solution: the last one, with impulses of the harness's own.
+        times: seconds of preparing and of solving of each.
+        answers: the different impulses, the last solve's at the end, each of shape (n_rows,).
+    """
+
+    solution: Solution
+    times: list[tuple[float, float]]
+    answers: list[FloatArray]
+
+
 @dataclass
 class Measurement:
-    """One case in its process."""
+    """One case in its process.
+
+    Attributes:
+        problem: the problem.
+        solver: the solver.
+        threads: the threads that ran before the solver was made.
+    """
 
     problem: ContactProblem
     solver: Solver
+    threads: frozenset[threading.Thread] = field(default_factory=lambda: frozenset(threading.enumerate()))
     _digest: str = field(init=False)
 
     def __post_init__(self) -> None:
@@ -43,28 +71,28 @@ class Measurement:
     def refusal(self) -> str:
         """Return why the solver does not support the problem; nothing if it does."""
         reason = self.solver.supports(self.problem.fresh())
-        fault = reason_fault(reason)
-        if fault:
-            raise MisbehaviourError(fault)
+        _refuse(reason_fault(reason) or self._left_behind())
         return reason or ""
 
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first touches are off the clock."""
         prepared = self.solver.prepare(self.problem.fresh())
-        fault = prepared_fault(prepared)
-        if fault:
-            raise MisbehaviourError(fault)
-        _checked_type(prepared.solve(stop))
+        _refuse(prepared_fault(prepared))
+        _refuse(type_fault(prepared.solve(stop)) or self._left_behind())
 
-    def observe(self, stop: Stop) -> tuple[list[int], FloatArray]:
-        """Return iterations of one observed solve, and their impulses, one row each, for the judge outside."""
+    def observe(self, stop: Stop) -> tuple[list[int], FloatArray, int, int]:
+        """Return iterations of one observed solve, and their impulses, one row each, for the judge outside.
+
+        Beside them the number of times that the observer was called, and the iterations that the solver claims.
+        """
         problem = self.problem.fresh()
         iterations: list[int] = []
         iterates: list[FloatArray] = []
-        mark = 1.0
+        mark, calls, claimed = 1.0, 0, 0
 
         def note(iteration: int, impulses: FloatArray) -> None:
-            nonlocal mark
+            nonlocal mark, calls
+            calls += 1
             if iteration < mark:
                 return
             shown = np.array(impulses, dtype=np.float64)
@@ -75,46 +103,64 @@ class Measurement:
             mark = iteration + 1.0 if iteration < FIRST_MARKS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
-            self.solver.prepare(problem).solve(stop, observe=note)
-        return iterations, np.array(iterates).reshape(len(iterates), problem.n_rows)
+            solution = self.solver.prepare(problem).solve(stop, observe=note)
+            _refuse(type_fault(solution) or self._left_behind())
+            claimed = int(solution.iterations)
+        return iterations, np.array(iterates).reshape(len(iterates), problem.n_rows), calls, claimed
 
-    def round(self, stop: Stop, seconds: float) -> tuple[Solution, list[tuple[float, float]]]:
-        """Do timed solves for ``seconds`` of wall time, at least one; return the last solution and all times.
+    def round(self, stop: Stop, seconds: float) -> Round:
+        """Do timed solves for ``seconds`` of wall time, at least one.
 
         A solve that does not end SOLVED ends the round: a failure is measured once.
         """
-        times = []
+        times: list[tuple[float, float]] = []
+        answers: dict[bytes, FloatArray] = {}
         end = perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
             times.append((prepare_seconds, solve_seconds))
+            key = solution.impulses.tobytes()
+            answers[key] = answers.pop(key, solution.impulses)
             if solution.status is not Status.SOLVED or perf_counter() >= end:
                 break
-        self._check(problem, solution)
-        return solution, times
+            if len(answers) * problem.n_rows > MOST_NUMBERS:
+                break
+        if problem.fresh().digest != self._digest:
+            raise MisbehaviourError("it changed the numbers of the problem")
+        _refuse(self._left_behind())
+        return Round(solution, times, list(answers.values()))
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> tuple[Solution, float, float]:
+        """Return the solution with a copy of its impulses that was made on the clock, and the seconds of both parts.
+
+        Raises:
+            MisbehaviourError: if it cannot be a solution.
+        """
         collecting = gc.isenabled()
+        impulses = np.zeros(problem.n_rows)
         gc.disable()
         try:
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
             solution = prepared.solve(stop)
+            synchronise = getattr(prepared, "synchronise", None)
+            if synchronise is not None:
+                synchronise()
+            if _is_copied(solution, impulses):
+                np.copyto(impulses, solution.impulses)
             done = perf_counter()
         finally:
             if collecting:
                 gc.enable()
-        return _checked_type(solution), ready - began, done - ready
+        _refuse(solution_fault(problem, solution))
+        return replace(solution, impulses=impulses), ready - began, done - ready
 
-    def _check(self, problem: ContactProblem, solution: Solution) -> None:
-        """Raise ``MisbehaviourError`` if the solution cannot be one, or the solver wrote to its inputs."""
-        fault = solution_fault(problem, solution)
-        if fault:
-            raise MisbehaviourError(fault)
-        if problem.fresh().digest != self._digest:
-            raise MisbehaviourError("it changed the numbers of the problem")
+    def _left_behind(self) -> str | None:
+        """Say which threads outlive a call, or None."""
+        left = [thread.name for thread in threading.enumerate() if thread not in self.threads]
+        return f"it leaves {len(left)} threads running, {left[0]!r:.60} first" if left else None
 
 
 @dataclass
@@ -126,7 +172,8 @@ class MeasuringTask:
 
     @cached_property
     def _measurement(self) -> Measurement:
-        return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.contestant.make())
+        threads = frozenset(threading.enumerate())
+        return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.contestant.make(), threads)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer a request: "supports", "warm_up", "observe" or "round"."""
@@ -136,16 +183,16 @@ class MeasuringTask:
             self._measurement.warm_up(*arguments)
             return {}, b""
         if request == "observe":
-            iterations, iterates = self._measurement.observe(*arguments)
-            return {"iterations": iterations}, iterates.tobytes()
-        solution, times = self._measurement.round(*arguments)
+            iterations, iterates, calls, claimed = self._measurement.observe(*arguments)
+            return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
+        found = self._measurement.round(*arguments)
         answer = {
-            "status": solution.status.value,
-            "iterations": int(solution.iterations),
-            "message": str(solution.message),
-            "times": times,
+            "status": found.solution.status.value,
+            "iterations": int(found.solution.iterations),
+            "message": str(found.solution.message),
+            "times": found.times,
         }
-        return answer, np.ascontiguousarray(solution.impulses, dtype=np.float64).tobytes()
+        return answer, b"".join(impulses.tobytes() for impulses in found.answers)
 
 
 def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
@@ -164,9 +211,14 @@ def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
     return None
 
 
-def _checked_type(solution: Any) -> Solution:
-    fault = type_fault(solution)
+def _is_copied(solution: Any, impulses: FloatArray) -> bool:
+    """Whether the impulses of a solution can be copied; what is wrong with others is said when the clock stands."""
+    if type(solution) is not Solution:
+        return False
+    given = solution.impulses
+    return type(given) is np.ndarray and given.shape == impulses.shape and given.dtype.kind == "f"
+
+
+def _refuse(fault: str | None) -> None:
     if fault:
         raise MisbehaviourError(fault)
-    checked: Solution = solution
-    return checked

@@ -29,6 +29,7 @@ from .case import Case
 from .ladder import LadderCase, measure_ladder
 from .machine import calibration_seconds, describe_machine
 from .plan import Plan, name_of
+from .refutation import refuted
 from .trajectories.case import TrajectoryCase
 from .trajectories.methods import Method, stored_method
 from .trajectories.problems import problem_of as trajectory_of
@@ -162,7 +163,7 @@ class _Progress:
                 done += len(plan.solvers) - len(cases)
                 self._on_event(ProblemStarted(name))
                 measure_ladder(cases, self._keep)
-                for case in (case.record() for case in cases):
+                for case in self._records(name, cases, known):
                     self._store.write_case(case)
                     done += 1
                     self._on_event(CaseFinished(name, case.solver, case.outcome, done, total))
@@ -203,8 +204,23 @@ class _Progress:
         problem = problem_of(self._store, record, name)
         finished = {solver for solver, case in stored.items() if case.digest == problem.digest}
         solvers = [one for one in self._contestants if isinstance(one, Contestant) and one.name not in finished]
-        data = problem_bytes(problem) if solvers else b""
+        data = problem_bytes(problem.anonymous()) if solvers else b""
         return [Case(problem, solver, limits, record.plan.tolerances, data) for solver in solvers]
+
+    def _records(self, name: str, cases: Sequence[LadderCase], stored: Mapping[str, CaseRecord]) -> list[CaseRecord]:
+        """Return the records of measured cases; a stored one whose claims they refute is stored again."""
+        records = [case.record() for case in cases]
+        if self._record.plan.trajectories:
+            return records
+        problem = problem_of(self._store, self._record, name)
+        own = {case.solver for case in records}
+        others = [case for case in stored.values() if case.solver not in own and case.digest == problem.digest]
+        is_solvable = problem.answer is not None and problem.answer.solvable
+        wrong = {case.solver: case for case in refuted([*records, *others], is_solvable)}
+        for case in wrong.values():
+            if case.solver not in own:
+                self._store.write_case(case)
+        return [wrong.get(case.solver, case) for case in records]
 
     def _keep(self, case: LadderCase) -> None:
         """Store a case as far as it has come."""

@@ -12,7 +12,7 @@ import cloudpickle
 
 from ...problems.contact.model import Model
 from ...solvers import registry
-from ...solvers.interface import Solver, shows_iterates
+from ...solvers.interface import Solver, draws_randomly, shows_iterates
 from ..errors import BenchError
 
 
@@ -26,6 +26,7 @@ class Contestant:
         has_iterates: whether it shows its iterates to an observer.
         source: the plugin it comes from, as messages call it; empty for a built-in solver and for an object.
         carried: an object of the caller's, pickled; empty for a solver that its name makes.
+        is_randomised: whether it declares that its answers differ between repeats.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Contestant:
     has_iterates: bool = True
     source: str = ""
     carried: bytes = b""
+    is_randomised: bool = False
 
     @property
     def is_built_in(self) -> bool:
@@ -57,7 +59,7 @@ def built_in(name: str) -> Contestant:
         SolverError: for an unknown option of it, or one out of range.
     """
     solver = registry.create(name)
-    return Contestant(solver.name, solver.model, shows_iterates(solver))
+    return Contestant(solver.name, solver.model, shows_iterates(solver), is_randomised=draws_randomly(solver))
 
 
 def carried(solver: Any) -> bytes:

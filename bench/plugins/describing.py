@@ -20,7 +20,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, first_line
 from ...solvers import registry
 from ...solvers.contract import form_fault
-from ...solvers.interface import Solver, shows_iterates
+from ...solvers.interface import Solver, draws_randomly, shows_iterates
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
@@ -102,7 +102,8 @@ def plugin_problem(name: str) -> ContactProblem:
 def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Contestant:
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be made", error, "solver", name, pickled)
-    return Contestant(answer["name"], Model.from_text(answer["model"]), answer["shows"], answer["source"], pickled)
+    model, source = Model.from_text(answer["model"]), answer["source"]
+    return Contestant(answer["name"], model, answer["shows"], source, pickled, answer["random"])
 
 
 def _ask(
@@ -171,8 +172,14 @@ def _form(solver: Solver, source: str, options: list[str]) -> dict[str, Any]:
     fault = form_fault(solver)
     if fault:
         raise BenchError(f"the solver {type(solver).__name__} breaks the contract: {fault}.")
-    shows = shows_iterates(solver)
-    return {"name": solver.name, "model": str(solver.model), "shows": shows, "source": source, "options": options}
+    return {
+        "name": solver.name,
+        "model": str(solver.model),
+        "shows": shows_iterates(solver),
+        "random": draws_randomly(solver),
+        "source": source,
+        "options": options,
+    }
 
 
 def _unpickled(pickled: bytes) -> Any:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from ...problems.arrays import FloatArray
 from ...problems.spelling import for_command_line
+from ...solvers.interface import Status
 from ..errors import BenchError
 from ..store.condition import run_state, steadiness, warnings
 from ..store.frames import RunFrames
@@ -74,9 +75,10 @@ def _tag(accuracy: float) -> str:
 def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
     """Return the least median time [s] of the points whose judged residual is at most ``accuracy``; NaN if none.
 
-    Points that claim what the judge refutes (WRONG) do not count.
+    Points that claim what the judge refutes (WRONG), or to have solved after the limit of time, do not count.
     """
-    reached = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG)]
+    is_late = (points["outcome"] == Outcome.TIME_LIMIT) & (points["status"] == Status.SOLVED)
+    reached = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG) & ~is_late]
     return float(reached["total_seconds"].min())
 
 
@@ -258,6 +260,8 @@ def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
     for outcome in (Outcome.WRONG, Outcome.RELAXED):
         if len(claims := measured[measured["outcome"] == outcome]):
             first = claims.iloc[0]
+            if first["status"] == Status.INFEASIBLE:
+                return outcome.value, str(first["reason"])
             return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
     last = measured.iloc[-1]
     if last["outcome"] == Outcome.SOLVED:

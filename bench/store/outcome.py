@@ -108,6 +108,11 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
     return Outcome.SOLVED
 
 
+def late_reason(seconds: float, limit: float) -> str:
+    """Say that a solve ended after its limit [s], where it claims to have solved; empty if it did not."""
+    return f"solved after {seconds:.3g} s, its limit is {limit:g} s" if seconds > limit else ""
+
+
 def claim_reason(outcome: str, tolerance: float, model: Model | str, own_residual: float) -> str:
     """Say why a claim to have solved does not count, with the residual under the solver's own model.
 

@@ -245,13 +245,16 @@ class Measured(Record, frozen=True, kw_only=True):
     """What was measured at one tolerance, or at one step of a trajectory.
 
     Attributes:
-        iterations: of a timed solve; of a trajectory, one-step inclusions solved, median over its members.
+        iterations: of a timed solve, as the observer counted them where the solver has one; of a trajectory, one-step
+            inclusions solved, median over its members.
+        claimed_iterations: of that solve, as the solver counts them; None where nothing else is known.
         residual: the judge's, under Coulomb's law; of a trajectory, the largest of its errors.
         model_residual: the judge's, under the solver's own model.
         prepare_seconds: times of preparing.
         solve_seconds: times of solving.
         total_seconds: times of both together.
         repeats: number of timed solves.
+        answers: number of different vectors of impulses among them; the worst is judged.
         verdict: the other numbers of the judge's verdict.
         impulse_error: distance to the known impulses, if the problem has such.
         errors: of a trajectory, in each quantity.
@@ -266,6 +269,8 @@ class Measured(Record, frozen=True, kw_only=True):
     solve_seconds: Quartiles
     total_seconds: Quartiles
     repeats: Count
+    answers: Count = 1
+    claimed_iterations: Count | None = None
     verdict: dict[str, bool | Number | None]
     impulse_error: Number | None
     errors: list[QuantityError] = []

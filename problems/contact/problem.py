@@ -241,10 +241,16 @@ class ContactProblem:
         return replace(self, name=name, provenance={**self.provenance, **provenance})
 
     def fresh(self) -> "ContactProblem":
-        """Return an equal problem that shares no memory and no assembled matrix with this one."""
+        """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
         matrix = None if self.matrix is None else self.matrix.copy()
         factors = None if self.factors is None else self.factors.fresh()
-        return replace(self, free_velocity=self.free_velocity.copy(), matrix=matrix, factors=factors)
+        return replace(
+            self, free_velocity=self.free_velocity.copy(), laws=replace(self.laws), matrix=matrix, factors=factors
+        )
+
+    def anonymous(self) -> "ContactProblem":
+        """Return the same numbers without what is known about them: name, provenance and answer."""
+        return replace(self, name="problem", provenance={}, answer=None)
 
 
 def _as_vector(values: ArrayLike, name: str) -> FloatArray:

@@ -1,0 +1,42 @@
+"""Claims that a problem has no solution, held against the solutions that a run has."""
+
+from collections.abc import Sequence
+
+from msgspec.structs import replace
+
+from ...problems.contact.model import Model
+from ..store.outcome import Outcome
+from ..store.records import CaseRecord, Point
+
+SOLUTION = 1e-4
+"""Judged residual of impulses that show a problem to have a solution."""
+
+
+def refuted(cases: Sequence[CaseRecord], is_solvable: bool) -> list[CaseRecord]:
+    """Return the cases of one problem whose claims that it has no solution are shown to be wrong, as they then are.
+
+    Such a claim falls where the judge of the same model has found a solution in any of the cases, or one is known.
+
+    Args:
+        cases: all that are measured.
+        is_solvable: whether a solution under Coulomb's law is known.
+    """
+    solvable = {case.model for case in cases if any(map(_is_solution, case.points))}
+    if is_solvable:
+        solvable.add(str(Model.COULOMB))
+    return [
+        replace(case, points=[_without_claim(point) for point in case.points])
+        for case in cases
+        if case.model in solvable and any(point.outcome is Outcome.INFEASIBLE for point in case.points)
+    ]
+
+
+def _is_solution(point: Point) -> bool:
+    residual = None if point.measured is None else point.measured.model_residual
+    return point.outcome in (Outcome.SOLVED, Outcome.RELAXED) and residual is not None and residual <= SOLUTION
+
+
+def _without_claim(point: Point) -> Point:
+    if point.outcome is not Outcome.INFEASIBLE:
+        return point
+    return replace(point, outcome=Outcome.WRONG, reason="claims that there is no solution, and one is known")

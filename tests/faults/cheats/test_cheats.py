@@ -1,0 +1,128 @@
+"""Tricks by which a solver would look faster, truer or surer than it is, and what a run says of each."""
+
+import math
+
+import pytest
+from cheating_solvers import (
+    Background,
+    ChangesLater,
+    Elsewhere,
+    FewIterations,
+    Hopeless,
+    Jittering,
+    Late,
+    Lazy,
+    Reader,
+    RemembersLaws,
+    SometimesZero,
+)
+from proxbench.bench import run
+from proxbench.bench.measure.case import Case
+from proxbench.bench.measure.ladder import measure_ladder
+from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.report.tables import results_table, time_to_accuracy
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import CaseRecord, Limits
+from proxbench.problems import load
+from proxbench.problems.catalog.storage import problem_bytes
+
+LIMITS = Limits(solve_seconds=30.0, case_seconds=120.0)
+
+
+def measured(solver: object, problem_name: str = "hard-sticking-box", limits: Limits = LIMITS) -> CaseRecord:
+    problem = load(problem_name)
+    case = Case(problem, contestant(solver), limits, [1e-2, 1e-6], problem_bytes(problem.anonymous()))
+    measure_ladder([case])
+    return case.record()
+
+
+def test_the_worst_answer_of_all_repeats_counts() -> None:
+    case = measured(SometimesZero())
+    assert [point.outcome for point in case.points] == [Outcome.WRONG, Outcome.WRONG]
+    assert all(point.measured is not None and point.measured.answers == 2 for point in case.points)
+
+
+@pytest.mark.parametrize("is_randomised", [False, True])
+def test_answers_that_differ_between_repeats_are_shown_unless_they_are_declared(is_randomised: bool) -> None:
+    point = measured(Jittering(is_randomised)).points[-1]
+    assert point.outcome is Outcome.SOLVED
+    assert point.measured is not None
+    assert point.measured.answers > 1
+    assert ("different answers" in point.reason) is not is_randomised
+
+
+def test_a_solution_that_is_computed_when_it_is_read_is_refused() -> None:
+    case = measured(Lazy())
+    assert case.outcome is Outcome.MISBEHAVED
+    assert "a subclass of Solution" in case.reason
+
+
+def test_an_answer_after_the_limit_is_not_reached() -> None:
+    limits = Limits(solve_seconds=0.02, case_seconds=120.0)
+    case = measured(Late(), limits=limits)
+    assert case.points[0].outcome is Outcome.TIME_LIMIT
+    assert case.points[0].status == "solved"
+    assert "its limit is 0.02 s" in case.points[0].reason
+    assert case.points[1].outcome is Outcome.NOT_ATTEMPTED
+
+
+def test_late_answers_reach_no_accuracy_in_tables(tmp_path: object) -> None:
+    made = run("hard-sticking-box", [Late()], results=str(tmp_path), tolerances=1e-2, solve_seconds=0.02)
+    assert math.isnan(time_to_accuracy(made.points, 1e-2))
+    assert list(results_table(made)["outcome"]) == ["time limit"]
+
+
+def test_a_false_claim_of_infeasibility_is_refuted_by_a_known_answer(tmp_path: object) -> None:
+    made = run("hard-sticking-box", [Hopeless()], results=str(tmp_path), tolerances=1e-2)
+    assert list(made.points["outcome"]) == [Outcome.WRONG]
+    assert "one is known" in results_table(made)["reason"][0]
+
+
+def test_a_false_claim_of_infeasibility_is_refuted_by_another_solver_also_when_that_comes_later(
+    tmp_path: object,
+) -> None:
+    problem = load("funnel-30")
+    assert problem.answer is None
+    alone = run(problem, [Hopeless()], results=str(tmp_path), run_id="alone", tolerances=1e-2)
+    assert list(alone.points["outcome"]) == [Outcome.INFEASIBLE]
+    both = run(problem, [Hopeless(), "SORprox"], results=str(tmp_path), run_id="both", tolerances=1e-5)
+    assert list(both.points["outcome"]) == [Outcome.WRONG, Outcome.SOLVED]
+
+
+def test_a_true_claim_of_infeasibility_stands(tmp_path: object) -> None:
+    made = run("hard-immovable", ["SORprox"], results=str(tmp_path), tolerances=1e-2)
+    assert list(made.points["outcome"]) == [Outcome.INFEASIBLE]
+
+
+def test_iterations_are_those_that_were_observed() -> None:
+    honest, few = measured("SORprox", "funnel-30").points[-1].measured, measured(FewIterations(), "funnel-30")
+    found = few.points[-1].measured
+    assert honest is not None
+    assert found is not None
+    assert honest.claimed_iterations is None
+    assert found.claimed_iterations == honest.iterations // 10
+    assert found.iterations == pytest.approx(honest.iterations, rel=0.2)
+
+
+def test_known_answers_and_names_stay_with_the_judge() -> None:
+    assert measured(Reader()).points[0].outcome is Outcome.WRONG
+
+
+def test_no_object_of_a_problem_comes_twice() -> None:
+    assert [point.outcome for point in measured(RemembersLaws()).points] == [Outcome.SOLVED, Outcome.SOLVED]
+
+
+def test_threads_that_outlive_a_call_are_refused() -> None:
+    case = measured(Background())
+    assert case.outcome is Outcome.MISBEHAVED
+    assert "threads running, 'ahead' first" in case.reason
+
+
+def test_impulses_are_those_that_stood_there_when_the_clock_stopped() -> None:
+    assert [point.outcome for point in measured(ChangesLater()).points] == [Outcome.SOLVED, Outcome.SOLVED]
+
+
+def test_work_that_goes_on_elsewhere_is_waited_for_on_the_clock() -> None:
+    points = measured(Elsewhere()).points
+    assert [point.outcome for point in points] == [Outcome.SOLVED, Outcome.SOLVED]
+    assert all(point.measured is not None and point.measured.solve_seconds.min >= 0.02 for point in points)
