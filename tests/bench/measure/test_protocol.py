@@ -81,26 +81,25 @@ def measured(solver: Timed) -> Measurement:
 
 
 def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
-    _, times = measured(Timed(clock, 0.25, 0.5)).round(STOP, 0.0)
-    assert times == [(0.25, 0.5)]
+    assert measured(Timed(clock, 0.25, 0.5)).round(STOP, 0.0).times == [(0.25, 0.5)]
 
 
 def test_a_solver_that_does_nothing_is_charged_one_reading_of_the_clock_for_each_part(clock: Clock) -> None:
     clock.reading = 0.125
-    _, times = measured(Timed(clock)).round(STOP, 0.0)
-    assert times == [(0.125, 0.125)]
+    assert measured(Timed(clock)).round(STOP, 0.0).times == [(0.125, 0.125)]
 
 
 def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clock) -> None:
-    _, times = measured(Timed(clock, 1.0, 2.0)).round(STOP, 25.0)
-    assert times == [(1.0, 2.0)] * 3  # ten seconds each with the copy
+    assert (
+        measured(Timed(clock, 1.0, 2.0)).round(STOP, 25.0).times == [(1.0, 2.0)] * 3
+    )  # ten seconds each with the copy
 
 
 def test_a_solve_that_fails_ends_the_round(clock: Clock) -> None:
     solver = Timed(clock, 1.0, 2.0, status=Status.STALLED)
-    solution, times = measured(solver).round(STOP, 1e3)
-    assert solution.status is Status.STALLED
-    assert times == [(1.0, 2.0)]
+    found = measured(solver).round(STOP, 1e3)
+    assert found.solution.status is Status.STALLED
+    assert found.times == [(1.0, 2.0)]
 
 
 def test_every_timed_solve_has_a_problem_of_its_own_and_no_observer(clock: Clock) -> None:

@@ -125,7 +125,7 @@ def test_observed_and_timed_solves_end_in_the_same_bits(name: str) -> None:
     problem = load_problem("funnel-30")
     measurement = Measurement(problem, create(name))
     stop = Stop(1e-5, 500, 10.0)
-    timed, _ = measurement.round(stop, 0.0)
+    timed = measurement.round(stop, 0.0).solution
     observed = create(name).prepare(problem.fresh()).solve(stop, observe=lambda iteration, impulses: None)
     assert timed.impulses.tobytes() == observed.impulses.tobytes()
     assert timed.status is observed.status
@@ -135,11 +135,10 @@ def test_a_round_goes_on_for_its_time_but_a_failure_is_measured_once() -> None:
     problem = load_problem("hard-counterexample")
     measurement = Measurement(problem, create("SORprox", relaxation=0.5))
     measurement.warm_up(Stop(1e-6))
-    solution, times = measurement.round(Stop(1e-6), 0.05)
-    assert solution.status is Status.SOLVED
-    assert len(times) > 3
-    _, times = Measurement(problem, create("SORprox")).round(Stop(1e-6), 0.05)
-    assert len(times) == 1
+    found = measurement.round(Stop(1e-6), 0.05)
+    assert found.solution.status is Status.SOLVED
+    assert len(found.times) > 3
+    assert len(Measurement(problem, create("SORprox")).round(Stop(1e-6), 0.05).times) == 1
 
 
 @pytest.mark.slow

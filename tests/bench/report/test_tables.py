@@ -21,8 +21,9 @@ from proxbench.bench.store.outcome import Outcome
 from rich.console import Console
 
 
-def points(*rows: tuple[float, float, str]) -> pd.DataFrame:
-    return pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
+def points(*rows: tuple[float, float, str], status: str = "") -> pd.DataFrame:
+    frame = pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
+    return frame.assign(status=status or frame["outcome"])
 
 
 def test_time_to_accuracy_is_the_least_time_among_points_that_are_accurate_enough() -> None:
@@ -33,7 +34,11 @@ def test_time_to_accuracy_is_the_least_time_among_points_that_are_accurate_enoug
 
 
 def test_wrong_claims_are_never_ranked() -> None:
-    assert np.isnan(time_to_accuracy(points((1e-9, 0.1, "wrong")), 1e-2))
+    assert np.isnan(time_to_accuracy(points((1e-9, 0.1, "wrong"), status="solved"), 1e-2))
+
+
+def test_what_was_solved_after_the_limit_is_never_ranked() -> None:
+    assert np.isnan(time_to_accuracy(points((1e-9, 1.0, "time limit"), status="solved"), 1e-2))
 
 
 def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> None:
