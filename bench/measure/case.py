@@ -13,6 +13,7 @@ from ...problems.contact.residual import Residual
 from ...solvers.interface import Status, Stop
 from ..isolation.worker import Fault
 from ..plugins.contestants import Contestant
+from ..plugins.remote_solver import are_iterations
 from ..store.outcome import Outcome, late_reason, point_outcome, verdicts
 from ..store.records import Curve, Limits, Measured, Point
 from .ladder import LONGEST_REASON, LadderCase, quartiles
@@ -65,9 +66,11 @@ class Case(LadderCase):
             return None
         answer, numbers = found
         fault = round_fault(answer, time.monotonic() - began)
-        count, n_rows = len(answer.get("times", ())), self.problem.n_rows
-        if fault is None and n_rows and not (n_rows <= len(numbers) <= n_rows * count and len(numbers) % n_rows == 0):
-            fault = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
+        n_rows = self.problem.n_rows
+        if fault is None and n_rows:
+            count = len(answer["times"])
+            if not n_rows <= len(numbers) <= n_rows * count or len(numbers) % n_rows:
+                fault = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
         if fault is not None:
             self._fail(Fault(Outcome.MISBEHAVED, fault))
             return None
@@ -82,14 +85,16 @@ class Case(LadderCase):
         last = answers[-1]
         times = np.array([pair for answer in answers for pair in answer["times"]])
         status = Status(last["status"])
-        outcome, impulses, (own, coulomb), different = self._judged(value, status, answers)
+        outcome, own, coulomb, different = self._judged(value, status, answers)
         reason = last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence)
         late = late_reason(float(np.median(times[:, 1])), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        if different > 1 and not self.solver.is_randomised:
-            reason = f"{different} different answers in {len(times)} solves{reason and '; '}{reason}"
-        iterations = self._counted(last["iterations"])
+        if len(different) > 1 and not self.solver.is_randomised:
+            reason = f"{len(different)} different answers in {len(times)} solves{reason and '; '}{reason}"
+        iterations, known = self._counted(last["iterations"]), self.problem.answer
+        found = [] if known is None else [known.impulse_error(impulses) for impulses in different]
+        errors = [error for error in found if error is not None]
         measured = Measured(
             iterations=iterations,
             claimed_iterations=None if iterations == last["iterations"] else last["iterations"],
@@ -99,9 +104,9 @@ class Case(LadderCase):
             solve_seconds=quartiles(times[:, 1]),
             total_seconds=quartiles(times.sum(axis=1)),
             repeats=len(times),
-            answers=different,
+            answers=len(different),
             verdict=coulomb.numbers(),
-            impulse_error=None if self.problem.answer is None else self.problem.answer.impulse_error(impulses),
+            impulse_error=max(errors, default=None),
         )
         if status is not Status.SOLVED or outcome is Outcome.TIME_LIMIT:
             self._ended_by = f"{value:g} already ended {outcome.value}"
@@ -109,22 +114,25 @@ class Case(LadderCase):
 
     def _judged(
         self, tolerance: float, status: Status, answers: list[dict[str, Any]]
-    ) -> tuple[Outcome, FloatArray, tuple[Verdict, Verdict], int]:
-        """Return the outcome, the impulses that it rests on, both verdicts on them, and how many vectors differ.
+    ) -> tuple[Outcome, Verdict, Verdict, list[FloatArray]]:
+        """Return the outcome, the worst verdicts under the solver's own model and Coulomb's law, and the answers.
 
-        All solves but the last one claim to have solved. The worst of the claims counts, unless a last solve that ended
-        otherwise leaves all of them standing: then that one is shown.
+        All solves but the last one claim to have solved; times are those of all, so the residuals are the worst of all.
         """
-        last = answers[-1]["impulses"][-1]
-        different = {impulses.tobytes(): impulses for answer in answers for impulses in answer["impulses"]}
+        rows = [impulses for answer in answers for impulses in answer["impulses"]]
+        different = {impulses.tobytes(): impulses for impulses in rows}
         judged = {key: verdicts(self.problem, impulses, self.solver.model) for key, impulses in different.items()}
-        claims = judged if status is Status.SOLVED else {key: judged[key] for key in judged if key != last.tobytes()}
-        worst = max(claims, key=lambda key: claims[key][0].residual, default=last.tobytes())
-        outcome = point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[worst])
-        if status is not Status.SOLVED and (outcome is not Outcome.WRONG or not claims):
-            worst = last.tobytes()
-            outcome = point_outcome(status, tolerance, self.solver.model, *judged[worst])
-        return outcome, different[worst], judged[worst], len(different)
+        claims = rows if status is Status.SOLVED else rows[:-1]
+        claimed = [
+            point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[key])
+            for key in {impulses.tobytes() for impulses in claims}
+        ]
+        own, coulomb = (max(found, key=_residual) for found in zip(*judged.values(), strict=True))
+        outcome = Outcome(status.value)
+        for worse in (Outcome.RELAXED, Outcome.WRONG):
+            if worse in claimed and (status is Status.SOLVED or worse is Outcome.WRONG):
+                outcome = worse
+        return outcome, own, coulomb, list(different.values())
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve that claims ``claimed``, by what the observed solve showed of its claims."""
@@ -147,14 +155,14 @@ class Case(LadderCase):
 
     def _judged_curve(self, answer: dict[str, Any], iterates: FloatArray) -> Curve:
         """Return the judged residual of every iterate shown: the judge runs where no plugin can reach it."""
-        iterations = answer.get("iterations")
-        if not isinstance(iterations, list) or len(iterations) * self.problem.n_rows != len(iterates):
+        iterations: Any = answer.get("iterations")
+        if not are_iterations(iterations) or len(iterations) * self.problem.n_rows != len(iterates):
             self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
             return self._curve
         residual, problem = Residual(self.problem), self.problem
         rows = iterates.reshape(len(iterations), problem.n_rows)
         return Curve(
-            iteration=[int(iteration) for iteration in iterations],
+            iteration=iterations,
             residual=[float(residual(impulses, problem.relative_velocity(impulses))) for impulses in rows],
         )
 
@@ -165,3 +173,7 @@ def _observations_per_claim(answer: dict[str, Any]) -> float | None:
     if type(calls) is not int or type(claimed) is not int or calls == claimed or calls <= 0 or claimed < 0:
         return None
     return calls / max(claimed, 1)
+
+
+def _residual(verdict: Verdict) -> float:
+    return verdict.residual

@@ -42,7 +42,8 @@ class Round:
     Attributes:
         solution: the last one, with impulses of the harness's own.
         times: seconds of preparing and of solving of each.
-        answers: the different impulses, the last solve's at the end, each of shape (n_rows,).
+        answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
+            (n_rows,).
     """
 
     solution: Solution
@@ -120,16 +121,16 @@ class Measurement:
             problem = self.problem.fresh()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
             times.append((prepare_seconds, solve_seconds))
-            key = solution.impulses.tobytes()
-            answers[key] = answers.pop(key, solution.impulses)
-            if solution.status is not Status.SOLVED or perf_counter() >= end:
+            if solution.status is not Status.SOLVED:
                 break
-            if len(answers) * problem.n_rows > MOST_NUMBERS:
+            answers.setdefault(solution.impulses.tobytes(), solution.impulses)
+            if perf_counter() >= end or len(answers) * problem.n_rows > MOST_NUMBERS:
                 break
         if problem.fresh().digest != self._digest:
             raise MisbehaviourError("it changed the numbers of the problem")
         _refuse(self._left_behind())
-        return Round(solution, times, list(answers.values()))
+        last = [] if solution.status is Status.SOLVED else [solution.impulses]
+        return Round(solution, times, [*answers.values(), *last])
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> tuple[Solution, float, float]:
         """Return the solution with a copy of its impulses that was made on the clock, and the seconds of both parts.

@@ -8,22 +8,22 @@ from ...problems.contact.model import Model
 from ..store.outcome import Outcome
 from ..store.records import CaseRecord, Point
 
-SOLUTION = 1e-4
-"""Judged residual of impulses that show a problem to have a solution."""
+SOLUTION = 1e-8
+"""Judged residual of impulses that are taken for a solution."""
 
 
-def refuted(cases: Sequence[CaseRecord], is_solvable: bool) -> list[CaseRecord]:
+def refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
     """Return the cases of one problem whose claims that it has no solution are shown to be wrong, as they then are.
 
     Such a claim falls where the judge of the same model has found a solution in any of the cases, or one is known.
 
     Args:
         cases: all that are measured.
-        is_solvable: whether a solution under Coulomb's law is known.
+        is_solvable: whether there is a solution under Coulomb's law, None where that is not known.
     """
     solvable = {case.model for case in cases if any(map(_is_solution, case.points))}
-    if is_solvable:
-        solvable.add(str(Model.COULOMB))
+    if is_solvable is not None:
+        (solvable.add if is_solvable else solvable.discard)(str(Model.COULOMB))
     return [
         replace(case, points=[_without_claim(point) for point in case.points])
         for case in cases

@@ -215,7 +215,7 @@ class _Progress:
         problem = problem_of(self._store, self._record, name)
         own = {case.solver for case in records}
         others = [case for case in stored.values() if case.solver not in own and case.digest == problem.digest]
-        is_solvable = problem.answer is not None and problem.answer.solvable
+        is_solvable = None if problem.answer is None else problem.answer.solvable
         wrong = {case.solver: case for case in refuted([*records, *others], is_solvable)}
         for case in wrong.values():
             if case.solver not in own:

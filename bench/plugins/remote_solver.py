@@ -122,7 +122,7 @@ class RemotePrepared:
         answer, content = self.solver.ask("solve", stop, start, observe is not None, more_seconds=more_seconds)
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
-        if answer_fault(answer) or not _are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
+        if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
             raise self.solver.failure(no_answer())
         rows = np.frombuffer(content, dtype=np.float64).reshape(len(shown) + 1, n_rows)
         if observe is not None:
@@ -140,8 +140,9 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
     return None
 
 
-def _are_iterations(shown: Any) -> bool:
-    return isinstance(shown, list) and all(type(iteration) is int and iteration >= 0 for iteration in shown)
+def are_iterations(shown: Any) -> bool:
+    """Whether these are numbers of iterations as an observer is given them."""
+    return isinstance(shown, list) and all(type(one) is int and 0 <= one <= MOST_ITERATIONS for one in shown)
 
 
 @dataclass

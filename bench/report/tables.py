@@ -72,12 +72,18 @@ def _tag(accuracy: float) -> str:
     return next((text for text in written if np.isclose(float(text), accuracy, rtol=1e-9, atol=0.0)), f"{accuracy:e}")
 
 
-def time_to_accuracy(points: pd.DataFrame, accuracy: float) -> float:
+LATE = 1.1
+"""Solves that took longer than this many times their limit reach nothing; the others may end an iteration."""
+
+
+def time_to_accuracy(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> float:
     """Return the least median time [s] of the points whose judged residual is at most ``accuracy``; NaN if none.
 
-    Points that claim what the judge refutes (WRONG), or to have solved after the limit of time, do not count.
+    Points that claim what the judge refutes (WRONG), or to have solved after the limit of time, do not count, nor do
+    those that took more than ``LATE`` times the limit whatever they claim.
     """
     is_late = (points["outcome"] == Outcome.TIME_LIMIT) & (points["status"] == Status.SOLVED)
+    is_late |= points["solve_seconds"] > LATE * limit
     reached = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG) & ~is_late]
     return float(reached["total_seconds"].min())
 
@@ -100,11 +106,11 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     outcome, reason.
     """
     shown = {_TIME + _tag(accuracy): accuracy for accuracy in accuracies(frames)}
-    rows = []
+    limit, rows = frames.info.plan.limits.solve_seconds, []
     for case in frames.cases.to_dict("records"):
         measured = measured_points(frames, case)
         row = {key: case[key] for key in _CASE_COLUMNS}
-        row |= {key: time_to_accuracy(measured, accuracy) for key, accuracy in shown.items()}
+        row |= {key: time_to_accuracy(measured, accuracy, limit) for key, accuracy in shown.items()}
         trusted = measured[measured["outcome"] != Outcome.WRONG]
         row["residual"], row["iterations"] = np.nan, np.nan
         if len(trusted):
@@ -137,7 +143,8 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
         for case in cases[cases["solver"] == solver].to_dict("records"):
             points, problem = measured_points(frames, case), case["problem"]
             for accuracy in levels:
-                seconds, claimed = time_to_accuracy(points, accuracy), _claims(points, accuracy)
+                seconds = time_to_accuracy(points, accuracy, frames.info.plan.limits.solve_seconds)
+                claimed = _claims(points, accuracy)
                 rows.append((solver, case["model"], problem, accuracy, seconds, claimed, problem in common))
     return pd.DataFrame(rows, columns=["solver", "model", "problem", "accuracy", "seconds", "claimed", "common"])
 

@@ -1,7 +1,8 @@
 """Which contacts act on each other: those that touch a common body, directly or over others.
 
-Where the factors are known, a body is a chunk of coordinates, or a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ. Where G alone is
-known, every non-zero entry between two contacts stands for a body that both touch. A friction law and the law that
+Where the factors are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ, which two contacts share if both have an entry
+there. Where G alone is known, every entry beyond rounding couples its two contacts; contacts of one body in directions
+that are orthogonal by accident count as apart there. A friction law and the law that
 bounds it are coupled like contacts of one body. The connected components of this graph are contact problems of their
 own, which only stand in one vector.
 """
@@ -13,8 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
-from .pieces import Pieces
 from .problem import ContactProblem
+
+ROUNDING = 1e-13
+"""Entries of G below this part of the root of both diagonal entries are rounding."""
 
 
 def components(problem: ContactProblem) -> IntArray:
@@ -22,11 +25,11 @@ def components(problem: ContactProblem) -> IntArray:
     layout = problem.layout
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
-    n_bodies, starts, bodies, numbers, contacts = _touching(problem)
+    n_bodies, starts, bodies, contacts = _touching(problem)
     root = np.arange(layout.n_blocks)
     if not layout.bounds_are_own:
         _unite_partners(root, layout.partner)
-    found: IntArray = _components(root, n_bodies, starts, bodies, numbers, contacts)
+    found: IntArray = _components(root, n_bodies, starts, bodies, contacts)
     return found
 
 
@@ -37,12 +40,12 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
         problem: the problem.
         values: one number ≥ 0 a contact, shape (n_contacts,).
     """
-    n_bodies, starts, bodies, numbers, contacts = _touching(problem)
+    n_bodies, starts, bodies, contacts = _touching(problem)
     largest = values.copy()
     if problem.factors is None:
-        _largest_of_neighbours(starts, bodies, numbers, contacts, values, largest)
+        _largest_of_neighbours(starts, bodies, contacts, values, largest)
     else:
-        _largest_over_bodies(n_bodies, starts, bodies, numbers, contacts, values, largest)
+        _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest)
     if not problem.layout.bounds_are_own:
         partner = problem.layout.partner
         np.maximum.at(largest, partner, values)
@@ -50,22 +53,54 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
     return largest
 
 
-def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any], NDArray[Any], IntArray]:
-    """Return a sparse matrix whose row i belongs to contact contacts[i], and whose columns are the bodies it touches.
+def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any], IntArray]:
+    """Return which bodies each contact touches.
 
     Returns:
-        Number of bodies, first entry of each row, column and value of each entry, contact of each row.
+        Number of bodies, first entry of each row, body of each entry, contact of each row.
     """
     layout = problem.layout
     if problem.factors is None:
-        matrix = problem.delassus()
-        return layout.n_blocks, matrix.indptr, layout.contact_of_row[matrix.indices], matrix.data, layout.contact_of_row
-    given, inverse = problem.factors.directions, problem.factors.inverse_mass
-    if isinstance(given, Pieces) and layout.is_dense and inverse.root_blocks(given.length) is not None:
-        is_body = (given.chunks < given.n_chunks).astype(np.float64)
-        return given.n_chunks + 1, given.starts, given.chunks, is_body, np.arange(layout.n_blocks)
-    columns = problem.factors.force_directions if inverse.is_diagonal else problem.factors.scaled_directions
-    return problem.factors.n_dofs, columns.indptr, columns.indices, columns.data, layout.contact_of_row
+        matrix, diagonal = problem.delassus(), np.sqrt(problem.delassus_diagonal)
+        starts, bodies = _coupled(matrix.indptr, matrix.indices, matrix.data, diagonal, layout.contact_of_row)
+        return layout.n_blocks, starts, bodies, layout.contact_of_row
+    pieces = problem.factor_pieces()
+    starts, bodies = _moved(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    return pieces.n_chunks * pieces.length, starts, bodies, np.arange(layout.n_blocks)
+
+
+@njit(cache=True)
+def _coupled(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
+    """Return, row by row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
+    starts, bodies = np.zeros(len(indptr), dtype=np.int64), np.empty(len(data), dtype=np.int64)
+    count = 0
+    for row in range(len(contact_of_row)):
+        for p in range(indptr[row], indptr[row + 1]):
+            if abs(data[p]) > ROUNDING * root[row] * root[indices[p]]:
+                bodies[count] = contact_of_row[indices[p]]
+                count += 1
+        starts[row + 1] = count
+    return starts, bodies[:count]
+
+
+@njit(cache=True)
+def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
+    """Return, contact by contact, the rows of W̃ in which it has an entry."""
+    width, length = values.shape[1], values.shape[2]
+    starts, bodies = np.zeros(len(first), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
+    count = 0
+    for contact in range(len(first) - 1):
+        for p in range(first[contact], first[contact + 1]):
+            if chunks[p] == idle:
+                continue
+            for k in range(length):
+                for lane in range(width):
+                    if values[p, lane, k] != 0.0:
+                        bodies[count] = chunks[p] * length + k
+                        count += 1
+                        break
+        starts[contact + 1] = count
+    return starts, bodies[:count]
 
 
 @njit(cache=True)
@@ -84,7 +119,7 @@ def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _components(root, n_bodies, starts, bodies, numbers, contacts):  # type: ignore[no-untyped-def]
+def _components(root, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
     """Unite each contact with the one that touched the body before it, and number the sets (union–find).
 
     Where bodies are contacts themselves each has touched its own before, because its diagonal block is not zero or it
@@ -96,7 +131,7 @@ def _components(root, n_bodies, starts, bodies, numbers, contacts):  # type: ign
         for p in range(starts[row], starts[row + 1]):
             body = bodies[p]
             before = last[body]
-            if before == contact or numbers[p] == 0.0:
+            if before == contact:
                 continue
             last[body] = contact
             if before >= 0 and root[before] != root[contact]:
@@ -112,22 +147,19 @@ def _components(root, n_bodies, starts, bodies, numbers, contacts):  # type: ign
 
 
 @njit(cache=True)
-def _largest_of_neighbours(starts, bodies, numbers, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
-            if numbers[p] != 0.0:
-                a, b = contacts[row], bodies[p]
-                largest[a], largest[b] = max(largest[a], values[b]), max(largest[b], values[a])
+            a, b = contacts[row], bodies[p]
+            largest[a], largest[b] = max(largest[a], values[b]), max(largest[b], values[a])
 
 
 @njit(cache=True)
-def _largest_over_bodies(n_bodies, starts, bodies, numbers, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     of_body = np.zeros(n_bodies)
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
-            if numbers[p] != 0.0:
-                of_body[bodies[p]] = max(of_body[bodies[p]], values[contacts[row]])
+            of_body[bodies[p]] = max(of_body[bodies[p]], values[contacts[row]])
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
-            if numbers[p] != 0.0:
-                largest[contacts[row]] = max(largest[contacts[row]], of_body[bodies[p]])
+            largest[contacts[row]] = max(largest[contacts[row]], of_body[bodies[p]])

@@ -107,7 +107,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
     error = None if known is None else ratio(float(np.abs(velocity - known).max(initial=0.0)), residual.scale)
     infeasible, normal = residual.infeasible, problem.laws.first_row[~problem.laws.is_friction]
-    components = _of_components(residual, violation)
+    components = _of_components(residual, np.where(np.arange(len(violation)) == residual.stuck_law, inf, violation))
     local = _local(problem, residual, violation)
     median, q90, q99 = _quantiles(local, (0.5, 0.9, 0.99))
     return Verdict(

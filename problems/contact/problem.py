@@ -314,18 +314,17 @@ def _check_definite(matrix: sp.csr_array, tolerance: float) -> None:
     """Raise ``ProblemError`` if G, symmetric, is found indefinite.
 
     Its 2×2 minors g_ii g_jj − g_ij² and a few Ritz values are looked at: each bounds the least eigenvalue from above,
-    so what is refused is indefinite, and what passes may be so by little.
+    so what is refused is indefinite, and what passes may be so by little beside its largest eigenvalue.
     """
     entries, diagonal = matrix.tocoo(), matrix.diagonal()
-    squares = diagonal[entries.row] * diagonal[entries.col]
-    with np.errstate(over="ignore", invalid="ignore"):
-        excess = np.abs(entries.data) - np.sqrt(squares)
+    roots = np.sqrt(diagonal[entries.row]) * np.sqrt(diagonal[entries.col])
+    excess = np.abs(entries.data) - roots
     worst = int(np.argmax(excess)) if len(excess) else 0
     if len(excess) and excess[worst] > tolerance * diagonal.max():
         row, column = int(entries.row[worst]), int(entries.col[worst])
         raise ProblemError(
-            f"G[{row}, {column}] = {entries.data[worst]} exceeds the root of G[{row}, {row}] G[{column}, {column}] = "
-            f"{squares[worst]}: G must be positive semidefinite."
+            f"G[{row}, {column}] = {entries.data[worst]} exceeds the root of G[{row}, {row}] G[{column}, {column}], "
+            f"{roots[worst]}: G must be positive semidefinite."
         )
     values = np.linalg.eigvalsh(matrix.toarray()) if matrix.shape[0] <= DENSE_ROWS else _ritz_values(matrix)
     if len(values) and values[0] < -tolerance * values[-1]:

@@ -36,7 +36,8 @@ class Residual:
         scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
         components: the connected component of each law, shape (n_laws,).
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
-        infeasible: whether some unilateral law has α_i = 0 and c_i < 0.
+        stuck_law: a unilateral law with α_i = 0 and c_i < 0, −1 if there is none.
+        infeasible: whether there is one.
         unit: power of two that impulses and velocities are multiplied by where their squares would leave the range of
             double precision; 1 elsewhere.
     """
@@ -45,13 +46,13 @@ class Residual:
         laws, layout = problem.laws, problem.layout
         self.alpha: FloatArray
         self.speeds: FloatArray
-        self.alpha, self.speeds, stuck = _scales(
+        self.alpha, self.speeds, self.stuck_law = _scales(
             laws.kind, laws.first_row, laws.partner, problem.delassus_diagonal, problem.free_velocity
         )
         self.scale = float(self.speeds.max(initial=0.0))
         self.components: IntArray = components(problem)[layout.contact_of_row[laws.first_row]]
         self.ratios: FloatArray = _ratios(self.components, self.speeds, self.scale)
-        self.infeasible = stuck >= 0
+        self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._squares = np.empty(laws.n_laws)
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound

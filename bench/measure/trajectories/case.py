@@ -139,7 +139,9 @@ class TrajectoryCase(LadderCase):
             unsolved_steps=sum(run.unsolved for run in good.values()),
             failed_members=len(failed),
         )
-        status = Status.SOLVED if errors or not failed else failed[0].status
+        # what most members did not come to the end of is not reached, whatever the others say
+        is_reached = not failed or (errors and len(good) > len(failed))
+        status = Status.SOLVED if is_reached else failed[0].status
         if any(run.status is Status.TIME_LIMIT for run in failed):
             self._ended_by = f"{value:g} already took longer than {self.limits.solve_seconds:g} s"
         reason = failed[0].reason[:LONGEST_REASON] if failed else ""

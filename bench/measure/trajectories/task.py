@@ -25,9 +25,6 @@ from .methods import Method, neighbour
 MOST_SOLVES = 10_000
 """One-step solves after which a variable step is given up: where its solver is too coarse, its laws flicker."""
 
-WARM_SHARE = 0.2
-"""Share of the duration that is simulated beforehand, so that no compilation is timed."""
-
 
 @dataclass
 class TrajectoryTask:
@@ -39,7 +36,7 @@ class TrajectoryTask:
     most_solves: int = MOST_SOLVES
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request: a simulation of a member at a value of the ladder, the begin of one, or the exact end.
+        """Answer one request: a simulation of a member at a value of the ladder, timed or to warm up, or the exact end.
 
         Raises:
             Exception: whatever code of a plugin raises.
@@ -47,9 +44,8 @@ class TrajectoryTask:
         if request == "known":
             return self._known(), b""
         value, member = arguments
-        task = self
-        if request == "warm_up":
-            task = replace(self, problem=replace(self.problem, duration=WARM_SHARE * self.problem.duration))
+        # compiling has no limit but that of the case, and contacts of all kinds are met in a whole motion only
+        task = replace(self, seconds=math.inf) if request == "warm_up" else self
         try:
             return task._simulated(value, member), b""
         except UnsupportedStepError as refusal:

@@ -23,7 +23,7 @@ from rich.console import Console
 
 def points(*rows: tuple[float, float, str], status: str = "") -> pd.DataFrame:
     frame = pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
-    return frame.assign(status=status or frame["outcome"])
+    return frame.assign(status=status or frame["outcome"], solve_seconds=frame["total_seconds"])
 
 
 def test_time_to_accuracy_is_the_least_time_among_points_that_are_accurate_enough() -> None:
@@ -38,6 +38,7 @@ def test_wrong_claims_are_never_ranked() -> None:
 
 
 def test_what_was_solved_after_the_limit_is_never_ranked() -> None:
+    assert np.isnan(time_to_accuracy(points((1e-9, 50.0, "stalled")), 1e-2, limit=0.5))
     assert np.isnan(time_to_accuracy(points((1e-9, 1.0, "time limit"), status="solved"), 1e-2))
 
 
