@@ -38,7 +38,7 @@ ACTIONS = {
     "set an alarm": (CRASHED, "SIGALRM"),
     "stop itself": (TIMEOUT, "10 s"),
     "hang up": (CRASHED, "closed its connection"),
-    "leave slowly": (MEASURED, ""),
+    "leave slowly": (MISBEHAVED, "threads running"),
     "sleep": (TIMEOUT, "10 s"),
     "spin": (TIMEOUT, "10 s"),
     "allocate": ("out of memory", "256 MB"),
@@ -50,7 +50,7 @@ ACTIONS = {
     "unsettle": (MEASURED, ""),
     "close": (CRASHED, "exit code 1"),
     "litter": (MEASURED, ""),
-    "start threads": (MEASURED, ""),
+    "start threads": (MISBEHAVED, "threads running"),
     "start processes": (MEASURED, ""),
     "return twice": (MEASURED, ""),
     "run away": (MEASURED, ""),
@@ -124,5 +124,5 @@ def test_the_record_of_the_culprit_says_what_it_did(disturbance: Disturbance, ac
 
 def test_what_a_culprit_does_in_private_changes_no_number_of_its_own(disturbance: Disturbance) -> None:
     honest = disturbance.disturbed["funnel-30", "SORprox"][-1]
-    for action in ("unsettle", "move", "start threads", "start processes", "run away", "print gigabytes"):
+    for action in ("unsettle", "move", "start processes", "run away", "print gigabytes"):
         assert disturbance.disturbed["funnel-30", f"Misbehaving({action})"][-1] == honest

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from proxbench.problems import ContactProblem
+from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop, create
 
 
@@ -37,7 +37,7 @@ class Misbehaving:
         return f"Misbehaving({self.action})"
 
     def supports(self, problem: ContactProblem) -> str | None:
-        if self.only and problem.name != self.only:
+        if self.only and problem.digest != load(self.only).digest:
             return f"it misbehaves on {self.only} alone"
         if self.action == "refuse badly":
             raise RuntimeError("for no reason")
