@@ -145,7 +145,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
     from ..errors import BenchError
 
     given, resume = context.params, context.params["resume"]
-    named = {name for name in given if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
+    named = options.given(context)
     is_study = given["study"] or (resume is not None and resume.is_dir())
     if resume is None and not given["scene"]:
         raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result to go on with: --resume RESULT.")

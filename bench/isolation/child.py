@@ -34,6 +34,12 @@ class MisbehaviourError(Exception):
     """A solver broke its contract; the text says how."""
 
 
+def refuse(fault: str | None) -> None:
+    """Raise ``MisbehaviourError`` if there is a fault."""
+    if fault:
+        raise MisbehaviourError(fault)
+
+
 @dataclass
 class Assignment:
     """What a case's process needs.

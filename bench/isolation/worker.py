@@ -68,9 +68,13 @@ class Fault(Exception):  # noqa: N818 - the case is at fault, not the program
     traceback: str = ""
 
 
+NO_ANSWER = "its process sent something that is no answer"
+"""What is said of a process whose answer cannot be read."""
+
+
 def no_answer() -> Fault:
-    """Return the fault of a process whose answer is none."""
-    return Fault(Outcome.MISBEHAVED, "its process sent something that is no answer")
+    """Return the fault of such a process."""
+    return Fault(Outcome.MISBEHAVED, NO_ANSWER)
 
 
 class Task(Protocol):

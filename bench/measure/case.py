@@ -11,7 +11,7 @@ from ...problems.contact.judge import Verdict
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...solvers.interface import Status, Stop
-from ..isolation.worker import Fault
+from ..isolation.worker import Fault, no_answer
 from ..plugins.contestants import Contestant
 from ..plugins.remote_solver import are_iterations
 from ..store.outcome import Outcome, late_reason, point_outcome, verdicts
@@ -46,7 +46,8 @@ class Case(LadderCase):
     ) -> None:
         super().__init__(ladder, limits)
         self.problem, self.solver, self._data = problem, solver, problem_data
-        self._observed: float | None = None
+        self._observed: tuple[int, int] | None = None
+        self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     def begin(self) -> None:
         """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
@@ -56,7 +57,7 @@ class Case(LadderCase):
             seen = self._ask("observe", self._stop(self.ladder[-1]))
             if seen:
                 self._curve = self._judged_curve(*seen)
-                self._observed = _observations_per_claim(seen[0])
+                self._observed = _contradicted_count(seen[0])
 
     def measure(self, value: float, number: int) -> dict[str, Any] | None:
         """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
@@ -122,21 +123,26 @@ class Case(LadderCase):
         rows = [impulses for answer in answers for impulses in answer["impulses"]]
         different = {impulses.tobytes(): impulses for impulses in rows}
         judged = {key: verdicts(self.problem, impulses, self.solver.model) for key, impulses in different.items()}
-        claims = rows if status is Status.SOLVED else rows[:-1]
-        claimed = [
-            point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[key])
-            for key in {impulses.tobytes() for impulses in claims}
-        ]
-        own, coulomb = (max(found, key=_residual) for found in zip(*judged.values(), strict=True))
+        claims = {impulses.tobytes() for impulses in (rows if status is Status.SOLVED else rows[:-1])}
+        outcomes = {point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[key]) for key in claims}
         outcome = Outcome(status.value)
-        for worse in (Outcome.RELAXED, Outcome.WRONG):
-            if worse in claimed and (status is Status.SOLVED or worse is Outcome.WRONG):
-                outcome = worse
+        if Outcome.WRONG in outcomes:
+            outcome = Outcome.WRONG
+        elif status is Status.SOLVED and Outcome.RELAXED in outcomes:
+            outcome = Outcome.RELAXED
+        own, coulomb = (max(found, key=_residual) for found in zip(*judged.values(), strict=True))
         return outcome, own, coulomb, list(different.values())
 
     def _counted(self, claimed: int) -> int:
-        """Return the iterations of a solve that claims ``claimed``, by what the observed solve showed of its claims."""
-        return claimed if self._observed is None else round(claimed * self._observed)
+        """Return the iterations of a solve that claims ``claimed``.
+
+        Where the observed solve showed another number than the solver claimed of it, claims are corrected by their
+        ratio; a solver that claims none has those of the observed solve.
+        """
+        if self._observed is None:
+            return claimed
+        observed, claimed_then = self._observed
+        return round(claimed * observed / claimed_then) if claimed and claimed_then else observed
 
     def identity(self) -> dict[str, Any]:
         """Return problem and solver."""
@@ -157,7 +163,7 @@ class Case(LadderCase):
         """Return the judged residual of every iterate shown: the judge runs where no plugin can reach it."""
         iterations: Any = answer.get("iterations")
         if not are_iterations(iterations) or len(iterations) * self.problem.n_rows != len(iterates):
-            self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
+            self._fail(no_answer())
             return self._curve
         residual, problem = Residual(self.problem), self.problem
         rows = iterates.reshape(len(iterations), problem.n_rows)
@@ -167,12 +173,12 @@ class Case(LadderCase):
         )
 
 
-def _observations_per_claim(answer: dict[str, Any]) -> float | None:
-    """Return how often the observer was called for each iteration that the solver claims; None where they agree."""
+def _contradicted_count(answer: dict[str, Any]) -> tuple[int, int] | None:
+    """Return how often the observer was called and the iterations that the solver claims; None where they agree."""
     calls, claimed = answer.get("calls"), answer.get("claimed")
-    if type(calls) is not int or type(claimed) is not int or calls == claimed or calls <= 0 or claimed < 0:
+    if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):
         return None
-    return calls / max(claimed, 1)
+    return calls, claimed
 
 
 def _residual(verdict: Verdict) -> float:

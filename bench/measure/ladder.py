@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ..isolation.worker import LARGEST_CONTENT, Fault, Task, Worker, numbers_of
+from ..isolation.worker import LARGEST_CONTENT, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
 from ..store.records import CaseRecord, Curve, Limits, Point, Quartiles
 
@@ -28,9 +28,11 @@ class LadderCase(ABC):
         outcome: MEASURED, until something else comes of it.
         points: the finished points of the ladder, as they are stored.
         keeps_points: whether it is stored after each point, and goes on from there.
+        is_solvable: whether its problem has a solution under Coulomb's law, None where that is not known.
     """
 
     keeps_points: ClassVar[bool] = False
+    is_solvable: bool | None = None
 
     def __init__(self, ladder: Sequence[float], limits: Limits) -> None:
         self.ladder, self.limits = ladder, limits
@@ -39,7 +41,7 @@ class LadderCase(ABC):
         self._curve = Curve()
         self._reason = self._traceback = self._output = self._ended_by = ""
         self._worker: Worker | None = None
-        self._seconds, self._memory = 0.0, 0
+        self._seconds, self._seconds_before, self._memory = 0.0, 0.0, 0
 
     @property
     @abstractmethod
@@ -124,14 +126,15 @@ class LadderCase(ABC):
             return None
         refusal = answer.get("refusal", "")
         if not isinstance(refusal, str):
-            self._fail(Fault(Outcome.MISBEHAVED, "its process sent something that is no answer"))
+            self._fail(no_answer())
         elif refusal:
             self._fail(Fault(Outcome.UNSUPPORTED, refusal[:LONGEST_REASON]))
         return None if refusal else (answer, numbers)
 
     def _note_costs(self) -> None:
         if self._worker is not None:
-            self._seconds, self._memory = self._worker.busy_seconds, self._worker.peak_memory_bytes
+            self._seconds = self._seconds_before + self._worker.busy_seconds
+            self._memory = max(self._memory, self._worker.peak_memory_bytes)
 
     def _fail(self, fault: Fault) -> None:
         self.outcome, self._reason, self._traceback = fault.outcome, fault.reason, fault.traceback

@@ -20,7 +20,8 @@ from ...problems.catalog.storage import read_problem
 from ...problems.contact.problem import ContactProblem
 from ...solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates
-from ..isolation.child import MisbehaviourError
+from ..isolation.child import MisbehaviourError, refuse
+from ..isolation.worker import NO_ANSWER
 from ..plugins.contestants import Contestant
 from ..plugins.remote_solver import answer_fault
 
@@ -72,14 +73,14 @@ class Measurement:
     def refusal(self) -> str:
         """Return why the solver does not support the problem; nothing if it does."""
         reason = self.solver.supports(self.problem.fresh())
-        _refuse(reason_fault(reason) or self._left_behind())
+        refuse(reason_fault(reason) or self._left_behind())
         return reason or ""
 
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first touches are off the clock."""
         prepared = self.solver.prepare(self.problem.fresh())
-        _refuse(prepared_fault(prepared))
-        _refuse(type_fault(prepared.solve(stop)) or self._left_behind())
+        refuse(prepared_fault(prepared))
+        refuse(type_fault(prepared.solve(stop)) or self._left_behind())
 
     def observe(self, stop: Stop) -> tuple[list[int], FloatArray, int, int]:
         """Return iterations of one observed solve, and their impulses, one row each, for the judge outside.
@@ -105,7 +106,7 @@ class Measurement:
 
         if shows_iterates(self.solver):
             solution = self.solver.prepare(problem).solve(stop, observe=note)
-            _refuse(type_fault(solution) or self._left_behind())
+            refuse(type_fault(solution) or self._left_behind())
             claimed = int(solution.iterations)
         return iterations, np.array(iterates).reshape(len(iterates), problem.n_rows), calls, claimed
 
@@ -126,9 +127,8 @@ class Measurement:
             answers.setdefault(solution.impulses.tobytes(), solution.impulses)
             if perf_counter() >= end or len(answers) * problem.n_rows > MOST_NUMBERS:
                 break
-        if problem.fresh().digest != self._digest:
-            raise MisbehaviourError("it changed the numbers of the problem")
-        _refuse(self._left_behind())
+        is_changed = problem.fresh().digest != self._digest
+        refuse("it changed the numbers of the problem" if is_changed else self._left_behind())
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
         return Round(solution, times, [*answers.values(), *last])
 
@@ -155,7 +155,7 @@ class Measurement:
         finally:
             if collecting:
                 gc.enable()
-        _refuse(solution_fault(problem, solution))
+        refuse(solution_fault(problem, solution))
         return replace(solution, impulses=impulses), ready - began, done - ready
 
     def _left_behind(self) -> str | None:
@@ -204,9 +204,9 @@ def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
     try:
         times = np.array(answer["times"], dtype=np.float64)
     except (KeyError, TypeError, ValueError):
-        return "its process sent something that is no answer"
+        return NO_ANSWER
     if times.ndim != 2 or times.shape[1] != 2 or not len(times):
-        return "its process sent something that is no answer"
+        return NO_ANSWER
     if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
         return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"
     return None
@@ -218,8 +218,3 @@ def _is_copied(solution: Any, impulses: FloatArray) -> bool:
         return False
     given = solution.impulses
     return type(given) is np.ndarray and given.shape == impulses.shape and given.dtype.kind == "f"
-
-
-def _refuse(fault: str | None) -> None:
-    if fault:
-        raise MisbehaviourError(fault)

@@ -14,8 +14,9 @@ from msgspec.structs import replace
 
 from ...problems.catalog.catalog import is_available
 from ...problems.catalog.storage import problem_bytes
+from ...problems.contact.judge import JUDGE
 from ...problems.scenes.registry import read_scene
-from ..errors import InterruptedRunError
+from ..errors import BenchError, InterruptedRunError
 from ..generate import generate
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
@@ -32,8 +33,7 @@ from .plan import Plan, name_of
 from .refutation import refuted
 from .trajectories.case import TrajectoryCase
 from .trajectories.methods import Method, stored_method
-from .trajectories.problems import problem_of as trajectory_of
-from .trajectories.problems import referenced
+from .trajectories.problems import referenced, trajectory_of
 
 Contestants = Sequence[Contestant] | Sequence[Method]
 
@@ -101,6 +101,7 @@ def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None
                 trajectories=list(plan.trajectories),
             ),
             machine=msgspec.convert(describe_machine(), Machine),
+            judge=JUDGE,
             plugins=sources([solver.name for solver in solvers], names, scenes),
             carried={} if scenes else carry(plan.problems, store),
         )
@@ -126,6 +127,11 @@ def measure_rest(
     """
     store = Store.open(folder)
     record = store.read_run()
+    if record.judge != JUDGE:
+        raise BenchError(
+            f"{folder} was judged by version {record.judge} of the judge, this is {JUDGE}; residuals of both do not "
+            "compare, begin a new run."
+        )
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
     contestants: Contestants = tuple(map(stored_method, record.plan.methods))
@@ -163,7 +169,7 @@ class _Progress:
                 done += len(plan.solvers) - len(cases)
                 self._on_event(ProblemStarted(name))
                 measure_ladder(cases, self._keep)
-                for case in self._records(name, cases, known):
+                for case in self._records(cases, known):
                     self._store.write_case(case)
                     done += 1
                     self._on_event(CaseFinished(name, case.solver, case.outcome, done, total))
@@ -194,10 +200,9 @@ class _Progress:
             trajectory = trajectory_of(record.plan.trajectory(name))
             same = {solver: case for solver, case in stored.items() if case.digest == trajectory.digest}
             finished = {solver for solver, case in same.items() if record.plan.has_finished(case)}
-            points = {solver: case.points for solver, case in same.items()}
             methods = [method for method in self._contestants if isinstance(method, Method)]
             return [
-                TrajectoryCase(trajectory, method, limits, points.get(method.record.name, ()))
+                TrajectoryCase(trajectory, method, limits, same.get(method.record.name))
                 for method in methods
                 if method.record.name not in finished
             ]
@@ -207,20 +212,17 @@ class _Progress:
         data = problem_bytes(problem.anonymous()) if solvers else b""
         return [Case(problem, solver, limits, record.plan.tolerances, data) for solver in solvers]
 
-    def _records(self, name: str, cases: Sequence[LadderCase], stored: Mapping[str, CaseRecord]) -> list[CaseRecord]:
+    def _records(self, cases: Sequence[LadderCase], stored: Mapping[str, CaseRecord]) -> list[CaseRecord]:
         """Return the records of measured cases; a stored one whose claims they refute is stored again."""
-        records = [case.record() for case in cases]
-        if self._record.plan.trajectories:
-            return records
-        problem = problem_of(self._store, self._record, name)
-        own = {case.solver for case in records}
-        others = [case for case in stored.values() if case.solver not in own and case.digest == problem.digest]
-        is_solvable = None if problem.answer is None else problem.answer.solvable
-        wrong = {case.solver: case for case in refuted([*records, *others], is_solvable)}
-        for case in wrong.values():
-            if case.solver not in own:
+        records = {case.solver: case for case in (case.record() for case in cases)}
+        digests = {case.digest for case in records.values()}
+        others = [case for case in stored.values() if case.solver not in records and case.digest in digests]
+        for case in refuted([*records.values(), *others], cases[0].is_solvable if cases else None):
+            if case.solver in records:
+                records[case.solver] = case
+            else:
                 self._store.write_case(case)
-        return [wrong.get(case.solver, case) for case in records]
+        return list(records.values())
 
     def _keep(self, case: LadderCase) -> None:
         """Store a case as far as it has come."""

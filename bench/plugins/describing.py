@@ -39,6 +39,8 @@ def contestant(solver: str | Solver | Contestant) -> Contestant:
         return built_in(solver) if registry.find(solver) is None else _described(solver, b"", PluginError)
     if isinstance(solver, Contestant):
         return solver
+    if isinstance(solver, type):
+        raise BenchError(f"the solver {solver.__name__} is a class; give one made of it, {solver.__name__}().")
     if type(solver).__module__.startswith(f"{registry.__package__}."):
         return built_in(solver.name)
     return _described("", carried(solver), BenchError)

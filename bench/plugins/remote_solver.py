@@ -19,8 +19,8 @@ from ...problems.contact.problem import ContactProblem
 from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, Stop
 from ..errors import BenchError
-from ..isolation.child import MisbehaviourError
-from ..isolation.worker import MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
+from ..isolation.child import MisbehaviourError, refuse
+from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from .contestants import Contestant
 from .describing import contestant
 
@@ -136,7 +136,7 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
     is_count = type(iterations) is int and 0 <= iterations <= MOST_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):
-        return "its process sent something that is no answer"
+        return NO_ANSWER
     return None
 
 
@@ -170,12 +170,12 @@ class SolvingTask:
 
     def _supports(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         reason = solver.supports(problem)
-        _refuse(reason_fault(reason))
+        refuse(reason_fault(reason))
         return {"refusal": reason or ""}, b""
 
     def _prepare(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         self._prepared = solver.prepare(problem)
-        _refuse(prepared_fault(self._prepared))
+        refuse(prepared_fault(self._prepared))
         return {}, b""
 
     def _solve(
@@ -194,7 +194,7 @@ class SolvingTask:
 
         digest = problem.digest
         solution = self._prepared.solve(stop, start=start, observe=note if is_observed else None)
-        _refuse(solution_fault(problem, solution))
+        refuse(solution_fault(problem, solution))
         if problem.fresh().digest != digest:
             raise MisbehaviourError("it changed the numbers of the problem")
         answer = {
@@ -204,11 +204,6 @@ class SolvingTask:
             "shown": shown,
         }
         return answer, np.array([solution.impulses, *iterates], dtype=np.float64).tobytes()
-
-
-def _refuse(fault: str | None) -> None:
-    if fault:
-        raise MisbehaviourError(fault)
 
 
 def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:

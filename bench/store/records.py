@@ -195,6 +195,7 @@ class RunRecord(Record, frozen=True, kw_only=True):
         run_id: its name.
         plan: what it measures.
         machine: what it was begun on.
+        judge: version of the judge that its residuals are of.
         plugins: the names that it has from plugins.
         carried: digests of the problems that are stored with it, by name.
         sessions: when it was worked on, and how steady the machine was.
@@ -203,6 +204,7 @@ class RunRecord(Record, frozen=True, kw_only=True):
     run_id: str
     plan: PlanRecord
     machine: Machine
+    judge: Count = 1
     plugins: list[PluginUse]
     carried: dict[str, Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]] = {}
     sessions: list[Session] = []

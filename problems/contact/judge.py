@@ -29,6 +29,9 @@ from .problem import ContactProblem
 from .projections import onto_friction_cone
 from .residual import ROUNDING, Residual, friction_bounds, in_units, tangents, violations
 
+JUDGE = 2
+"""Version of the judge: residuals of other versions do not compare. The first did not tell components apart."""
+
 NO_NUMBERS = ("model", "component_residuals")
 """Fields of a verdict that are more than a number."""
 

@@ -1,7 +1,7 @@
 """A stepper with a solver on a trajectory, as it is measured from outside: a round is a member of the problem."""
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from statistics import median
 from typing import Any
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from ....problems.trajectories.problem import TrajectoryProblem
 from ....solvers.interface import Status
-from ...isolation.worker import Fault
+from ...isolation.worker import Fault, no_answer
 from ...store.outcome import Outcome
-from ...store.records import Count, Limits, Measured, Number, Point, QuantityError
+from ...store.records import CaseRecord, Count, Limits, Measured, Number, Point, QuantityError
 from ..ladder import LONGEST_REASON, LadderCase, quartiles
 from .methods import Method
 from .task import TrajectoryTask
@@ -49,13 +49,12 @@ def simulated(answer: dict[str, Any], seconds: float, names: Collection[str]) ->
     Raises:
         Fault: if it cannot be one.
     """
-    unreadable = Fault(Outcome.MISBEHAVED, "its process sent something that is no answer")
     try:
         read = msgspec.convert(answer, Simulated)
     except msgspec.ValidationError:
-        raise unreadable from None
+        raise no_answer() from None
     if read.status is Status.SOLVED and not (read.values and set(names) <= set(read.values)):
-        raise unreadable
+        raise no_answer()
     if not 0.0 <= read.wall <= seconds:
         clock = f"the clock in its process counted {read.wall:g} s of steps in {seconds:g} s of wall time"
         raise Fault(Outcome.MISBEHAVED, clock)
@@ -73,7 +72,7 @@ class TrajectoryCase(LadderCase):
     keeps_points = True
 
     def __init__(
-        self, problem: TrajectoryProblem, method: Method, limits: Limits, points: Sequence[Point] = ()
+        self, problem: TrajectoryProblem, method: Method, limits: Limits, stored: CaseRecord | None = None
     ) -> None:
         """Note what to measure.
 
@@ -81,10 +80,15 @@ class TrajectoryCase(LadderCase):
             problem: the problem.
             method: the stepper with its solver.
             limits: one simulation has those of a solve.
-            points: what is measured already.
+            stored: what is measured already.
         """
         super().__init__(method.record.values, limits)
-        self.problem, self.method, self.points = problem, method, list(points)
+        self.problem, self.method = problem, method
+        if stored is not None:
+            self.points = list(stored.points)
+            self._seconds = self._seconds_before = stored.wall_seconds
+            self._memory = stored.peak_memory_bytes
+            self._ended_by = self._end_of_ladder()
 
     @property
     def rounds(self) -> int:
@@ -142,12 +146,21 @@ class TrajectoryCase(LadderCase):
         # what most members did not come to the end of is not reached, whatever the others say
         is_reached = not failed or (errors and len(good) > len(failed))
         status = Status.SOLVED if is_reached else failed[0].status
-        if any(run.status is Status.TIME_LIMIT for run in failed):
-            self._ended_by = f"{value:g} already took longer than {self.limits.solve_seconds:g} s"
         reason = failed[0].reason[:LONGEST_REASON] if failed else ""
         return Point(
             tolerance=value, outcome=Outcome(status.value), status=status.value, reason=reason, measured=measured
         )
+
+    def add_point(self, value: float, answers: list[dict[str, Any]]) -> None:
+        """Keep one point of the ladder, which ends with one that took too long."""
+        super().add_point(value, answers)
+        self._ended_by = self._end_of_ladder()
+
+    def _end_of_ladder(self) -> str:
+        """Return why nothing finer is tried after the last point; empty if it is."""
+        if self.points and self.points[-1].outcome is Outcome.TIME_LIMIT:
+            return f"{self.points[-1].tolerance:g} already took longer than {self.limits.solve_seconds:g} s"
+        return self.points[-1].reason if self.points and self.points[-1].outcome is Outcome.NOT_ATTEMPTED else ""
 
     def identity(self) -> dict[str, Any]:
         """Return problem and method."""

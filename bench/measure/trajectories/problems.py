@@ -18,7 +18,7 @@ LEAST_SEEDS = 2
 """Seeds that a standard error needs."""
 
 
-def problem_of(record: TrajectoryRecord) -> TrajectoryProblem:
+def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
     """Return the problem of a run, its members those that the reference has."""
     known = {one.member: one.values for one in record.known if not one.failure}
     members = tuple(record.members)
@@ -45,7 +45,7 @@ def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryR
     left = [member for member in wanted if member not in {one.member for one in record.known}]
     if record.error != "limit cycle" and left:
         method = _reference(record)
-        task = TrajectoryTask(problem_of(replace(record, known=[])), method, limits.case_seconds, most_solves=10**9)
+        task = TrajectoryTask(trajectory_of(replace(record, known=[])), method, limits.case_seconds, most_solves=10**9)
         try:
             with RenewedWorker(task, limits.case_seconds, limits.memory_bytes) as worker:
                 for member in left:

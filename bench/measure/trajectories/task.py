@@ -72,12 +72,15 @@ class TrajectoryTask:
         stepper = stepper.fitted(scene)
         if not self.problem.varies_seeds:
             stepper = neighbour(stepper, member, self.problem.duration)
-        duration, iterations, solver = (
+        return SimulationPlan(
+            scene,
+            stepper,
             self.problem.duration,
-            self.method.record.max_iterations,
             self.method.solver.make(),
+            tolerance,
+            self.method.record.max_iterations,
+            states=1,
         )
-        return SimulationPlan(scene, stepper, duration, solver, tolerance, iterations, states=1)
 
     def _simulated(self, value: float, member: float) -> dict[str, Any]:
         plan = self._plan(value, member)
