@@ -13,7 +13,7 @@ import pandas as pd
 from ..problems.contact.problem import ContactProblem
 from ..solvers.interface import Solver
 from .errors import BenchError
-from .measure.plan import Plan, make_plan
+from .measure.plan import PASSES, Plan, make_plan
 from .measure.runner import Event, measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
@@ -56,6 +56,7 @@ class Run(RunFrames, os.PathLike[str]):
             [bytes], and what a failed one left.
         points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
             quartiles, the other numbers of the verdict.
+        rounds: in which points were measured: problem, solver, tolerance, session, number, median times [s].
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories: problem, solver, tolerance, quantity, error, low, high.
         info: plan, machine, plugins, and sessions with drift and load of the machine.
@@ -94,10 +95,14 @@ class Run(RunFrames, os.PathLike[str]):
         return Report(results_table(self), summary, tables, drawn)
 
     def resume(
-        self, retry_failed: bool = False, on_event: OnEvent = _ignore, plugins: Sequence[Path | str] = ()
+        self,
+        retry_failed: bool = False,
+        on_event: OnEvent = _ignore,
+        plugins: Sequence[Path | str] = (),
+        mix: bool = False,
     ) -> "Run":
         """Measure what is missing, and return the run as it then is; see ``resume``."""
-        return resume(self.folder, retry_failed, on_event, plugins)
+        return resume(self.folder, retry_failed, on_event, plugins, mix)
 
     def problem(self, name: str) -> ContactProblem:
         """Return one of its problems, also where what made it is gone.
@@ -122,6 +127,8 @@ def run(
     solve_seconds: float | None = None,
     case_seconds: float | None = None,
     memory: float | None = None,
+    passes: int = PASSES,
+    seed: int = 0,
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
@@ -140,10 +147,13 @@ def run(
         case_seconds: limit of everything in a case [s], instead of that of ``limits``.
         memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
             ``limits``.
+        passes: rounds that each point has at least, in as many passes over all problems; with fewer than five, ratios
+            of times have no intervals.
+        seed: of the orders of problems and solvers in each pass.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
-        InterruptedRunError: on Ctrl-C; finished cases are kept.
+        InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
     given = {
@@ -158,6 +168,8 @@ def run(
         suite,
         _several(tolerances),
         msgspec.structs.replace(limits or Limits(), **changed),
+        passes,
+        seed,
     )
     return _measured(plan, results, run_id, on_event)
 
@@ -225,6 +237,7 @@ def resume(
     retry_failed: bool = False,
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
+    mix: bool = False,
 ) -> Run:
     """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
 
@@ -233,16 +246,17 @@ def resume(
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called as the run goes on.
         plugins: the plugin files from which it has its solvers, or one of them; problems of plugins are stored with it.
+        mix: go on also where machine, versions or source differ from those it was begun with; its reports say so.
 
     Returns:
         The run as it then is.
 
     Raises:
-        BenchError: if the folder is no run, its run.json is damaged, or a plugin file of its solvers is not named, is
-            gone or has changed.
+        BenchError: if the folder is no run, its run.json is damaged, a plugin file of its solvers is not named, is gone
+            or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or ())
+    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix)
     return load(run_dir)
 
 

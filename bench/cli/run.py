@@ -25,6 +25,8 @@ _STORED_WITH_THE_RUN = (
     "solve_seconds",
     "case_seconds",
     "memory",
+    "passes",
+    "seed",
 )
 """Options that --resume takes from the stored run."""
 
@@ -41,6 +43,9 @@ def run(
     run_id: Annotated[str, options.output(metavar="NAME", help="Name of its folder; the time if left out.")] = "",
     resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
     retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
+    mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
+    passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 5,
+    seed: Annotated[int, options.limits(metavar="NUMBER", help="Of the orders in each pass.")] = 0,
     solve_seconds: options.SolveSeconds = 0.5,
     case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
     memory: Annotated[int, options.limits(metavar="MB", help="Memory of one case.")] = 2048,
@@ -51,7 +56,7 @@ def run(
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Measure how long solvers take to reach an accuracy; print tables and store all results."""
+    """Measure how long solvers take to reach an accuracy; print and store it."""
     from rich.console import Console
 
     from .. import runs
@@ -61,7 +66,7 @@ def run(
     options.refuse_two_prints(quiet, as_json)
     with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         if resume is not None:
-            made = runs.resume(resume, retry_failed, on_event=shown)
+            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix)
         else:
             made = runs.run(
                 problem,
@@ -74,6 +79,8 @@ def run(
                 solve_seconds=solve_seconds,
                 case_seconds=case_seconds,
                 memory=memory,
+                passes=passes,
+                seed=seed,
             )
     if record:
         from ..recordings.solves import record_run
@@ -132,5 +139,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
                 raise BenchError(f"--{option} is stored with the run and cannot be changed by --resume; leave it out.")
     elif "retry_failed" in given:
         raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
+    elif "mix" in given:
+        raise BenchError("--mix needs the run that goes on: --resume RUN.")
     if {"suite", "problem"} <= given:
         raise BenchError("--suite and --problem exclude each other; give one of them.")

@@ -1,10 +1,13 @@
 """One solver on one contact problem, as it is measured from outside."""
 
+import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Verdict
@@ -15,15 +18,31 @@ from ..isolation.worker import Fault, no_answer
 from ..plugins.contestants import Contestant
 from ..plugins.remote_solver import are_iterations
 from ..store.outcome import Outcome, late_reason, point_outcome, verdicts
-from ..store.records import Curve, Limits, Measured, Point
-from .ladder import LONGEST_REASON, LadderCase, quartiles
+from ..store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
+from .ladder import LONGEST_REASON, LadderCase
+from .points import is_marred, joined, times_of
 from .protocol import MeasuringTask, round_fault
 
-ROUNDS = 5
-"""Rounds for each point of the ladder; every round has at least one timed solve."""
+DIFFERENT = " different answers"
+"""What stands behind their number in a reason."""
 
-ROUND_SECONDS = 0.02
-"""Wall time of a round at least, so that a point is measured for at least 0.1 s."""
+ROUND_SECONDS = 0.01
+"""Wall time of a round at least; every round has at least one timed solve."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One pass over the cases of a problem.
+
+    Attributes:
+        session: number of the session of the run.
+        number: number of the pass in it; points with as many rounds before this pass have been in it already.
+        points: solver and level of the points that are measured; all that have fewer rounds if None.
+    """
+
+    session: int = 0
+    number: int = 0
+    points: Collection[tuple[str, int]] | None = None
 
 
 class Case(LadderCase):
@@ -32,9 +51,8 @@ class Case(LadderCase):
     Attributes:
         problem: the problem.
         solver: the solver.
+        visit: the pass that it is in.
     """
-
-    rounds = ROUNDS
 
     def __init__(
         self,
@@ -43,18 +61,37 @@ class Case(LadderCase):
         limits: Limits,
         ladder: Sequence[float],
         problem_data: bytes,
+        stored: CaseRecord | None = None,
+        visit: Visit = Visit(),
     ) -> None:
-        super().__init__(ladder, limits)
-        self.problem, self.solver, self._data = problem, solver, problem_data
+        """Note what to measure, and what is measured already."""
+        super().__init__(ladder, limits, stored)
+        self.problem, self.solver, self.visit, self._data = problem, solver, visit, problem_data
         self._observed: tuple[int, int] | None = None
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
+
+    @property
+    def rounds(self) -> Sequence[int]:
+        """One, that of the pass."""
+        return (self.visit.number,)
+
+    def is_left(self, level: int) -> bool:
+        """Whether a point is missing, or another round of it belongs to this pass."""
+        if level >= len(self.points):
+            return True
+        if self.visit.points is not None and (self.solver.name, level) not in self.visit.points:
+            return False
+        point = self.points[level]
+        if point.is_repeated:
+            return self.visit.points is not None or len(point.rounds) <= self.visit.number
+        return (is_marred(point) or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
         """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
         self._start(MeasuringTask(self._data, self.solver))
         short = Stop(1e-1, max_iterations=20, max_seconds=self.limits.solve_seconds)
         if self._ask("supports") is not None and self._ask("warm_up", short) is not None:
-            seen = self._ask("observe", self._stop(self.ladder[-1]))
+            seen = None if self._curve.iteration else self._ask("observe", self._stop(self.ladder[-1]))
             if seen:
                 self._curve = self._judged_curve(*seen)
                 self._observed = _contradicted_count(seen[0])
@@ -86,44 +123,78 @@ class Case(LadderCase):
         last = answers[-1]
         times = np.array([pair for answer in answers for pair in answer["times"]])
         status = Status(last["status"])
-        outcome, own, coulomb, different = self._judged(value, status, answers)
+        outcome, own, coulomb, different, claims = self._judged(value, status, answers)
         reason = last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence)
         late = late_reason(float(np.median(times[:, 1])), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        if len(different) > 1 and not self.solver.is_randomised:
-            reason = f"{len(different)} different answers in {len(times)} solves{reason and '; '}{reason}"
         iterations, known = self._counted(last["iterations"]), self.problem.answer
         found = [] if known is None else [known.impulse_error(impulses) for impulses in different]
         errors = [error for error in found if error is not None]
+        rounds = [self._round(answer) for answer in answers]
+        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in claims][:MOST_ANSWERS]
         measured = Measured(
             iterations=iterations,
             claimed_iterations=None if iterations == last["iterations"] else last["iterations"],
             residual=coulomb.residual,
             model_residual=own.residual,
-            prepare_seconds=quartiles(times[:, 0]),
-            solve_seconds=quartiles(times[:, 1]),
-            total_seconds=quartiles(times.sum(axis=1)),
-            repeats=len(times),
-            answers=len(different),
+            **times_of(rounds),
+            rounds=rounds,
+            answers=len(hashes),
+            hashes=hashes,
             verdict=coulomb.numbers(),
             impulse_error=max(errors, default=None),
         )
-        if status is not Status.SOLVED or outcome is Outcome.TIME_LIMIT:
-            self._ended_by = f"{value:g} already ended {outcome.value}"
-        return Point(tolerance=value, outcome=outcome, status=status.value, reason=reason, measured=measured)
+        point = Point(tolerance=value, outcome=outcome, status=status.value, reason=reason, measured=measured)
+        return self._with_answers_said(point)
+
+    def joined(self, before: Point, now: Point) -> Point:
+        """Return a point with the rounds of both; the worse end, the worse answer and all hashes count."""
+        return self._with_answers_said(joined(before, now))
+
+    def end_after(self, point: Point) -> str:
+        """Return that a point did not end solved in time, if so: finer ones will not."""
+        if point.outcome is Outcome.NOT_ATTEMPTED:
+            return point.reason
+        is_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
+        return f"{point.tolerance:g} already ended {point.outcome.value}" if is_ended else ""
+
+    def _round(self, answer: dict[str, Any]) -> Round:
+        """Return the times of the answer to "round"."""
+        times = np.array(answer["times"])
+        wall = float(times.sum())
+        prepare, solve = (float(np.median(column)) for column in times.T)
+        return Round(
+            session=self.visit.session,
+            number=self.visit.number,
+            prepare_seconds=prepare,
+            solve_seconds=solve,
+            total_seconds=float(np.median(times.sum(axis=1))),
+            repeats=len(times),
+            cpu=answer["cpu_seconds"] / wall if wall > 0.0 else 1.0,
+        )
+
+    def _with_answers_said(self, point: Point) -> Point:
+        """Return a point that says so if a solver that declares no randomness answers differently."""
+        measured = point.measured
+        if measured is None or measured.answers < 2 or self.solver.is_randomised:
+            return point
+        count = f"{'at least ' if measured.answers == MOST_ANSWERS else ''}{measured.answers}"
+        said = point.reason.partition(DIFFERENT)[2].partition("; ")[2] if DIFFERENT in point.reason else point.reason
+        reason = f"{count}{DIFFERENT} in {measured.repeats} solves{said and '; '}{said}"
+        return replace(point, reason=reason)
 
     def _judged(
         self, tolerance: float, status: Status, answers: list[dict[str, Any]]
-    ) -> tuple[Outcome, Verdict, Verdict, list[FloatArray]]:
-        """Return the outcome, the worst verdicts under the solver's own model and Coulomb's law, and the answers.
+    ) -> tuple[Outcome, Verdict, Verdict, list[FloatArray], list[bytes]]:
+        """Return the outcome, the worst verdicts under the solver's own model and Coulomb's law, answers and claims.
 
         All solves but the last one claim to have solved; times are those of all, so the residuals are the worst of all.
         """
         rows = [impulses for answer in answers for impulses in answer["impulses"]]
         different = {impulses.tobytes(): impulses for impulses in rows}
         judged = {key: verdicts(self.problem, impulses, self.solver.model) for key, impulses in different.items()}
-        claims = {impulses.tobytes() for impulses in (rows if status is Status.SOLVED else rows[:-1])}
+        claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
         outcomes = {point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[key]) for key in claims}
         outcome = Outcome(status.value)
         if Outcome.WRONG in outcomes:
@@ -131,7 +202,7 @@ class Case(LadderCase):
         elif status is Status.SOLVED and Outcome.RELAXED in outcomes:
             outcome = Outcome.RELAXED
         own, coulomb = (max(found, key=_residual) for found in zip(*judged.values(), strict=True))
-        return outcome, own, coulomb, list(different.values())
+        return outcome, own, coulomb, list(different.values()), claims
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve that claims ``claimed``.

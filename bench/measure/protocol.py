@@ -10,7 +10,7 @@ import io
 import threading
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import NO_ANSWER
 from ..plugins.contestants import Contestant
 from ..plugins.remote_solver import answer_fault
+from ..store.records import LARGEST
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -43,12 +44,14 @@ class Round:
     Attributes:
         solution: the last one, with impulses of the harness's own.
         times: seconds of preparing and of solving of each.
+        cpu_seconds: that the process computed meanwhile, all its threads together.
         answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
             (n_rows,).
     """
 
     solution: Solution
     times: list[tuple[float, float]]
+    cpu_seconds: float
     answers: list[FloatArray]
 
 
@@ -116,11 +119,14 @@ class Measurement:
         A solve that does not end SOLVED ends the round: a failure is measured once.
         """
         times: list[tuple[float, float]] = []
+        cpu_seconds = 0.0
         answers: dict[bytes, FloatArray] = {}
         end = perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
+            computed = process_time()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
+            cpu_seconds += process_time() - computed
             times.append((prepare_seconds, solve_seconds))
             if solution.status is not Status.SOLVED:
                 break
@@ -130,7 +136,7 @@ class Measurement:
         is_changed = problem.fresh().digest != self._digest
         refuse("it changed the numbers of the problem" if is_changed else self._left_behind())
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
-        return Round(solution, times, [*answers.values(), *last])
+        return Round(solution, times, cpu_seconds, [*answers.values(), *last])
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> tuple[Solution, float, float]:
         """Return the solution with a copy of its impulses that was made on the clock, and the seconds of both parts.
@@ -192,6 +198,7 @@ class MeasuringTask:
             "iterations": int(found.solution.iterations),
             "message": str(found.solution.message),
             "times": found.times,
+            "cpu_seconds": found.cpu_seconds,
         }
         return answer, b"".join(impulses.tobytes() for impulses in found.answers)
 
@@ -202,10 +209,12 @@ def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
     if fault:
         return fault
     try:
-        times = np.array(answer["times"], dtype=np.float64)
+        times, cpu_seconds = np.array(answer["times"], dtype=np.float64), answer["cpu_seconds"]
     except (KeyError, TypeError, ValueError):
         return NO_ANSWER
     if times.ndim != 2 or times.shape[1] != 2 or not len(times):
+        return NO_ANSWER
+    if type(cpu_seconds) is not float or not 0.0 <= cpu_seconds < LARGEST:
         return NO_ANSWER
     if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
         return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"

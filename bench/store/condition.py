@@ -4,16 +4,52 @@ import math
 
 from ...problems.spelling import either
 from .frames import RunFrames
-from .records import RunRecord
+from .records import Machine, RunRecord
 
 UNSTEADY = 1.5
 """Drift above which a report warns."""
+
+
+_COMPARED = {
+    "processor": "processor",
+    "cores": "cores",
+    "logical_cores": "logical cores",
+    "memory_bytes": "memory [bytes]",
+    "system": "system",
+    "python": "Python",
+}
+"""Fields of a machine that times depend on, with their names in sentences."""
 
 
 def drift(run: RunRecord) -> float:
     """Return the longest over the shortest time of the reference workload in a run; NaN where it was timed once."""
     times = [seconds for session in run.sessions for seconds in session.calibration_seconds if seconds > 0.0]
     return max(times) / min(times) if len(times) > 1 else math.nan
+
+
+def differences(before: Machine, now: Machine) -> list[str]:
+    """Return in words what two machines, or the versions and sources on them, differ in; nothing if times compare."""
+    found = [
+        f"{word} {_short(getattr(before, name))}, now {_short(getattr(now, name))}"
+        for name, word in _COMPARED.items()
+        if getattr(before, name) != getattr(now, name)
+    ]
+    names = sorted(set(before.versions) | set(now.versions))
+    versions = ((name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names)
+    found += [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in versions if old != new]
+    if before.source != now.source:
+        found.append(f"source {_short(before.source)}, now {_short(now.source)}")
+    return found
+
+
+def mixtures(run: RunRecord) -> list[str]:
+    """Return in words what the sessions of a run differ in from its first one."""
+    machines = [session.machine for session in run.sessions if session.machine is not None]
+    return list(dict.fromkeys(said for machine in machines[1:] for said in differences(machines[0], machine)))
+
+
+def _short(value: object) -> str:
+    return str(value)[:12] if len(str(value)) == 64 else str(value) or "unknown"
 
 
 def warnings(frames: RunFrames) -> list[str]:
@@ -27,6 +63,12 @@ def warnings(frames: RunFrames) -> list[str]:
         found.append(
             f"UNSTEADY: the machine's speed changed by a factor of {drift(frames.info):.2f} during the run; times of "
             "different problems do not compare; measure again on a quiet machine"
+        )
+    mixed = mixtures(frames.info)
+    if mixed:
+        found.append(
+            f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
+            "sessions do not compare; measure again in one"
         )
     return found
 

@@ -4,7 +4,7 @@ A field that is a record itself gives the columns of its own fields: times that 
 field, and their quartiles beside it. Lists have frames of their own.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
@@ -15,8 +15,7 @@ import pandas as pd
 from msgspec import Struct
 
 from ...problems.contact.judge import NO_NUMBERS, Verdict
-from .outcome import Outcome
-from .records import CaseRecord, Point, QuantityError, Quartiles, Record, RunRecord
+from .records import CaseRecord, Point, QuantityError, Quartiles, Record, Round, RunRecord
 from .store import Store
 
 _IDENTITY = ("problem", "solver", "model")
@@ -30,10 +29,12 @@ class RunFrames:
     Attributes:
         folder: where it is stored.
         cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
-            reason, wall time, peak memory, and what a failed one left.
+            reason, wall time, peak memory, what a failed one left, and is_finished.
         points: one row a ladder point, those of ``Point``: problem, solver, model, tolerance, outcome, status, reason,
             iterations, judged residual (and that of the solver's own model), median times [s] with their quartiles,
             repeats, the other numbers of the verdict, and the error in known impulses.
+        rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``: session and
+            number of the pass, median times [s], repeats, share of the time that was computed, whether it is marred.
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories, one row a point and quantity: problem, solver, tolerance, quantity, error, and
             the ends of its bar, low and high.
@@ -44,6 +45,7 @@ class RunFrames:
     folder: Path
     cases: pd.DataFrame
     points: pd.DataFrame
+    rounds: pd.DataFrame
     iterations: pd.DataFrame
     errors: pd.DataFrame
     info: RunRecord
@@ -57,12 +59,7 @@ class RunFrames:
     @property
     def n_finished(self) -> int:
         """Number of cases that are stored and readable, and measured as a whole."""
-        measured = self.points.groupby(["problem", "solver"]).size()
-        ladder = self.info.plan.ladder
-        return sum(
-            bool(outcome != Outcome.MEASURED or measured.get((problem, solver), 0) >= len(ladder(solver)))
-            for problem, solver, outcome in self.cases[["problem", "solver", "outcome"]].itertuples(index=False)
-        )
+        return int(self.cases["is_finished"].sum())
 
     @property
     def is_finished(self) -> bool:
@@ -90,7 +87,11 @@ def read_frames(folder: Path) -> RunFrames:
     identified = [(case, point) for case in cases for point in case.points]
     identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
     points = pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
-    return RunFrames(folder, _frame(CaseRecord, cases), points, _iterations(cases), _errors(identified), info, damaged)
+    measured = _frame(CaseRecord, cases)
+    measured["is_finished"] = pd.Series([info.plan.has_finished(case) for case in cases], dtype=bool)
+    rounds = _parts(identified, Round, lambda point: point.rounds)
+    errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
+    return RunFrames(folder, measured, points, rounds, _iterations(cases), errors, info, damaged)
 
 
 class _Column(NamedTuple):
@@ -155,14 +156,15 @@ def _plain(hint: Any) -> tuple[Any, float]:
     return hint, missing
 
 
-def _errors(points: Sequence[tuple[CaseRecord, Point]]) -> pd.DataFrame:
-    found = [
-        (case, point, error) for case, point in points if point.measured is not None for error in point.measured.errors
-    ]
+def _parts(
+    points: Sequence[tuple[CaseRecord, Point]], kind: type[Record], parts: Callable[[Point], Sequence[Record]]
+) -> pd.DataFrame:
+    """Return one row for each record that points have of a kind, with the point before it."""
+    found = [(case, point, part) for case, point in points for part in parts(point)]
     identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
     place = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
     place = place.astype({"problem": str, "solver": str, "tolerance": np.float64})
-    return pd.concat([place, _frame(QuantityError, [error for _, _, error in found])], axis=1)
+    return pd.concat([place, _frame(kind, [part for _, _, part in found])], axis=1)
 
 
 def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:

@@ -22,10 +22,10 @@ def carried_out(action: str) -> Case:
     case = Case(problem, contestant(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
     try:
         case.begin()
-        if case.is_open:
+        if case.is_open(0):
             answer = case.measure(1e-6, 0)
             if answer is not None:
-                case.add_point(1e-6, [answer])
+                case.add_point(0, [answer])
     finally:
         case.end()
     return case
