@@ -162,12 +162,15 @@ class LadderCase(ABC):
         self.end()
 
 
-def measure_ladder(cases: Sequence[LadderCase], keep: Callable[[LadderCase], None] = lambda case: None) -> None:
+Keep = Callable[[LadderCase, float], None]
+
+
+def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value: None) -> None:
     """Measure the levels that are left of each case, once.
 
     Args:
         cases: of one problem.
-        keep: called with a case after each of its levels.
+        keep: called with a case and the value of a level after each of them.
     """
     levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
@@ -178,7 +181,7 @@ def measure_ladder(cases: Sequence[LadderCase], keep: Callable[[LadderCase], Non
             left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
             _measure_level(left, level)
             for case in left:
-                keep(case)
+                keep(case, case.ladder[level])
     finally:
         for case in cases:
             case.end()

@@ -237,7 +237,7 @@ class _Progress:
         cases = self._cases_of(name, visit)
         measure_ladder(cases, self._keep)
         for case in cases:
-            self._keep(case)
+            self._put(case.record())
         for wrong in refuted(list(known.values()), cases[0].is_solvable if cases else None):
             self._put(wrong)
         for solver, record in known.items():
@@ -295,13 +295,13 @@ class _Progress:
             for solver in shuffled(solvers, plan.seed, visit.number, plan.problems.index(name))
         ]
 
-    def _keep(self, case: LadderCase) -> None:
-        """Store a case as far as it has come."""
+    def _keep(self, case: LadderCase, value: float) -> None:
+        """Store a case as far as it has come, and name the point that it has come to."""
         record = case.record()
         if record != self._cases[record.problem].get(record.solver):
             self._put(record)
             if record.points:
-                self._on_event(PointFinished(record.problem, record.solver, record.points[-1].tolerance))
+                self._on_event(PointFinished(record.problem, record.solver, value))
 
     def _put(self, record: CaseRecord) -> None:
         self._cases[record.problem][record.solver] = record

@@ -30,7 +30,7 @@ CONFIDENCE = 0.95
 LEAST_PAIRS = 5
 """Pairs of rounds that an interval needs."""
 
-RESAMPLES = 4000
+RESAMPLES = 1000
 """Resampled medians."""
 
 LATE = 1.1

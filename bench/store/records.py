@@ -305,8 +305,8 @@ class Measured(Record, frozen=True, kw_only=True):
         total_seconds: times of both together.
         repeats: number of timed solves.
         rounds: in which they were measured; empty for a trajectory.
-        answers: number of different vectors of impulses among those that ended solved, up to ``MOST_ANSWERS``; the worst
-            of all is judged.
+        answers: number of different vectors of impulses among those that ended solved, up to ``MOST_ANSWERS``; of all
+            solves the worst is judged.
         hashes: what tells these vectors apart.
         verdict: the other numbers of the judge's verdict.
         impulse_error: distance to the known impulses, if the problem has such.

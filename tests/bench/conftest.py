@@ -17,4 +17,5 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run_id="little",
         tolerances=[1e-2, 1e-4, 1e-6],
         solve_seconds=2.0,
+        passes=2,
     ).folder

@@ -1,0 +1,82 @@
+"""Points of several passes: the worse end and answer count, and limits that others caused are forgotten."""
+
+import numpy as np
+import pytest
+from proxbench.bench.measure.points import joined, marked, quartiles
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import Measured, Point, Round
+
+
+def one_round(number: int = 0, seconds: float = 1.0, cpu: float = 1.0) -> Round:
+    return Round(
+        session=0,
+        number=number,
+        prepare_seconds=0.0,
+        solve_seconds=seconds,
+        total_seconds=seconds,
+        repeats=2,
+        cpu=cpu,
+    )
+
+
+def point(
+    one: Round, outcome: Outcome = Outcome.SOLVED, residual: float | None = 1e-7, answer: str = "a", reason: str = ""
+) -> Point:
+    times = quartiles(np.array([one.total_seconds]))
+    measured = Measured(
+        iterations=3,
+        residual=residual,
+        model_residual=residual,
+        prepare_seconds=times,
+        solve_seconds=times,
+        total_seconds=times,
+        repeats=one.repeats,
+        rounds=[one],
+        hashes=[answer],
+        verdict={"residual": residual},
+        impulse_error=None,
+    )
+    status = "solved" if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.WRONG) else outcome.value
+    return Point(tolerance=1e-4, outcome=outcome, status=status, reason=reason, measured=measured)
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("worse", [Outcome.RELAXED, Outcome.TIME_LIMIT, Outcome.STALLED, Outcome.WRONG])
+def test_the_worse_outcome_counts_whenever_it_comes(worse: Outcome, is_first: bool) -> None:
+    good, bad = point(one_round(0)), point(one_round(1), worse, reason="why")
+    found = joined(bad, good) if is_first else joined(good, bad)
+    assert (found.outcome, found.reason) == (worse, "why")
+
+
+@pytest.mark.parametrize("residual", [None, 1e-3])
+def test_the_worse_answer_counts_with_its_verdict(residual: float | None) -> None:
+    found = joined(point(one_round(0), residual=residual), point(one_round(1))).measured
+    assert found is not None
+    assert found.residual == found.model_residual == found.verdict["residual"] == residual
+
+
+def test_times_are_those_of_all_rounds_and_answers_are_told_apart() -> None:
+    found = point(one_round(0, 1.0))
+    for number, (seconds, answer) in enumerate([(2.0, "a"), (6.0, "b")], 1):
+        found = joined(found, point(one_round(number, seconds), answer=answer))
+    assert found.measured is not None
+    assert found.measured.total_seconds.median == 2.0
+    assert (found.measured.repeats, found.measured.answers, found.measured.hashes) == (6, 2, ["a", "b"])
+
+
+def test_a_round_that_others_disturbed_does_not_count() -> None:
+    found = joined(joined(point(one_round(0)), point(one_round(1, 5.0, cpu=0.4))), point(one_round(2)))
+    assert found.measured is not None
+    assert [one.is_marred for one in found.rounds] == [False, True, False]
+    assert found.measured.total_seconds.q3 == 1.0
+
+
+def test_a_solver_that_always_waits_is_not_disturbed() -> None:
+    assert not any(one.is_marred for one in marked([one_round(number, cpu=0.1) for number in range(3)]))
+
+
+def test_a_time_limit_that_others_caused_is_forgotten() -> None:
+    late = point(one_round(0, 9.0, cpu=0.5), Outcome.TIME_LIMIT)
+    assert joined(late, point(one_round(1))).outcome is Outcome.SOLVED
+    by_itself = point(one_round(0, 9.0, cpu=0.98), Outcome.TIME_LIMIT)
+    assert joined(by_itself, point(one_round(1))).outcome is Outcome.TIME_LIMIT
