@@ -161,8 +161,8 @@ def check(
     from rich.console import Console
 
     from ..conformance.run import checked, print_checks
-    from ..report.progress import ProgressBar
     from ..report.text import print_json
+    from .progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
     with ProgressBar(Console(stderr=True), hidden=quiet or as_json) as shown:

@@ -28,9 +28,9 @@ def matrix(
     from ..errors import BenchError
     from ..measure.matrix import default_solvers, measured_matrix
     from ..report.matrix import count_bad, matrix_page
-    from ..report.progress import ProgressBar
     from ..report.text import print_json
     from ..store.outcome import Cell
+    from .progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:
