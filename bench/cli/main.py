@@ -238,12 +238,14 @@ proxbench record results/woodpecker.npz""",
     "List solvers, suites, problems and scenes.",
     """\
 proxbench list solvers
+proxbench list solvers SORprox
 proxbench list problems --suite hard""",
 )
 def list_names(
     what: Annotated[
         str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; a summary of all if left out.")
     ] = "",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The only one of them to list.")] = "",
     suite: Annotated[str, options.selection(metavar="SUITE", help="List the problems of this suite only.")] = "",
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
@@ -252,7 +254,7 @@ def list_names(
     from ..report.text import print_json
     from .listing import listed, print_listing
 
-    names = listed(what, suite)
+    names = listed(what, suite, name)
     if as_json:
         print_json(names)
     else:
