@@ -203,23 +203,26 @@ def report(
         Path, typer.Argument(metavar="RESULT", help="Folder of a run or study, or file of a simulation (.npz).")
     ],
     plugin: options.PluginFiles = None,
+    residual: options.Residual = "judged",
     charts: options.Charts = True,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Print the tables of a stored run, study or simulation, and draw its charts again."""
+    from ..errors import BenchError
+
     options.refuse_two_prints(quiet, as_json)
     if run_dir.suffix == ".json" and not run_dir.is_dir():
-        from ..errors import BenchError
-
         raise BenchError(NO_STUDY.format(run_dir))
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
         from .simulation import report_simulation
 
+        if residual != "judged":
+            raise BenchError(f"{run_dir} is a simulation, whose steps have judged residuals; leave --residual out.")
         return report_simulation(run_dir, charts, quiet, as_json)
     from ..runs import load
 
-    return report_run(load(run_dir), charts, quiet, as_json)
+    return report_run(load(run_dir), charts, quiet, as_json, residual)
 
 
 _command(

@@ -5,9 +5,9 @@ field, and their quartiles beside it. Lists have frames of their own.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -15,9 +15,16 @@ import pandas as pd
 from msgspec import Struct
 
 from ...problems.contact.judge import NO_NUMBERS, Verdict
+from ...problems.errors import suggestion
+from ..errors import BenchError
 from .outcome import Outcome
 from .records import CaseRecord, Point, QuantityError, Quartiles, Record, RunRecord
 from .store import Store
+
+JUDGED, LOCAL = "judged", "local"
+"""Residuals that tables and charts can go by: that of the verdict, or its local one."""
+
+RESIDUALS = (JUDGED, LOCAL)
 
 _IDENTITY = ("problem", "solver", "model")
 """Fields of a case that its points have too."""
@@ -39,6 +46,7 @@ class RunFrames:
             the ends of its bar, low and high.
         info: plan, machine, plugins and sessions.
         damaged: one sentence for each case file that could not be read.
+        residual: which one the residuals of the points are, "judged" or "local"; those of the curves are judged.
     """
 
     folder: Path
@@ -48,6 +56,7 @@ class RunFrames:
     errors: pd.DataFrame
     info: RunRecord
     damaged: list[str]
+    residual: str = JUDGED
 
     @property
     def n_planned(self) -> int:
@@ -73,6 +82,30 @@ class RunFrames:
     def is_study(self) -> bool:
         """Whether the run is over trajectories."""
         return bool(self.info.plan.trajectories)
+
+    def judged_by(self, residual: str) -> Self:
+        """Return the run with this residual of its points, "judged" or "local", as the one that tables go by.
+
+        What solvers claim, and how cases ended, is about the judged residual in any case.
+
+        Raises:
+            BenchError: for another name, or if the points of the run have no local residuals.
+        """
+        check_residual(residual)
+        if residual == self.residual:
+            return self
+        judged = self.points.get("judged_residual", self.points["residual"])
+        local = self.points["local_residual"].where(~np.isposinf(judged), np.inf)
+        if self.is_study or (judged.notna() & local.isna()).any():
+            raise BenchError(f"{self.folder} has no local residuals; show its judged ones, or measure problems anew.")
+        chosen = local if residual == LOCAL else judged
+        return replace(self, residual=residual, points=self.points.assign(residual=chosen, judged_residual=judged))
+
+
+def check_residual(name: str) -> None:
+    """Raise ``BenchError`` if tables cannot go by a residual of that name."""
+    if name not in RESIDUALS:
+        raise BenchError(f"there is no residual {name!r}{suggestion(name, RESIDUALS)}")
 
 
 def read_frames(folder: Path) -> RunFrames:
