@@ -83,7 +83,7 @@ class Run(RunFrames, os.PathLike[str]):
 
         return run_page(self)
 
-    def report(self, charts: bool = True, residual: str = JUDGED) -> Report:
+    def report(self, charts: bool = True, residual: str | None = None) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
         Files that cannot be written cost nothing but themselves: ``unwritten`` of what is returned says why.
@@ -91,7 +91,7 @@ class Run(RunFrames, os.PathLike[str]):
         Args:
             charts: draw charts.
             residual: what "reached" is judged by: the "judged" residual, or the "local" one, which relates a violation
-                to what surrounds its contact. Files of the latter are in the folder "local" of the run.
+                to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
 
         Raises:
             BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
@@ -102,8 +102,9 @@ class Run(RunFrames, os.PathLike[str]):
         from .report.studies import points_table
         from .report.tables import results_table, write_tables
 
-        frames, tables, drawn, unwritten = self.judged_by(residual), [], [], ""
-        folder = self.folder if residual == JUDGED else self.folder / residual
+        frames = self.judged_by(residual or self.residual)
+        folder = self.folder if frames.residual == JUDGED else self.folder / frames.residual
+        tables, drawn, unwritten = [], [], ""
         for place in ("tables", "charts"):
             refuse_links_out(folder / place, self.folder)
         try:

@@ -144,7 +144,7 @@ def test_tables_by_the_local_residual_hold_those_reached_by_it(finished_run: Pat
     print_tables(local, Console(file=text, width=200))
     assert "residuals are local" in text.getvalue()
     assert "to that local residual" in text.getvalue()
-    made = judged.report(residual="local")
+    made = local.report()
     assert {file.parent for file in (*made.tables, *made.charts)} == {
         finished_run / "local" / "tables",
         finished_run / "local" / "charts",
