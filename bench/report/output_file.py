@@ -49,8 +49,8 @@ def refuse_links_out(place: Path, folder: Path) -> None:
         target = os.path.realpath(link)
         if os.path.islink(link) and not Path(target).is_relative_to(inside):
             raise BenchError(
-                f"{link} is a link out of {folder}, and nothing is written through it; "
-                f"remove it, or name what it leads to: {target}"
+                f"{link} is a link out of {folder}, to {target}, and nothing is written through it; "
+                "remove it, or name another place."
             )
 
 
