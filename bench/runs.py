@@ -12,13 +12,13 @@ import pandas as pd
 
 from ..problems.contact.problem import ContactProblem
 from ..solvers.interface import Solver
-from .errors import BenchError
+from .errors import BenchError, UnwritableError
 from .measure.plan import PASSES, Plan, make_plan
 from .measure.runner import Event, measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
-from .store.frames import RunFrames, read_frames
+from .store.frames import JUDGED, RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
 
@@ -38,12 +38,14 @@ class Report:
         summary: success and mean time of each solver; in a run over trajectories, its points.
         tables: the files that hold both.
         charts: the files of the charts; none if they were not drawn.
+        unwritten: why files are missing, in one sentence; empty if none is.
     """
 
     results: pd.DataFrame
     summary: pd.DataFrame
     tables: list[Path]
     charts: list[Path]
+    unwritten: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +69,12 @@ class Run(RunFrames, os.PathLike[str]):
         return str(self.folder)
 
     def __str__(self) -> str:
-        return str(self.folder)
+        """Return how its cases ended, and where it is stored."""
+        from .report.tables import results_table
+
+        endings = results_table(self)["outcome"].value_counts()
+        counts = ", ".join(f"{number} {outcome}" for outcome, number in endings.items()) or "none"
+        return f"{self.n_finished} of {self.n_planned} cases: {counts}\nstored in {self.folder}"
 
     def __repr__(self) -> str:
         return f"<Run {str(self.folder)!r}: {self.n_finished} of {self.n_planned} cases>"
@@ -77,22 +84,40 @@ class Run(RunFrames, os.PathLike[str]):
 
         return run_page(self)
 
-    def report(self, charts: bool = True) -> Report:
+    def report(self, charts: bool = True, residual: str | None = None) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
+        Files that cannot be written cost nothing but themselves: ``unwritten`` of what is returned says why.
+
+        Args:
+            charts: draw charts.
+            residual: what "reached" is judged by: the "judged" residual, or the "local" one, which relates a violation
+                to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
+
         Raises:
-            BenchError: if they cannot be written.
+            BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
+                no such residuals.
         """
+        from .report.accuracy import summary_table
+        from .report.output_file import refuse_links_out
         from .report.studies import points_table
-        from .report.tables import results_table, summary_table, write_tables
+        from .report.tables import results_table, write_tables
 
-        tables, drawn = write_tables(self, self.folder / "tables"), []
-        if charts:
-            from .report.charts import write_charts  # altair takes a second to import
+        frames = self.judged_by(residual or self.residual)
+        folder = self.folder if frames.residual == JUDGED else self.folder / frames.residual
+        tables, drawn, unwritten = [], [], ""
+        for place in ("tables", "charts"):
+            refuse_links_out(folder / place, self.folder)
+        try:
+            tables = write_tables(frames, folder / "tables")
+            if charts:
+                from .report.charts import write_charts  # altair takes a second to import
 
-            drawn = write_charts(self, self.folder / "charts")
-        summary = points_table(self) if self.is_study else summary_table(self)
-        return Report(results_table(self), summary, tables, drawn)
+                drawn = write_charts(frames, folder / "charts")
+        except UnwritableError as error:
+            unwritten = error.sentence
+        summary = points_table(self) if self.is_study else summary_table(frames)
+        return Report(results_table(frames), summary, tables, drawn, unwritten)
 
     def resume(
         self,

@@ -43,6 +43,7 @@ AT_HOME = {
         "bench/store/frames.py",
         "bench/runs.py",
         "bench/report/studies.py",
+        "bench/report/accuracy.py",
         "bench/report/tables.py",
         "bench/report/fitting.py",
         "bench/report/matrix.py",

@@ -1,12 +1,14 @@
 """The passes of a run: in which order problems and solvers come, and which points need more rounds."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 
-from ..store.certainty import fastest, ratio
-from ..store.records import CaseRecord, PlanRecord, Point
+from ..store.certainty import standings
+from ..store.frames import points_frame, rounds_frame
+from ..store.records import CaseRecord, PlanRecord
 
 WIDE = 0.05
 """Relative width of the interval of a ratio above which more rounds are measured."""
@@ -28,35 +30,24 @@ def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord) -> set[tuple[str, i
     They are those with the time that a solver has to an accuracy of the plan, where the interval of its ratio to the
     best solver's is wider than ``WIDE``, with those of the best; and those that other programs disturbed.
     """
-    found = {(solver, level) for solver, level, point in _repeated(cases) if _is_short(point, plan.passes)}
-    levels = {(solver, point.tolerance): level for solver, level, point in _repeated(cases)}
+    repeated = {
+        (case.solver, point.tolerance): (case.solver, level)
+        for case in cases
+        for level, point in enumerate(case.points)
+        if point.is_repeated
+    }
+    found = {
+        repeated[case.solver, point.tolerance]
+        for case in cases
+        for point in case.points
+        if point.is_repeated and 0 < sum(not one.is_marred for one in point.rounds) < plan.passes
+    }
+    points, rounds = points_frame(cases), rounds_frame(cases)
     for accuracy in plan.tolerances:
-        reached = [
-            (solver, point)
-            for solver, point in fastest(cases, accuracy, plan.limits.solve_seconds).items()
-            if (solver, point.tolerance) in levels
-        ]
-        if not reached:
-            continue
-        best, first = min(reached, key=lambda one: _seconds(one[1]))
-        wide = {
-            (solver, point.tolerance) for solver, point in reached if ratio(point.rounds, first.rounds).width > WIDE
-        }
-        if wide - {(best, first.tolerance)}:
-            found |= {(solver, levels[solver, value]) for solver, value in wide | {(best, first.tolerance)}}
+        stand = standings(points, rounds, accuracy, plan.limits.solve_seconds)
+        wide = stand[stand["high"] > (1.0 + WIDE) * stand["low"]]
+        if len(wide):
+            both = pd.concat([stand.head(1), wide])
+            places = zip(both["solver"], both["tolerance"], strict=True)
+            found |= {repeated[place] for place in places if place in repeated}
     return found
-
-
-def _repeated(cases: Sequence[CaseRecord]) -> Iterator[tuple[str, int, Point]]:
-    for case in cases:
-        for level, point in enumerate(case.points):
-            if point.is_repeated:
-                yield case.solver, level, point
-
-
-def _is_short(point: Point, passes: int) -> bool:
-    return 0 < sum(not one.is_marred for one in point.rounds) < passes
-
-
-def _seconds(point: Point) -> float:
-    return np.inf if point.measured is None else point.measured.total_seconds.median

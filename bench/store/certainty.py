@@ -12,17 +12,17 @@ Teachers Should Know About the Bootstrap, The American Statistician 69(4), 2015)
 the range of all; with fewer there is none, since it would hold the true ratio too rarely.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
 from ...problems.arrays import FloatArray, IntArray
 from ...solvers.interface import Status
 from .outcome import Outcome
-from .records import CaseRecord, Point, Round
 
 CONFIDENCE = 0.95
 """Share of intervals that shall hold the true ratio."""
@@ -35,6 +35,10 @@ RESAMPLES = 1000
 
 LATE = 1.1
 """Solves that took longer than this many times their limit reach nothing; the others may end an iteration."""
+
+
+STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")
+"""Columns of ``standings``."""
 
 
 class Ratio(NamedTuple):
@@ -55,14 +59,23 @@ class Ratio(NamedTuple):
         return self.high / self.low - 1.0 if self.low > 0.0 else np.inf
 
 
-def ratio(rounds: Sequence[Round], others: Sequence[Round]) -> Ratio:
+class Timed(Protocol):
+    """A round, as a record or as a row of a frame."""
+
+    session: int
+    number: int
+    total_seconds: float
+    is_marred: bool
+
+
+def ratio(rounds: Sequence[Timed], others: Sequence[Timed]) -> Ratio:
     """Return the time of ``rounds`` over that of ``others``, both of one problem.
 
-    Marred rounds count only where a point has no others.
+    Marred rounds count only where the others make too few pairs.
     """
-    mine, theirs = (_by_moment(_usable(side)) for side in (rounds, others))
-    both = sorted(set(mine) & set(theirs))
-    return interval(np.log([mine[key] / theirs[key] for key in both]) if both else np.zeros(0))
+    steady = ([one for one in side if not one.is_marred] for side in (rounds, others))
+    differences = _differences(*steady)
+    return interval(differences if len(differences) >= LEAST_PAIRS else _differences(rounds, others))
 
 
 def interval(differences: FloatArray) -> Ratio:
@@ -78,39 +91,68 @@ def interval(differences: FloatArray) -> Ratio:
     return Ratio(value, float(low), float(high))
 
 
-def fastest(cases: Sequence[CaseRecord], accuracy: float, limit: float) -> Mapping[str, Point]:
-    """Return, of the cases of one problem, each solver's fastest point whose judged residual is at most ``accuracy``.
+def reaching(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> pd.DataFrame:
+    """Return the points whose residual is at most ``accuracy``, of solves that kept their limit of time [s].
 
-    Args:
-        cases: of one problem.
-        accuracy: judged residual.
-        limit: of the time of one solve [s].
+    Points that claim what the judge refutes (WRONG), or to have solved after the limit, do not count, nor do those that
+    took more than ``LATE`` times the limit whatever they claim.
     """
-    found = {}
-    for case in cases:
-        reached = [point for point in case.points if _reaches(point, accuracy, limit)]
-        if reached:
-            found[case.solver] = min(reached, key=_seconds)
+    is_late = (points["outcome"] == Outcome.TIME_LIMIT) & (points["status"] == Status.SOLVED)
+    is_late |= points["solve_seconds"] > LATE * limit
+    found: pd.DataFrame = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG) & ~is_late]
     return found
 
 
-def _reaches(point: Point, accuracy: float, limit: float) -> bool:
-    measured = point.measured
-    if measured is None or measured.residual is None or point.outcome is Outcome.WRONG:
-        return False
-    is_late = point.outcome is Outcome.TIME_LIMIT and point.status == Status.SOLVED
-    return not is_late and measured.residual <= accuracy and measured.solve_seconds.median <= LATE * limit
+def standings(points: pd.DataFrame, rounds: pd.DataFrame, accuracy: float, limit: float) -> pd.DataFrame:
+    """Return one row for each solver that reaches an accuracy on one problem, the fastest first.
+
+    Columns: solver, tolerance (of its fastest point that reaches it), seconds (its median time), ratio (to the fastest
+    solver), low and high (the ends of its interval), standing: "fastest" where all others are slower, "tie" where it,
+    or the fastest, may be as fast, "slower", and "undecided" where rounds are too few.
+
+    Args:
+        points: of the problem, as in ``RunFrames``.
+        rounds: of the problem, as in ``RunFrames``.
+        accuracy: judged residual.
+        limit: of the time of one solve [s].
+    """
+    reached = reaching(points, accuracy, limit).sort_values("total_seconds", kind="stable")
+    reached = reached[reached["total_seconds"].notna()].drop_duplicates("solver")
+    places = list(zip(reached["solver"], reached["tolerance"], reached["total_seconds"], strict=True))
+    times: dict[Any, list[Any]] = {
+        place: list(part.itertuples()) for place, part in rounds.groupby(["solver", "tolerance"])
+    }
+    timed = [times.get((solver, tolerance), []) for solver, tolerance, _ in places]
+    ratios = [ratio(own, timed[0]) for own in timed[1:]]
+    shown = [Ratio(1.0, 1.0, 1.0), *ratios] if places else []
+    standing = [_standing_of_best(ratios), *map(_standing, ratios)] if places else []
+    frame = pd.DataFrame(places, columns=["solver", "tolerance", "seconds"])
+    return frame.assign(
+        ratio=np.array([one.value for one in shown]),
+        low=np.array([one.low for one in shown]),
+        high=np.array([one.high for one in shown]),
+        standing=pd.Series(standing, dtype=str),
+    )
 
 
-def _seconds(point: Point) -> float:
-    return np.inf if point.measured is None else point.measured.total_seconds.median
+def _standing(one: Ratio) -> str:
+    if one.low > 1.0:
+        return "slower"
+    return "tie" if np.isfinite(one.high) else "undecided"
 
 
-def _usable(rounds: Sequence[Round]) -> Sequence[Round]:
-    return [one for one in rounds if not one.is_marred] or rounds
+def _standing_of_best(others: Sequence[Ratio]) -> str:
+    found = set(map(_standing, others))
+    return next((standing for standing in ("tie", "undecided") if standing in found), "fastest")
 
 
-def _by_moment(rounds: Sequence[Round]) -> dict[tuple[int, int], float]:
+def _differences(rounds: Sequence[Timed], others: Sequence[Timed]) -> FloatArray:
+    """Return the logarithms of the ratios of rounds that were measured at the same moments."""
+    mine, theirs = _by_moment(rounds), _by_moment(others)
+    return np.array([np.log(mine[key] / theirs[key]) for key in sorted(set(mine) & set(theirs))])
+
+
+def _by_moment(rounds: Sequence[Timed]) -> dict[tuple[int, int], float]:
     return {(one.session, one.number): one.total_seconds for one in rounds if one.total_seconds > 0.0}
 
 

@@ -3,7 +3,7 @@
 import math
 
 from ...problems.spelling import either
-from .frames import RunFrames
+from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
 
 UNSTEADY = 1.5
@@ -57,8 +57,12 @@ def warnings(frames: RunFrames) -> list[str]:
     found = []
     if not frames.is_finished:
         resume = either(f"proxbench run --resume {frames.folder}", f"proxbench.bench.resume({str(frames.folder)!r})")
+        begun = len(frames.cases) - frames.n_finished
+        partly = f", {begun} more in part" if begun else ""
         counts = f"{frames.n_finished} of {frames.n_planned} cases"
-        found.append(f"UNFINISHED: {counts} are measured; go on with: {resume}")
+        found.append(f"UNFINISHED: {counts} are measured{partly}; go on with: {resume}")
+    if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
+        found.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
     if drift(frames.info) > UNSTEADY:
         found.append(
             f"UNSTEADY: the machine's speed changed by a factor of {drift(frames.info):.2f} during the run; times of "
@@ -73,6 +77,13 @@ def warnings(frames: RunFrames) -> list[str]:
     return found
 
 
+def basis(frames: RunFrames) -> list[str]:
+    """Say what residuals are relative to, where they are not the judged ones."""
+    if frames.residual == JUDGED:
+        return []
+    return ["residuals are local: the largest violation of a contact relative to what shares a body with it"]
+
+
 def steadiness(run: RunRecord) -> str:
     """Return drift and load of the machine in one line."""
     loads = [load for session in run.sessions for load in session.load]
@@ -84,5 +95,5 @@ def steadiness(run: RunRecord) -> str:
 
 
 def run_state(frames: RunFrames) -> list[str]:
-    """Return the warnings, and drift and load below them."""
-    return [*warnings(frames), steadiness(frames.info)]
+    """Return the warnings, what numbers are relative to if that is not as usual, and drift and load below them."""
+    return [*warnings(frames), *basis(frames), steadiness(frames.info)]

@@ -5,9 +5,9 @@ field, and their quartiles beside it. Lists have frames of their own.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -15,8 +15,15 @@ import pandas as pd
 from msgspec import Struct
 
 from ...problems.contact.judge import NO_NUMBERS, Verdict
+from ...problems.errors import suggestion
+from ..errors import BenchError
 from .records import CaseRecord, Point, QuantityError, Quartiles, Record, Round, RunRecord
 from .store import Store
+
+JUDGED, LOCAL = "judged", "local"
+"""Residuals that tables and charts can go by: that of the verdict, or its local one."""
+
+RESIDUALS = (JUDGED, LOCAL)
 
 _IDENTITY = ("problem", "solver", "model")
 """Fields of a case that its points have too."""
@@ -40,6 +47,7 @@ class RunFrames:
             the ends of its bar, low and high.
         info: plan, machine, plugins and sessions.
         damaged: one sentence for each case file that could not be read.
+        residual: which one the residuals of the points are, "judged" or "local"; those of the curves are judged.
     """
 
     folder: Path
@@ -50,6 +58,7 @@ class RunFrames:
     errors: pd.DataFrame
     info: RunRecord
     damaged: list[str]
+    residual: str = JUDGED
 
     @property
     def n_planned(self) -> int:
@@ -71,6 +80,30 @@ class RunFrames:
         """Whether the run is over trajectories."""
         return bool(self.info.plan.trajectories)
 
+    def judged_by(self, residual: str) -> Self:
+        """Return the run with this residual of its points, "judged" or "local", as the one that tables go by.
+
+        What solvers claim, and how cases ended, is about the judged residual in any case.
+
+        Raises:
+            BenchError: for another name, or if the points of the run have no local residuals.
+        """
+        check_residual(residual)
+        if residual == self.residual:
+            return self
+        judged = self.points.get("judged_residual", self.points["residual"])
+        local = self.points["local_residual"].where(~np.isposinf(judged), np.inf)
+        if self.is_study or (judged.notna() & local.isna()).any():
+            raise BenchError(f"{self.folder} has no local residuals; show its judged ones, or measure problems anew.")
+        chosen = local if residual == LOCAL else judged
+        return replace(self, residual=residual, points=self.points.assign(residual=chosen, judged_residual=judged))
+
+
+def check_residual(name: str) -> None:
+    """Raise ``BenchError`` if tables cannot go by a residual of that name."""
+    if name not in RESIDUALS:
+        raise BenchError(f"there is no residual {name!r}{suggestion(name, RESIDUALS)}")
+
 
 def read_frames(folder: Path) -> RunFrames:
     """Read a stored run; damaged case files are left out and named.
@@ -84,14 +117,29 @@ def read_frames(folder: Path) -> RunFrames:
     order = {pair: number for number, pair in enumerate(planned)}
     cases, damaged = store.read_cases()
     cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
-    identified = [(case, point) for case in cases for point in case.points]
-    identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
-    points = pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
+    identified = _identified(cases)
     measured = _frame(CaseRecord, cases)
     measured["is_finished"] = pd.Series([info.plan.has_finished(case) for case in cases], dtype=bool)
-    rounds = _parts(identified, Round, lambda point: point.rounds)
     errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
-    return RunFrames(folder, measured, points, rounds, _iterations(cases), errors, info, damaged)
+    return RunFrames(
+        folder, measured, points_frame(cases), rounds_frame(cases), _iterations(cases), errors, info, damaged
+    )
+
+
+def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
+    """Return the points of cases, as in ``RunFrames``."""
+    identified = _identified(cases)
+    identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
+    return pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
+
+
+def rounds_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
+    """Return the rounds of the points of cases, as in ``RunFrames``."""
+    return _parts(_identified(cases), Round, lambda point: point.rounds)
+
+
+def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:
+    return [(case, point) for case in cases for point in case.points]
 
 
 class _Column(NamedTuple):

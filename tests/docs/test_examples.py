@@ -40,7 +40,7 @@ def run_console(example: Example) -> None:
         assert program == "proxbench", f"only proxbench is run; skip the block or mend {command!r}"
         done = subprocess.run(
             [*PROGRAM, *arguments],
-            env={**os.environ, "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"},
+            env={**os.environ, "COLUMNS": "120", "PYTHONIOENCODING": "utf-8"},
             capture_output=True,
             encoding="utf-8",
             timeout=LONGEST_COMMAND,

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -74,7 +75,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
-def test_a_full_disk_and_a_read_only_one(sandbox: Sandbox, undisturbed: Path, small_disk: Path) -> None:
+def test_a_full_disk_and_a_read_only_one(
+    sandbox: Sandbox, undisturbed: Path, small_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = small_disk / "it"
     assert "No space left" in failing(sandbox, folder)
     assert not list(folder.rglob("*.part"))
@@ -84,6 +87,10 @@ def test_a_full_disk_and_a_read_only_one(sandbox: Sandbox, undisturbed: Path, sm
         resume(folder)
     with pytest.raises(BenchError, match=r"cannot write .* Read-only file system"):
         run(["hard-no-motion"], ["SORprox"], results=small_disk, run_id="other")
+    assert run_command(["report", str(folder)]) == 0
+    printed = capsys.readouterr()
+    assert ("hard-sticking-box · " in printed.out) == (len(load(folder).cases) > 0)
+    assert re.fullmatch(r"proxbench: cannot write .*/tables/.* Read-only file system; .*\n", printed.err)
     subprocess.run(["mount", "-o", "remount,rw,size=4m", str(small_disk)], check=True)
     assert finished(sandbox, folder) == verdicts(undisturbed)
 

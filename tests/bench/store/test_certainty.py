@@ -3,11 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
+import pandas as pd
 import pytest
+from msgspec import structs
 from numpy.random import Generator, default_rng
-from proxbench.bench.store.certainty import LEAST_PAIRS, fastest, interval, ratio
-from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, Quartiles, Round
+from proxbench.bench.store.certainty import LEAST_PAIRS, interval, ratio, reaching, standings
+from proxbench.bench.store.records import Round
 
 RUNS = 1000
 """Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
@@ -95,47 +96,54 @@ def test_few_pairs_have_no_interval_and_decide_nothing() -> None:
     assert found.width == np.inf
 
 
-def case(solver: str, *points: Point) -> CaseRecord:
-    return CaseRecord(
-        problem="p",
-        digest="",
-        solver=solver,
-        model="coulomb",
-        has_iterates=True,
-        n_rows=3,
-        n_contacts=1,
-        outcome=Outcome.MEASURED,
-        reason="",
-        traceback="",
-        stderr="",
-        wall_seconds=1.0,
-        peak_memory_bytes=1,
-        curve=Curve(),
-        points=list(points),
-    )
+def points(*rows: tuple[str, float, float, float, str]) -> pd.DataFrame:
+    columns = ["solver", "tolerance", "residual", "total_seconds", "outcome"]
+    frame = pd.DataFrame(rows, columns=columns)
+    return frame.assign(solve_seconds=frame["total_seconds"], status="solved")
 
 
-def point(tolerance: float, residual: float, seconds: float, outcome: Outcome = Outcome.SOLVED) -> Point:
-    times = Quartiles(min=seconds, q1=seconds, median=seconds, q3=seconds)
-    measured = Measured(
-        iterations=1,
-        residual=residual,
-        model_residual=residual,
-        prepare_seconds=times,
-        solve_seconds=times,
-        total_seconds=times,
-        repeats=1,
-        verdict={},
-        impulse_error=None,
-    )
-    return Point(tolerance=tolerance, outcome=outcome, status="solved", reason="", measured=measured)
+def rounds_frame(**times: list[float]) -> pd.DataFrame:
+    parts = [
+        pd.DataFrame([structs.asdict(one) for one in rounds(seconds)]).assign(solver=solver, tolerance=1e-4)
+        for solver, seconds in times.items()
+    ]
+    return pd.concat(parts)
 
 
 def test_the_fastest_point_of_a_solver_is_one_that_the_judge_confirms_in_time() -> None:
-    cases = [
-        case("a", point(1e-2, 1e-5, 3.0), point(1e-4, 1e-6, 2.0)),
-        case("b", point(1e-4, 1e-3, 1.0)),
-        case("c", point(1e-4, 1e-6, 1.0, Outcome.WRONG)),
-        case("d", point(1e-4, 1e-6, 11.5)),
-    ]
-    assert {solver: one.tolerance for solver, one in fastest(cases, 1e-4, 10.0).items()} == {"a": 1e-4}
+    found = reaching(
+        points(
+            ("a", 1e-2, 1e-5, 3.0, "solved"),
+            ("a", 1e-4, 1e-6, 2.0, "solved"),
+            ("b", 1e-4, 1e-3, 1.0, "solved"),
+            ("c", 1e-4, 1e-6, 1.0, "wrong"),
+            ("d", 1e-4, 1e-6, 11.5, "solved"),
+            ("e", 1e-4, 1e-6, 10.5, "time limit"),
+        ),
+        1e-4,
+        10.0,
+    )
+    assert list(found["solver"]) == ["a", "a"]
+
+
+STEADY = [1.0, 1.1, 0.9, 1.05, 0.95]
+
+
+@pytest.mark.parametrize(
+    ("other", "first", "second"),
+    [
+        ([2.0, 2.3, 1.9, 2.0, 2.1], "fastest", "slower"),
+        ([1.3, 1.0, 1.2, 1.0, 1.25], "tie", "tie"),
+        ([2.0, 2.0], "undecided", "undecided"),
+    ],
+)
+def test_a_winner_is_one_only_where_all_others_are_slower(other: list[float], first: str, second: str) -> None:
+    both = points(("a", 1e-4, 1e-5, 1.0, "solved"), ("b", 1e-4, 1e-5, float(np.median(other)), "solved"))
+    found = standings(both, rounds_frame(a=STEADY, b=other), 1e-4, 10.0)
+    assert list(found["solver"]) == ["a", "b"]
+    assert list(found["standing"]) == [first, second]
+    assert found["low"][1] <= found["ratio"][1] <= found["high"][1]
+
+
+def test_there_are_no_standings_where_nothing_is_reached() -> None:
+    assert standings(points(("a", 1e-4, 1e-2, 1.0, "solved")), rounds_frame(a=STEADY), 1e-4, 10.0).empty

@@ -20,7 +20,8 @@ from proxbench.bench import run
 from proxbench.bench.measure.case import Case
 from proxbench.bench.measure.ladder import measure_ladder
 from proxbench.bench.plugins.describing import contestant
-from proxbench.bench.report.tables import results_table, time_to_accuracy
+from proxbench.bench.report.accuracy import time_to_accuracy
+from proxbench.bench.report.tables import results_table
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits
 from proxbench.problems import load
