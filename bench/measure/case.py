@@ -2,28 +2,37 @@
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Verdict
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...solvers.interface import Status, Stop
-from ..isolation.worker import Fault, no_answer
+from ..isolation.worker import LARGEST_CONTENT, Fault, no_answer
 from ..plugins.contestants import Contestant
 from ..plugins.remote_solver import are_iterations
-from ..store.outcome import Outcome, late_reason, point_outcome, verdicts
+from ..store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
 from ..store.records import Curve, Limits, Measured, Point
+from .clock_account import ClockAccount
+from .control import Controls, Solve
 from .ladder import LONGEST_REASON, LadderCase, quartiles
 from .protocol import MeasuringTask, round_fault
+from .variants import another_data
 
 ROUNDS = 5
 """Rounds for each point of the ladder; every round has at least one timed solve."""
 
 ROUND_SECONDS = 0.02
 """Wall time of a round at least, so that a point is measured for at least 0.1 s."""
+
+
+RESTS = 20
+"""Rests in which processes that a solver has started may end, before it is refused for them."""
 
 
 class Case(LadderCase):
@@ -47,26 +56,59 @@ class Case(LadderCase):
         super().__init__(ladder, limits)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self._observed: tuple[int, int] | None = None
+        self._controls = Controls(problem, another_data(problem), solver, limits)
+        self._clock = ClockAccount(problem)
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     def begin(self) -> None:
-        """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
-        self._start(MeasuringTask(self._data, self.solver))
-        short = Stop(1e-1, max_iterations=20, max_seconds=self.limits.solve_seconds)
-        if self._ask("supports") is not None and self._ask("warm_up", short) is not None:
-            seen = self._ask("observe", self._stop(self.ladder[-1]))
-            if seen:
-                self._curve = self._judged_curve(*seen)
-                self._observed = _contradicted_count(seen[0])
+        """Start the process, warm up on another problem of the same kinds, and take the convergence curve of this one.
+
+        A solver that refuses either is recorded with its reason.
+        """
+        self._start(MeasuringTask(self._controls.other, self.solver))
+        requests = (("supports",), ("warm_up", self._controls.short), ("problem", self._data), ("supports",))
+        if any(self._ask(request, *arguments) is None for request, *arguments in requests):
+            return
+        seen = self._ask("observe", self._stop(self.ladder[-1]))
+        if seen:
+            self._curve = self._judged_curve(*seen)
+            self._observed = _contradicted_count(seen[0])
+
+    def end(self) -> None:
+        """End its processes."""
+        self._controls.close()
+        super().end()
+
+    def _ask(
+        self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT
+    ) -> tuple[dict[str, Any], FloatArray] | None:
+        """Return the answer of the process, once nothing that it has started runs any more."""
+        found = super()._ask(request, *arguments, largest=largest)
+        for _ in range(RESTS):
+            if found is None or self._worker is None or not self._worker.n_started():
+                return found
+            found = super()._ask("rest") and found
+        left = 0 if self._worker is None else self._worker.n_started()
+        if left:
+            self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {left} {'process' if left == 1 else 'processes'} running"))
+        return None if left else found
+
+    def _fail(self, fault: Fault) -> None:
+        """End the case; of one that misbehaved, what was measured before means nothing."""
+        super()._fail(fault)
+        if fault.outcome is Outcome.MISBEHAVED:
+            self.points = []
 
     def measure(self, value: float, number: int) -> dict[str, Any] | None:
         """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
-        began = time.monotonic()
+        began, worked = time.monotonic(), self._worker.processor_seconds() if self._worker else 0.0
         found = self._ask("round", self._stop(value), ROUND_SECONDS)
         if found is None:
             return None
         answer, numbers = found
-        fault = round_fault(answer, time.monotonic() - began)
+        passed = time.monotonic() - began
+        worked = (self._worker.processor_seconds() if self._worker else 0.0) - worked
+        fault = round_fault(answer, passed) or self._clock.fault(answer["times"], passed, worked)
         n_rows = self.problem.n_rows
         if fault is None and n_rows:
             count = len(answer["times"])
@@ -112,6 +154,48 @@ class Case(LadderCase):
         if status is not Status.SOLVED or outcome is Outcome.TIME_LIMIT:
             self._ended_by = f"{value:g} already ended {outcome.value}"
         return Point(tolerance=value, outcome=outcome, status=status.value, reason=reason, measured=measured)
+
+    def add_point(self, value: float, answers: list[dict[str, Any]]) -> None:
+        """Keep one point of the ladder, once a first solve in a fresh process confirms what was timed."""
+        super().add_point(value, answers)
+        point = self.points[-1]
+        if point.outcome not in (Outcome.SOLVED, Outcome.RELAXED) or point.measured is None or not self.problem.n_rows:
+            return
+        try:
+            first = self._controls.first_solve(
+                self._stop(value), point.measured.total_seconds.median, partial(self._median_again, value)
+            )
+        except Fault as fault:
+            self._fail(fault)
+            return
+        outcome, reason = self._of_first_solve(value, first)
+        if outcome not in (Outcome.SOLVED, Outcome.RELAXED):
+            self.points[-1] = replace(point, outcome=outcome, reason=reason)
+            self._ended_by = f"{value:g} already ended {outcome.value}"
+
+    def _of_first_solve(self, tolerance: float, first: Solve) -> tuple[Outcome, str]:
+        """Return the outcome of a first solve, and the same in words; want of time is none, where times agree."""
+        if first.status is Status.TIME_LIMIT:
+            return Outcome.SOLVED, ""
+        own, coulomb = verdicts(self.problem, first.impulses, self.solver.model)
+        outcome = point_outcome(first.status, tolerance, self.solver.model, own, coulomb)
+        reason = claim_reason(outcome, tolerance, self.solver.model, own.residual) or f"it ends {outcome.value}"
+        return outcome, f"in a first solve in a fresh process, {reason}"
+
+    def _median_again(self, value: float) -> float:
+        """Return the median time [s] of one more round at a level.
+
+        Raises:
+            Fault: if there is none.
+        """
+        if self._worker is None:
+            raise no_answer()
+        began = time.monotonic()
+        answer, _ = self._worker.ask("round", self._stop(value), ROUND_SECONDS)
+        fault = round_fault(answer, time.monotonic() - began)
+        if fault is not None:
+            raise Fault(Outcome.MISBEHAVED, fault)
+        return float(np.median(np.array(answer["times"]).sum(axis=1)))
 
     def _judged(
         self, tolerance: float, status: Status, answers: list[dict[str, Any]]
