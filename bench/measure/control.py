@@ -26,7 +26,7 @@ from ..plugins.contestants import Contestant
 from ..store.outcome import Outcome, point_outcome, verdicts
 from ..store.records import Limits
 from .protocol import MeasuringTask, round_fault
-from .variants import Variant, another, in_other_units
+from .variants import Variant, another, first_variant, in_other_units
 
 FACTOR = 3.0
 """Times of a first and of a repeated solve may differ by this factor."""
@@ -105,7 +105,8 @@ class Controls:
         """
         slow: list[Solve] = []
         for number in range(ATTEMPTS):
-            solve = self._solve(in_other_units(self.problem, number), stop, seconds, again)
+            variant = in_other_units(self.problem, number) if number else first_variant(self.problem)
+            solve = self._solve(variant, stop, seconds, again)
             if solve.is_explained and solve.status in (Status.SOLVED, Status.TIME_LIMIT):
                 return solve
             slow += [] if solve.is_explained else [solve]
@@ -133,8 +134,7 @@ class Controls:
             return self._solve(variant, stop, seconds, again)
 
     def _solve_once(self, variant: Variant, stop: Stop, seconds: float, again: Callable[[], float]) -> Solve:
-        data = problem_bytes(variant.problem)
-        answer, rows = self._ask(stop, (data, 0.0))
+        answer, rows = self._ask(stop, (variant.data, 0.0))
         n_rows, status = variant.problem.n_rows, Status(answer["status"])
         first = min(_medians(answer)[0])
         if len(rows) < n_rows:
@@ -143,9 +143,9 @@ class Controls:
         if explains(seconds, first) or status not in (Status.SOLVED, Status.TIME_LIMIT):
             return solve
         timed = max(seconds, again())
-        return replace(solve, is_explained=explains(timed, first) or self._is_loading(data, stop, timed))
+        return replace(solve, is_explained=explains(timed, first) or self._is_loading(variant, stop, timed))
 
-    def _is_loading(self, data: bytes, stop: Stop, timed: float) -> bool:
+    def _is_loading(self, variant: Variant, stop: Stop, timed: float) -> bool:
         """Whether a first solve is slow because it loads or compiles something on its way.
 
         Then the same problem is as fast as the timed solves from the second time on, and a first solve of another
@@ -153,7 +153,7 @@ class Controls:
         """
         sibling = another(self.problem)
         of_sibling = (problem_bytes(sibling), 0.0), (b"", ROUND_SECONDS)
-        answer, rows = self._ask(stop, (data, 0.0), (b"", ROUND_SECONDS), *of_sibling)
+        answer, rows = self._ask(stop, (variant.data, 0.0), (b"", ROUND_SECONDS), *of_sibling)
         _, second, first_of_sibling, (second_of_sibling, _) = _medians(answer)
         if answer["status"] == Status.SOLVED and not self._is_right(sibling, rows, stop.tolerance):
             return False

@@ -7,7 +7,7 @@ even, because roots of masses are taken.
 
 import random
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -38,6 +38,11 @@ class Variant:
     problem: ContactProblem
     impulse: float
 
+    @cached_property
+    def data(self) -> bytes:
+        """The problem as the content of a file."""
+        return problem_bytes(self.problem)
+
 
 def in_other_units(problem: ContactProblem, number: int) -> Variant:
     """Return the problem in units drawn at random; as ``number`` is even or odd, its speeds are larger or smaller.
@@ -61,6 +66,12 @@ def another(problem: ContactProblem) -> ContactProblem:
     factors: FloatArray = rng.uniform(LEAST_CHANGE, LARGEST_CHANGE, size=other.n_contacts)
     changed = replace(other, free_velocity=other.free_velocity * factors[other.layout.contact_of_row])
     return in_other_units(changed, int(rng.integers(2))).problem
+
+
+@lru_cache(maxsize=4)
+def first_variant(problem: ContactProblem) -> Variant:
+    """Return the problem in other units, one for all cases of a problem."""
+    return in_other_units(problem, 0)
 
 
 @lru_cache(maxsize=4)
