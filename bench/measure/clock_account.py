@@ -3,13 +3,17 @@
 import timeit
 from collections.abc import Sequence
 from functools import lru_cache
+from statistics import median
 
 import numpy as np
 
 from ...problems.contact.problem import ContactProblem
 
 FACTOR = 2.0
-"""What a process works may be this many times what is counted and what making its problems takes here."""
+"""What a process works may be this many times what is counted and what the harness does beside."""
+
+HARNESS = 2.0
+"""What the harness does beside a solve may be this many times what making a problem takes here."""
 
 ALLOWANCE = 0.1
 """Processor time of all rounds together that need not be accounted for [s]: the system counts it in ticks."""
@@ -37,7 +41,7 @@ class ClockAccount:
             passed: wall time of the round, from outside [s].
             worked: processor time of the round, from outside [s].
         """
-        self._counted += float(np.sum(times)) + len(times) * _fresh_seconds(self.problem)
+        self._counted += float(np.sum(times)) + len(times) * HARNESS * _fresh_seconds(self.problem)
         self._worked += min(passed, worked)
         if self._worked <= FACTOR * self._counted + ALLOWANCE:
             return None
@@ -48,4 +52,4 @@ class ClockAccount:
 @lru_cache(maxsize=4)
 def _fresh_seconds(problem: ContactProblem) -> float:
     """Return the time that making a fresh problem takes here [s], which is most of what is not charged."""
-    return min(timeit.repeat(problem.fresh, number=1, repeat=5))
+    return median(timeit.repeat(problem.fresh, number=1, repeat=5))

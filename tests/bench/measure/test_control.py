@@ -107,4 +107,4 @@ def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
     assert account.fault([(0.5, 0.5)], passed=9.0, worked=1.1) is None  # a busy machine
     fault = account.fault([(0.0, 0.0)], passed=9.0, worked=FACTOR * 3.0 + ALLOWANCE + 1.0)
     assert fault is not None
-    assert "of which its own clock explains 3" in fault
+    assert "s in rounds, of which its own clock explains 3" in fault
