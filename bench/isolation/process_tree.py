@@ -40,6 +40,35 @@ def descendants(ancestor: int) -> list[int]:
     return found
 
 
+def running(processes: Iterable[int]) -> list[int]:
+    """Return those of ``processes`` that have not ended; one that has, and was not waited for, has."""
+    found = []
+    for process in processes:
+        with contextlib.suppress(psutil.Error):
+            if psutil.Process(process).status() != psutil.STATUS_ZOMBIE:
+                found.append(process)
+    return found
+
+
+def processor_seconds(process: int) -> float:
+    """Return the processor time of a process and of those that it waited for [s], to the system's ticks; 0 if gone."""
+    try:
+        times = psutil.Process(process).cpu_times()
+    except psutil.Error:
+        return 0.0
+    return float(times.user + times.system + times.children_user + times.children_system)
+
+
+def end_of(status: int) -> str:
+    """Say how a process ended whose wait status this is."""
+    if os.WIFEXITED(status):
+        return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
+    try:
+        return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
+    except ValueError:
+        return f"its process was killed by signal {os.WTERMSIG(status)}"
+
+
 def send(number: signal.Signals, processes: Iterable[int]) -> None:
     """Send a signal to processes, as far as they still live."""
     for process in processes:

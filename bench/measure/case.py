@@ -4,6 +4,7 @@ import hashlib
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,17 @@ from ...problems.contact.judge import Verdict
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...solvers.interface import Status, Stop
-from ..isolation.worker import Fault, no_answer
+from ..isolation.worker import LARGEST_CONTENT, Fault, no_answer
 from ..plugins.contestants import Contestant
 from ..plugins.remote_solver import are_iterations
-from ..store.outcome import Outcome, late_reason, point_outcome, verdicts
+from ..store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
 from ..store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
+from .clock_account import ClockAccount
+from .control import Controls, Solve, explains
 from .ladder import LONGEST_REASON, LadderCase
 from .points import is_marred, joined, times_of
 from .protocol import MeasuringTask, round_fault
+from .variants import another_data
 
 DIFFERENT = " different answers"
 """What stands behind their number in a reason."""
@@ -43,6 +47,10 @@ class Visit:
     session: int = 0
     number: int = 0
     points: Collection[tuple[str, int]] | None = None
+
+
+RESTS = 20
+"""Rests in which processes that a solver has started may end, before it is refused for them."""
 
 
 class Case(LadderCase):
@@ -68,6 +76,8 @@ class Case(LadderCase):
         super().__init__(ladder, limits, stored)
         self.problem, self.solver, self.visit, self._data = problem, solver, visit, problem_data
         self._observed: tuple[int, int] | None = None
+        self._controls = Controls(problem, another_data(problem), solver, limits)
+        self._clock = ClockAccount(problem)
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     @property
@@ -87,23 +97,54 @@ class Case(LadderCase):
         return (is_marred(point) or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
-        """Start the process, ask whether the solver supports the problem, warm up, and take the convergence curve."""
-        self._start(MeasuringTask(self._data, self.solver))
-        short = Stop(1e-1, max_iterations=20, max_seconds=self.limits.solve_seconds)
-        if self._ask("supports") is not None and self._ask("warm_up", short) is not None:
-            seen = None if self._curve.iteration else self._ask("observe", self._stop(self.ladder[-1]))
-            if seen:
-                self._curve = self._judged_curve(*seen)
-                self._observed = _contradicted_count(seen[0])
+        """Start the process, warm up on another problem of the same kinds, and take the convergence curve of this one.
+
+        A solver that refuses either is recorded with its reason.
+        """
+        self._start(MeasuringTask(self._controls.other, self.solver))
+        requests = (("supports",), ("warm_up", self._controls.short), ("problem", self._data), ("supports",))
+        if any(self._ask(request, *arguments) is None for request, *arguments in requests):
+            return
+        seen = None if self._curve.iteration else self._ask("observe", self._stop(self.ladder[-1]))
+        if seen:
+            self._curve = self._judged_curve(*seen)
+            self._observed = _contradicted_count(seen[0])
+
+    def end(self) -> None:
+        """End its processes."""
+        self._controls.close()
+        super().end()
+
+    def _ask(
+        self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT
+    ) -> tuple[dict[str, Any], FloatArray] | None:
+        """Return the answer of the process, once nothing that it has started runs any more."""
+        found = super()._ask(request, *arguments, largest=largest)
+        for _ in range(RESTS):
+            if found is None or self._worker is None or not self._worker.n_started():
+                return found
+            found = super()._ask("rest") and found
+        left = 0 if self._worker is None else self._worker.n_started()
+        if left:
+            self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {left} {'process' if left == 1 else 'processes'} running"))
+        return None if left else found
+
+    def _fail(self, fault: Fault) -> None:
+        """End the case; of one that misbehaved, what was measured before means nothing."""
+        super()._fail(fault)
+        if fault.outcome is Outcome.MISBEHAVED:
+            self.points = []
 
     def measure(self, value: float, number: int) -> dict[str, Any] | None:
         """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
-        began = time.monotonic()
+        began, worked = time.monotonic(), self._worker.processor_seconds() if self._worker else 0.0
         found = self._ask("round", self._stop(value), ROUND_SECONDS)
         if found is None:
             return None
         answer, numbers = found
-        fault = round_fault(answer, time.monotonic() - began)
+        passed = time.monotonic() - began
+        worked = (self._worker.processor_seconds() if self._worker else 0.0) - worked
+        fault = round_fault(answer, passed) or self._clock.fault(answer["times"], passed, worked)
         n_rows = self.problem.n_rows
         if fault is None and n_rows:
             count = len(answer["times"])
@@ -171,7 +212,7 @@ class Case(LadderCase):
             solve_seconds=solve,
             total_seconds=float(np.median(times.sum(axis=1))),
             repeats=len(times),
-            cpu=answer["cpu_seconds"] / wall if wall > 0.0 else 1.0,
+            cpu=sum(answer["work"]) / wall if wall > 0.0 else 1.0,
         )
 
     def _with_answers_said(self, point: Point) -> Point:
@@ -183,6 +224,52 @@ class Case(LadderCase):
         said = point.reason.partition(DIFFERENT)[2].partition("; ")[2] if DIFFERENT in point.reason else point.reason
         reason = f"{count}{DIFFERENT} in {measured.repeats} solves{said and '; '}{said}"
         return replace(point, reason=reason)
+
+    def add_point(self, level: int, answers: list[dict[str, Any]]) -> None:
+        """Keep one point of the ladder, once a first solve in a fresh process confirms what was timed.
+
+        In later passes this is done where a round is faster than what was confirmed explains.
+        """
+        before = self.points[level].rounds if level < len(self.points) else []
+        super().add_point(level, answers)
+        point = self.points[level]
+        if point.outcome not in (Outcome.SOLVED, Outcome.RELAXED) or not point.rounds or not self.problem.n_rows:
+            return
+        seconds, value = point.rounds[-1].total_seconds, self.ladder[level]
+        if before and explains(seconds, max(one.total_seconds for one in before)):
+            return
+        try:
+            first = self._controls.first_solve(self._stop(value), seconds, partial(self._median_again, value))
+        except Fault as fault:
+            self._fail(fault)
+            return
+        outcome, reason = self._of_first_solve(value, first)
+        if outcome not in (Outcome.SOLVED, Outcome.RELAXED):
+            self.points[level] = replace(point, outcome=outcome, status=first.status.value, reason=reason)
+
+    def _of_first_solve(self, tolerance: float, first: Solve) -> tuple[Outcome, str]:
+        """Return the outcome of a first solve, and the same in words; want of time is none, where times agree."""
+        if first.status is Status.TIME_LIMIT:
+            return Outcome.SOLVED, ""
+        own, coulomb = verdicts(self.problem, first.impulses, self.solver.model)
+        outcome = point_outcome(first.status, tolerance, self.solver.model, own, coulomb)
+        reason = claim_reason(outcome, tolerance, self.solver.model, own.residual) or f"it ends {outcome.value}"
+        return outcome, f"in a first solve in a fresh process, {reason}"
+
+    def _median_again(self, value: float) -> float:
+        """Return the median time [s] of one more round at a level.
+
+        Raises:
+            Fault: if there is none.
+        """
+        if self._worker is None:
+            raise no_answer()
+        began = time.monotonic()
+        answer, _ = self._worker.ask("round", self._stop(value), ROUND_SECONDS)
+        fault = round_fault(answer, time.monotonic() - began)
+        if fault is not None:
+            raise Fault(Outcome.MISBEHAVED, fault)
+        return float(np.median(np.array(answer["times"]).sum(axis=1)))
 
     def _judged(
         self, tolerance: float, status: Status, answers: list[dict[str, Any]]

@@ -1,9 +1,17 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
+import os
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
 import psutil
 import pytest
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
+from proxbench.bench.isolation.child import IN_A_COPY
+from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.case import Case
 from proxbench.bench.measure.plan import Limits
 from proxbench.bench.plugins.describing import contestant
@@ -80,3 +88,48 @@ def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_pro
     assert points[0].measured is not None
     assert points[0].measured.residual is not None
     assert points[0].measured.residual > 1e-3
+
+
+@dataclass
+class Counting:
+    """Counts how often it has answered."""
+
+    count: int = 0
+
+    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
+        if request == "die":
+            os._exit(9)
+        if request == "leave a process":
+            subprocess.Popen(["sleep", "60"], start_new_session=True)
+        self.count += 1
+        return {"count": self.count}, b""
+
+
+@pytest.fixture
+def worker() -> Iterator[Worker]:
+    made = Worker(Counting(), 60.0, 2**28)
+    yield made
+    made.close()
+
+
+def test_a_process_learns_nothing_of_what_its_copies_do(worker: Worker) -> None:
+    counts = [
+        worker.ask("count"),
+        worker.ask(IN_A_COPY, "count", ()),
+        worker.ask(IN_A_COPY, "count", ()),
+        worker.ask("count"),
+    ]
+    assert [answer["count"] for answer, _ in counts] == [1, 2, 2, 2]
+
+
+def test_the_end_of_a_copy_is_said_and_its_process_goes_on(worker: Worker) -> None:
+    with pytest.raises(Fault, match="exit code 9"):
+        worker.ask(IN_A_COPY, "die", ())
+    assert worker.ask("count")[0]["count"] == 1
+
+
+def test_processes_that_a_case_leaves_are_counted(worker: Worker) -> None:
+    worker.ask("count")
+    assert worker.n_started() == 0
+    worker.ask("leave a process")
+    assert worker.n_started() == 1

@@ -37,7 +37,7 @@ class Misbehaving:
         return f"Misbehaving({self.action})"
 
     def supports(self, problem: ContactProblem) -> str | None:
-        if self.only and problem.digest != load(self.only).digest:
+        if self.only and problem.n_rows != load(self.only).n_rows:
             return f"it misbehaves on {self.only} alone"
         if self.action == "refuse badly":
             raise RuntimeError("for no reason")
