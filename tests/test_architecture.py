@@ -41,6 +41,7 @@ AT_HOME = {
     "pandas": {
         "bench/report/drawing.py",
         "bench/store/frames.py",
+        "bench/store/certainty.py",
         "bench/runs.py",
         "bench/report/studies.py",
         "bench/report/accuracy.py",

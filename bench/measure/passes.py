@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
-import pandas as pd
 
 from ..store.certainty import standings
 from ..store.frames import points_frame, rounds_frame
@@ -47,7 +46,6 @@ def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord) -> set[tuple[str, i
         stand = standings(points, rounds, accuracy, plan.limits.solve_seconds)
         wide = stand[stand["high"] > (1.0 + WIDE) * stand["low"]]
         if len(wide):
-            both = pd.concat([stand.head(1), wide])
-            places = zip(both["solver"], both["tolerance"], strict=True)
+            places = [*zip(wide["solver"], wide["tolerance"], strict=True), (stand["solver"][0], stand["tolerance"][0])]
             found |= {repeated[place] for place in places if place in repeated}
     return found

@@ -58,6 +58,8 @@ def _joined(before: Measured, now: Measured) -> Measured:
     errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
     return replace(
         worse,
+        iterations=before.iterations,
+        claimed_iterations=before.claimed_iterations,
         model_residual=max(before.model_residual, now.model_residual, key=_number),
         **times_of(rounds),
         rounds=rounds,

@@ -31,7 +31,7 @@ from ..store.conversion import content_of, record_of
 from ..store.outcome import FAULTS
 from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session
 from ..store.store import Store
-from .case import Case, Visit
+from .contacts.case import Case, Visit
 from .ladder import LadderCase, measure_ladder
 from .machine import calibration_seconds, describe_machine
 from .passes import EXTRA_SHARE, shuffled, uncertain

@@ -15,7 +15,7 @@ from contestants import funnel_step
 from known_solvers import Known
 from numba import njit
 from proxbench.bench.isolation.worker import Worker
-from proxbench.bench.measure.protocol import Measurement, MeasuringTask
+from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.records import Limits
 from proxbench.problems.catalog.storage import problem_bytes

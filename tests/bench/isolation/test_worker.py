@@ -12,7 +12,7 @@ from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
 from proxbench.bench.isolation.child import IN_A_COPY
 from proxbench.bench.isolation.worker import Fault, Worker
-from proxbench.bench.measure.case import Case
+from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.plan import Limits
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome

@@ -8,10 +8,12 @@ from typing import Any
 import cheating_solvers as answers
 import remembering_solvers as memory
 import tampering_solvers as tampering
-from proxbench.bench.measure.case import Case
+from proxbench.bench.measure.contacts.case import Case, Visit
 from proxbench.bench.measure.ladder import measure_ladder
+from proxbench.bench.measure.plan import PASSES
 from proxbench.bench.measure.refutation import refuted
 from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits
 from proxbench.problems import load
 from proxbench.problems.catalog.storage import problem_bytes
@@ -44,10 +46,14 @@ class Cheat:
     def tried(self, folder: Path, ladder: tuple[float, ...] = LADDER) -> CaseRecord:
         """Measure it as a run does."""
         problem = load(self.problem)
-        data = problem_bytes(problem.anonymous())
-        case = Case(problem, contestant(self.make(folder)), self.limits, ladder, data)
-        measure_ladder([case])
-        record = case.record()
+        data, solver = problem_bytes(problem.anonymous()), contestant(self.make(folder))
+        record: CaseRecord | None = None
+        for number in range(PASSES):
+            case = Case(problem, solver, self.limits, ladder, data, record, Visit(0, number))
+            measure_ladder([case])
+            record = case.record()
+            if record.outcome is not Outcome.MEASURED:
+                break
         return next(iter(refuted([record], case.is_solvable)), record)
 
 
@@ -60,11 +66,11 @@ CLOCK = "misbehaved: its own clock explains"
 THREADS = "misbehaved: threads running"
 PROCESSES = "misbehaved: running"
 BOX = "hard-sticking-box"
+LARGE = "funnel-1000"
 
 CHEATS = {
     "Remembering": Cheat("keeps answers by the digest of the problem", REPEATS, _of(memory.Remembering)),
     "ByVelocity": Cheat("keeps answers by the bytes of c", REPEATS, _of(memory.ByVelocity)),
-    "ByAddress": Cheat("keeps answers by the address of c in memory", REPEATS, _of(memory.ByAddress)),
     "BySize": Cheat("keeps answers by the number of rows", REPEATS, _of(memory.BySize)),
     "WhateverUnits": Cheat("keeps answers by c in whatever units", REPEATS, _of(memory.WhateverUnits)),
     "RemembersLaws": Cheat("keeps answers by id(laws)", "solved: gains nothing", _of(answers.RemembersLaws), BOX),
@@ -81,9 +87,7 @@ CHEATS = {
     ),
     "OnTemporaryDisk": Cheat("keeps answers in temporary files", REPEATS, _of(memory.OnDisk)),
     "OnDisk": Cheat("keeps answers in files from run to run", REPEATS, lambda folder: memory.OnDisk(str(folder))),
-    "WarmStarting": Cheat(
-        "starts from its answer to the coarser tolerance", REPEATS, _of(memory.WarmStarting), "funnel-1000"
-    ),
+    "WarmStarting": Cheat("starts from its answer to the coarser tolerance", REPEATS, _of(memory.WarmStarting), LARGE),
     "WhenCollecting": Cheat("solves in a callback of the garbage collector", REPEATS, _of(memory.WhenCollecting)),
     "WhenReleased": Cheat("solves in __del__ of what it prepared", REPEATS, _of(memory.WhenReleased)),
     "WhenTimerRings": Cheat("solves in a signal handler", REPEATS, _of(memory.WhenTimerRings)),
@@ -99,20 +103,27 @@ CHEATS = {
     "Background": Cheat("starts a thread in supports", THREADS, _of(answers.Background), BOX),
     "Loading": Cheat("leaves processes behind that load the processor", PROCESSES, _of(tampering.Loading)),
     "Orphaning": Cheat("leaves a process behind that is no child of its own", PROCESSES, _of(tampering.Orphaning)),
-    "SlowClock": Cheat("replaces the clock by one ten times slower", CLOCK, _of(tampering.SlowClock)),
+    "SlowClock": Cheat("replaces the clock by one ten times slower", CLOCK, _of(tampering.SlowClock), LARGE),
     "StoppedClock": Cheat(
         "replaces the clock by one that stands",
         "timeout: the case took longer",
         _of(tampering.StoppedClock),
         limits=Limits(solve_seconds=1.0, case_seconds=5.0),
     ),
-    "Accountant": Cheat("replaces Measurement.round and divides the times", CLOCK, _of(tampering.Accountant)),
-    "BeforeSolving": Cheat("replaces Measurement._solve and solves before", CLOCK, _of(tampering.BeforeSolving)),
-    "WhileTraced": Cheat("solves in a trace function, before the clock starts", CLOCK, _of(tampering.WhileTraced)),
-    "WhileSwitchingCollection": Cheat(
-        "replaces gc.disable and solves in it, before the clock starts", CLOCK, _of(tampering.WhileSwitchingCollection)
+    "Accountant": Cheat("replaces Measurement.round and divides the times", CLOCK, _of(tampering.Accountant), LARGE),
+    "BeforeSolving": Cheat("replaces Measurement._solve and solves before", CLOCK, _of(tampering.BeforeSolving), LARGE),
+    "WhileTraced": Cheat(
+        "solves in a trace function, before the clock starts", CLOCK, _of(tampering.WhileTraced), LARGE
     ),
-    "Postponing": Cheat("replaces np.copyto and solves after the clock has stopped", CLOCK, _of(tampering.Postponing)),
+    "WhileSwitchingCollection": Cheat(
+        "replaces gc.disable and solves in it, before the clock starts",
+        CLOCK,
+        _of(tampering.WhileSwitchingCollection),
+        LARGE,
+    ),
+    "Postponing": Cheat(
+        "replaces np.copyto and solves after the clock has stopped", CLOCK, _of(tampering.Postponing), LARGE
+    ),
     "SometimesZero": Cheat("answers zero in three of ten solves", "wrong: ", _of(answers.SometimesZero), BOX),
     "Loose": Cheat("claims a thousandth of what it reached", "wrong: ", _of(answers.Loose)),
     "Jittering": Cheat(

@@ -49,7 +49,7 @@ class SometimesZero(Honest):
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         self.count += 1
-        if observe is None and self.count % 10 < 3:
+        if observe is None and self.count % 10 in (4, 5, 6):
             return Solution(np.zeros(problem.n_rows), Status.SOLVED, 1)
         return super().solve(problem, stop, observe)
 

@@ -42,13 +42,6 @@ class ByVelocity(Remembering):
         return problem.free_velocity.tobytes()
 
 
-class ByAddress(Remembering):
-    """By where the free velocity stands in memory, which is where that of the last problem stood."""
-
-    def key(self, problem: ContactProblem) -> Any:
-        return problem.free_velocity.ctypes.data
-
-
 class BySize(Remembering):
     """By the number of rows; answers to others are wrong."""
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from cheating_solvers import Honest
-from proxbench.bench.measure import protocol
+from proxbench.bench.measure.contacts import protocol
 from proxbench.problems import ContactProblem
 from proxbench.solvers import Solution, Status, Stop
 

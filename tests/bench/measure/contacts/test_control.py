@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import pytest
 from proxbench.bench.isolation.worker import Fault
-from proxbench.bench.measure.clock_account import ALLOWANCE, FACTOR, ClockAccount
-from proxbench.bench.measure.control import Controls, explains
-from proxbench.bench.measure.variants import another_data
+from proxbench.bench.measure.contacts.clock_account import ALLOWANCE, FACTOR, ClockAccount
+from proxbench.bench.measure.contacts.control import Controls, explains
+from proxbench.bench.measure.contacts.variants import another_data
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits

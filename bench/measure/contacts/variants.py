@@ -11,10 +11,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ...problems.arrays import FloatArray
-from ...problems.catalog.storage import problem_bytes
-from ...problems.contact.problem import ContactProblem
-from ...problems.hard.transformations import in_units, permuted
+from ....problems.arrays import FloatArray
+from ....problems.catalog.storage import problem_bytes
+from ....problems.contact.problem import ContactProblem
+from ....problems.hard.transformations import in_units, permuted
 
 MASS_EXPONENTS = (2, 4, 6)
 """Even powers of two that m is drawn from, or their inverses."""

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from ...problems.arrays import FloatArray
-from ...problems.contact.judge import Verdict
-from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
-from ...solvers.interface import Status, Stop
-from ..isolation.worker import LARGEST_CONTENT, Fault, no_answer
-from ..plugins.contestants import Contestant
-from ..plugins.remote_solver import are_iterations
-from ..store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
-from ..store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
+from ....problems.arrays import FloatArray
+from ....problems.contact.judge import Verdict
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.residual import Residual
+from ....solvers.interface import Status, Stop
+from ...isolation.worker import LARGEST_CONTENT, Fault, no_answer
+from ...plugins.contestants import Contestant
+from ...plugins.remote_solver import are_iterations
+from ...store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
+from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
+from ..ladder import LONGEST_REASON, LadderCase
+from ..points import is_marred, joined, times_of
 from .clock_account import ClockAccount
 from .control import Controls, Solve, explains
-from .ladder import LONGEST_REASON, LadderCase
-from .points import is_marred, joined, times_of
 from .protocol import MeasuringTask, round_fault
 from .variants import another_data
 
@@ -75,7 +75,7 @@ class Case(LadderCase):
         """Note what to measure, and what is measured already."""
         super().__init__(ladder, limits, stored)
         self.problem, self.solver, self.visit, self._data = problem, solver, visit, problem_data
-        self._observed: tuple[int, int] | None = None
+        self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
         self._controls = Controls(problem, another_data(problem), solver, limits)
         self._clock = ClockAccount(problem)
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
@@ -329,6 +329,14 @@ class Case(LadderCase):
             iteration=iterations,
             residual=[float(residual(impulses, problem.relative_velocity(impulses))) for impulses in rows],
         )
+
+
+def _known_contradiction(point: Point) -> tuple[int, int] | None:
+    """Return the observed and the claimed iterations of a stored point; None where they agree."""
+    measured = point.measured
+    if measured is None or measured.claimed_iterations is None:
+        return None
+    return measured.iterations, measured.claimed_iterations
 
 
 def _contradicted_count(answer: dict[str, Any]) -> tuple[int, int] | None:

@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.arrays import FloatArray
-from ...problems.catalog.storage import problem_bytes
-from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Status, Stop
-from ..isolation.child import IN_A_COPY
-from ..isolation.worker import NO_ANSWER, Fault, Worker, no_answer, numbers_of
-from ..plugins.contestants import Contestant
-from ..store.outcome import Outcome, point_outcome, verdicts
-from ..store.records import Limits
+from ....problems.arrays import FloatArray
+from ....problems.catalog.storage import problem_bytes
+from ....problems.contact.problem import ContactProblem
+from ....solvers.interface import Status, Stop
+from ...isolation.child import IN_A_COPY
+from ...isolation.worker import NO_ANSWER, Fault, Worker, no_answer, numbers_of
+from ...plugins.contestants import Contestant
+from ...store.outcome import Outcome, point_outcome, verdicts
+from ...store.records import Limits
 from .protocol import MeasuringTask, round_fault
 from .variants import Variant, another, first_variant, in_other_units
 

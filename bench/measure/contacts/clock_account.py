@@ -7,7 +7,7 @@ from statistics import median
 
 import numpy as np
 
-from ...problems.contact.problem import ContactProblem
+from ....problems.contact.problem import ContactProblem
 
 FACTOR = 2.0
 """What a process works may be this many times what is counted and what the harness does beside."""
@@ -15,8 +15,8 @@ FACTOR = 2.0
 HARNESS = 2.0
 """What the harness does beside a solve may be this many times what making a problem takes here."""
 
-ALLOWANCE = 0.1
-"""Processor time of all rounds together that need not be accounted for [s]: the system counts it in ticks."""
+ALLOWANCE = 0.01
+"""Processor time of all rounds together that need not be accounted for [s]."""
 
 
 class ClockAccount:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from proxbench.bench.measure.variants import another, in_other_units
+from proxbench.bench.measure.contacts.variants import another, in_other_units
 from proxbench.problems import load
 from proxbench.solvers import Stop, create
 

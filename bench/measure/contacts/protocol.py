@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.arrays import FloatArray
-from ...problems.catalog.storage import read_problem
-from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
-from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates
-from ..isolation.child import MisbehaviourError, refuse
-from ..isolation.worker import NO_ANSWER
-from ..plugins.contestants import Contestant
-from ..plugins.remote_solver import answer_fault
+from ....problems.arrays import FloatArray
+from ....problems.catalog.storage import read_problem
+from ....problems.contact.problem import ContactProblem
+from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
+from ....solvers.interface import Solution, Solver, Status, Stop, shows_iterates
+from ...isolation.child import MisbehaviourError, refuse
+from ...isolation.worker import NO_ANSWER
+from ...plugins.contestants import Contestant
+from ...plugins.remote_solver import answer_fault
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
