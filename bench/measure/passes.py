@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..store.certainty import standings
+from ..store.certainty import standings, times_by_point
 from ..store.frames import points_frame, rounds_frame
 from ..store.records import CaseRecord, PlanRecord
 
@@ -41,9 +41,9 @@ def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord) -> set[tuple[str, i
         for point in case.points
         if point.is_repeated and 0 < sum(not one.is_marred for one in point.rounds) < plan.passes
     }
-    points, rounds = points_frame(cases), rounds_frame(cases)
+    points, times = points_frame(cases), times_by_point(rounds_frame(cases))
     for accuracy in plan.tolerances:
-        stand = standings(points, rounds, accuracy, plan.limits.solve_seconds)
+        stand = standings(points, times, accuracy, plan.limits.solve_seconds)
         wide = stand[stand["high"] > (1.0 + WIDE) * stand["low"]]
         if len(wide):
             places = [*zip(wide["solver"], wide["tolerance"], strict=True), (stand["solver"][0], stand["tolerance"][0])]

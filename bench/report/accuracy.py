@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ...problems.arrays import FloatArray
-from ..store.certainty import STANDINGS, reaching, standings
+from ..store.certainty import STANDINGS, reaching, standings, times_by_point
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
 
@@ -68,7 +68,7 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
     points, rounds, limit = frames.points, frames.rounds, frames.info.plan.limits.solve_seconds
     found = []
     for problem in [] if frames.is_study else frames.cases["problem"].unique():
-        own = points[points["problem"] == problem], rounds[rounds["problem"] == problem]
+        own = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
         found += [
             standings(*own, accuracy, limit).assign(problem=problem, accuracy=accuracy)
             for accuracy in accuracies(frames)

@@ -14,7 +14,7 @@ the range of all; with fewer there is none, since it would hold the true ratio t
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -62,10 +62,28 @@ class Ratio(NamedTuple):
 class Timed(Protocol):
     """A round, as a record or as a row of a frame."""
 
+    @property
+    def session(self) -> int: ...
+
+    @property
+    def number(self) -> int: ...
+
+    @property
+    def total_seconds(self) -> float: ...
+
+    @property
+    def is_marred(self) -> bool: ...
+
+
+class _Timed(NamedTuple):
     session: int
     number: int
     total_seconds: float
     is_marred: bool
+
+
+Times = dict[tuple[str, float], list[_Timed]]
+"""Rounds of one problem by solver and tolerance."""
 
 
 def ratio(rounds: Sequence[Timed], others: Sequence[Timed]) -> Ratio:
@@ -103,7 +121,16 @@ def reaching(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> pd
     return found
 
 
-def standings(points: pd.DataFrame, rounds: pd.DataFrame, accuracy: float, limit: float) -> pd.DataFrame:
+def times_by_point(rounds: pd.DataFrame) -> Times:
+    """Return the rounds of one problem, as in ``RunFrames``, by solver and tolerance."""
+    found: Times = {}
+    columns = (rounds[name] for name in ("solver", "tolerance", "session", "number", "total_seconds", "is_marred"))
+    for solver, tolerance, *one in zip(*columns, strict=True):
+        found.setdefault((solver, tolerance), []).append(_Timed(*one))
+    return found
+
+
+def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float) -> pd.DataFrame:
     """Return one row for each solver that reaches an accuracy on one problem, the fastest first.
 
     Columns: solver, tolerance (of its fastest point that reaches it), seconds (its median time), ratio (to the fastest
@@ -112,16 +139,13 @@ def standings(points: pd.DataFrame, rounds: pd.DataFrame, accuracy: float, limit
 
     Args:
         points: of the problem, as in ``RunFrames``.
-        rounds: of the problem, as in ``RunFrames``.
+        times: the rounds of the problem.
         accuracy: judged residual.
         limit: of the time of one solve [s].
     """
     reached = reaching(points, accuracy, limit).sort_values("total_seconds", kind="stable")
     reached = reached[reached["total_seconds"].notna()].drop_duplicates("solver")
     places = list(zip(reached["solver"], reached["tolerance"], reached["total_seconds"], strict=True))
-    times: dict[Any, list[Any]] = {
-        place: list(part.itertuples()) for place, part in rounds.groupby(["solver", "tolerance"])
-    }
     timed = [times.get((solver, tolerance), []) for solver, tolerance, _ in places]
     ratios = [ratio(own, timed[0]) for own in timed[1:]]
     shown = [Ratio(1.0, 1.0, 1.0), *ratios] if places else []

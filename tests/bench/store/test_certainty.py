@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from msgspec import structs
 from numpy.random import Generator, default_rng
-from proxbench.bench.store.certainty import LEAST_PAIRS, interval, ratio, reaching, standings
+from proxbench.bench.store.certainty import LEAST_PAIRS, interval, ratio, reaching, standings, times_by_point
 from proxbench.bench.store.records import Round
 
 RUNS = 1000
@@ -139,11 +139,11 @@ STEADY = [1.0, 1.1, 0.9, 1.05, 0.95]
 )
 def test_a_winner_is_one_only_where_all_others_are_slower(other: list[float], first: str, second: str) -> None:
     both = points(("a", 1e-4, 1e-5, 1.0, "solved"), ("b", 1e-4, 1e-5, float(np.median(other)), "solved"))
-    found = standings(both, rounds_frame(a=STEADY, b=other), 1e-4, 10.0)
+    found = standings(both, times_by_point(rounds_frame(a=STEADY, b=other)), 1e-4, 10.0)
     assert list(found["solver"]) == ["a", "b"]
     assert list(found["standing"]) == [first, second]
     assert found["low"][1] <= found["ratio"][1] <= found["high"][1]
 
 
 def test_there_are_no_standings_where_nothing_is_reached() -> None:
-    assert standings(points(("a", 1e-4, 1e-2, 1.0, "solved")), rounds_frame(a=STEADY), 1e-4, 10.0).empty
+    assert standings(points(("a", 1e-4, 1e-2, 1.0, "solved")), times_by_point(rounds_frame(a=STEADY)), 1e-4, 10.0).empty
