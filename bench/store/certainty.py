@@ -14,7 +14,7 @@ the range of all; with fewer there is none, since it would hold the true ratio t
 
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from scipy import stats
 from ...problems.arrays import FloatArray, IntArray
 from ...solvers.interface import Status
 from .outcome import Outcome
+from .records import Round
 
 CONFIDENCE = 0.95
 """Share of intervals that shall hold the true ratio."""
@@ -59,30 +60,19 @@ class Ratio(NamedTuple):
         return self.high / self.low - 1.0 if self.low > 0.0 else np.inf
 
 
-class Timed(Protocol):
-    """A round, as a record or as a row of a frame."""
+class Row(NamedTuple):
+    """What of a row of the rounds of ``RunFrames`` is compared."""
 
-    @property
-    def session(self) -> int: ...
-
-    @property
-    def number(self) -> int: ...
-
-    @property
-    def total_seconds(self) -> float: ...
-
-    @property
-    def is_marred(self) -> bool: ...
-
-
-class _Timed(NamedTuple):
     session: int
     number: int
     total_seconds: float
     is_marred: bool
 
 
-Times = dict[tuple[str, float], list[_Timed]]
+Timed = Round | Row
+"""A round, as a record or as a row of a frame."""
+
+Times = dict[tuple[str, float], list[Row]]
 """Rounds of one problem by solver and tolerance."""
 
 
@@ -126,7 +116,7 @@ def times_by_point(rounds: pd.DataFrame) -> Times:
     found: Times = {}
     columns = (rounds[name] for name in ("solver", "tolerance", "session", "number", "total_seconds", "is_marred"))
     for solver, tolerance, *one in zip(*columns, strict=True):
-        found.setdefault((solver, tolerance), []).append(_Timed(*one))
+        found.setdefault((solver, tolerance), []).append(Row(*one))
     return found
 
 
