@@ -40,7 +40,7 @@ def _touch_kernels() -> None:
                 continue
             solver = create(name)
             if not solver.supports(problem):
-                solver.prepare(problem.fresh()).solve(Stop(1e-3, max_iterations=3))
+                solver.prepare(problem.fresh()).solve(Stop(1e-8, max_iterations=200, max_seconds=0.1))
 
 
 _touch_kernels()

@@ -23,7 +23,7 @@ from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, 
 from ..ladder import LONGEST_REASON, LadderCase
 from ..points import is_marred, joined, times_of
 from .clock_account import ClockAccount
-from .control import Controls, Solve, explains
+from .control import THOROUGH, Controls, Solve, explains
 from .protocol import MeasuringTask, round_fault
 from .variants import another_data
 
@@ -102,7 +102,7 @@ class Case(LadderCase):
         A solver that refuses either is recorded with its reason.
         """
         self._start(MeasuringTask(self._controls.other, self.solver))
-        requests = (("supports",), ("warm_up", self._controls.short), ("problem", self._data), ("supports",))
+        requests = (("supports",), ("warm_up", THOROUGH), ("problem", self._data), ("supports",))
         if any(self._ask(request, *arguments) is None for request, *arguments in requests):
             return
         seen = None if self._curve.iteration else self._ask("observe", self._stop(self.ladder[-1]))

@@ -42,7 +42,7 @@ ROUND_SECONDS = 0.02
 
 
 THOROUGH = Stop(1e-8, max_iterations=200, max_seconds=0.1)
-"""Limits of the solve that such a process warms up with, once, so that copies find loaded what solves need later on."""
+"""Limits of the solve that processes warm up with, once, so that timed solves and copies find loaded what they need."""
 
 
 def explains(repeated: float, first: float) -> bool:
