@@ -59,7 +59,9 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
 
     found, broken = _tried(sources, lambda file, _: survey(file))
     if as_json:
-        print_json({"files": [asdict(one) for one in found], "broken": broken})
+        # JSON has no infinity, which a condition number can be
+        rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
+        print_json({"files": rows, "broken": broken})
     else:
         _print_surveys(found)
         _print_broken(broken)

@@ -38,6 +38,8 @@ def contacts_of(problem: ContactProblem) -> tuple[int, FloatArray]:
         ProblemError: if the laws are not those of equal contacts with Coulomb friction, which FCLIB alone has.
     """
     laws, name = problem.laws, problem.name
+    if not problem.n_rows:
+        raise ProblemError(f"{name!r} has no contacts, so that there is nothing to write.")
     if not laws.is_friction.any():
         raise ProblemError(f"{name!r} has no friction, and contacts of FCLIB have it; give them a coefficient of zero.")
     if laws.fixed_bound.any():

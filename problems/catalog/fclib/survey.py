@@ -36,9 +36,9 @@ class Survey:
         rows: number of rows, 2 or 3 a contact.
         dofs: degrees of freedom; ``None`` for a local problem.
         rank: estimated rank of G; ``None`` where that is not affordable.
-        friction: least and largest μ.
+        friction: least and largest μ, 0 without contacts.
         asymmetry: max |W − Wᵀ| / max |W|, 0 for a global problem.
-        conditioning: largest condition number of the block of G of one contact.
+        conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: how many guesses are stored.
         solution: judged residual of the stored solution; ``None`` if none was written.
     """
@@ -71,7 +71,7 @@ def survey(path: Path) -> Survey:
         problem = problem_of(contents, path.stem, treatment)
     except ProblemError as error:
         raise ProblemError(f"{path}: {error.sentence}") from None
-    residual = problem.provenance.get("stored_solution_residual")
+    friction, residual = contents.friction, problem.provenance.get("stored_solution_residual")
     return Survey(
         file=str(path),
         title=contents.about.get("title", ""),
@@ -80,7 +80,7 @@ def survey(path: Path) -> Survey:
         rows=problem.n_rows,
         dofs=None if problem.factors is None else problem.factors.n_dofs,
         rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
-        friction=(float(contents.friction.min(initial=np.inf)), float(contents.friction.max(initial=0.0))),
+        friction=(float(friction.min()), float(friction.max())) if len(friction) else (0.0, 0.0),
         asymmetry=off,
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
         guesses=contents.guesses,

@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from handmade_fclib import W, local_data, write_data
 from proxbench.bench.cli.main import run_command
@@ -37,6 +38,14 @@ def test_info_shows_a_line_for_each_file_and_a_reason_for_each_broken_one(folder
     assert run_command(["fclib", "info", "--json", str(SHIPPED / "global-rows.hdf5")]) == 0
     (row,) = json.loads(capsys.readouterr().out)["files"]
     assert (row["contacts"], row["dofs"], row["rank"], row["friction"]) == (2, 6, 6, [0.25, 0.5])
+
+
+def test_json_has_no_infinity_for_a_singular_block(tmp_path: Path, capsys: Capture) -> None:
+    path = write_data(tmp_path / "p.hdf5", local_data(matrix=np.diag([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])))
+    assert run_command(["fclib", "info", "--json", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert "Infinity" not in printed
+    assert json.loads(printed)["files"][0]["conditioning"] is None
 
 
 def test_import_keeps_the_places_of_a_folder_and_lists_what_is_broken(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from handmade_fclib import IMPULSES, W, global_data, local_data, write_data
-from proxbench.problems import ContactProblem, ProblemError, load
+from proxbench.problems import ContactProblem, ProblemError, load, write_fclib
 from proxbench.problems.catalog.fclib.survey import block_conditioning, estimated_rank, fclib_files, survey
 
 
@@ -50,6 +50,17 @@ def test_a_survey_says_what_the_file_holds(tmp_path: Path) -> None:
     assert (factored.form, factored.dofs, factored.rank, factored.asymmetry) == ("global", 6, 6, 0.0)
     assert (factored.solution, factored.guesses) == (0.0, 0)
     assert factored.conditioning == pytest.approx(1.0)
+
+
+def test_a_file_without_contacts_is_surveyed_and_its_problem_not_written(tmp_path: Path) -> None:
+    nothing = {name: np.zeros(0, dtype=np.int32) for name in "ip"} | {"x": np.zeros(0)}
+    empty = {name: np.array([0], dtype=np.int32) for name in ("nz", "nzmax", "m", "n")} | nothing
+    data = {"fclib_local/spacedim": np.array([3]), **{f"fclib_local/W/{name}": value for name, value in empty.items()}}
+    vectors = {"fclib_local/vectors/q": np.zeros(0), "fclib_local/vectors/mu": np.zeros(0)}
+    found = survey(write_data(tmp_path / "e.hdf5", data | vectors))
+    assert (found.contacts, found.rank, found.friction, found.conditioning) == (0, 0, (0.0, 0.0), 0.0)
+    with pytest.raises(ProblemError, match="'e' has no contacts"):
+        write_fclib(load(tmp_path / "e.hdf5"), tmp_path / "again.hdf5")
 
 
 def test_the_files_of_a_folder_are_found_in_order(tmp_path: Path) -> None:
