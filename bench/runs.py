@@ -158,8 +158,8 @@ def run(
     """Measure solvers on problems, store the results and return them.
 
     Args:
-        problems: names, problem files (.npz) or problems, or one of them; the members of ``suite`` if None. What is
-            missing is generated.
+        problems: names, problem files (.npz, or .hdf5 of FCLIB) or problems, or one of them; the members of ``suite``
+            if None. What is missing is generated.
         solvers: names with options, or solvers, or one of them; the default variants if None.
         suite: a named suite.
         results: the folder in which the folder of the run is made.

@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | matrix | check | simulate | report | record | list | generate``.
+"""The command line: ``proxbench run | matrix | check | simulate | report | record | list | generate | fclib``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.exceptions import TyperException
 
-from . import options
+from . import fclib, options
 from .help import HelpCommand, HelpGroup
 from .matrix import matrix
 from .record import record
@@ -301,3 +301,6 @@ def generate(
     else:
         for file, digest in digests.items():
             print(f"{digest[:16]}  {file}")
+
+
+app.add_typer(fclib.app, name="fclib", short_help="Look over, import and export FCLIB files.", rich_help_panel=LOOK_UP)

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard
 
-from ...problems.catalog.catalog import plugin_problems, suite_members
-from ...problems.catalog.storage import SUFFIX
+from ...problems.catalog.catalog import is_path, plugin_problems, suite_members
 from ...problems.contact.problem import ContactProblem
 from ...problems.spelling import option
 from ...solvers.interface import Solver
@@ -92,7 +91,7 @@ def make_plan(
             object that breaks the contract, or a tolerance, a number of passes or a seed out of range.
     """
     given = tuple(problems) if problems else tuple(suite_members(suite))
-    check_known(one for one in given if isinstance(one, str) and not one.endswith(SUFFIX))
+    check_known(one for one in given if isinstance(one, str) and not is_path(one))
     from_plugins = {offer.name for offer in plugin_problems()}
     chosen = tuple(one if _is_loaded_later(one, from_plugins) else resolved(one) for one in given)
     for problem in chosen:
@@ -120,4 +119,4 @@ def name_of(problem: str | ContactProblem) -> str:
 
 
 def _is_loaded_later(problem: str | Path | ContactProblem, from_plugins: set[str]) -> TypeGuard[str]:
-    return isinstance(problem, str) and not problem.endswith(SUFFIX) and problem not in from_plugins
+    return isinstance(problem, str) and not is_path(problem) and problem not in from_plugins
