@@ -1,13 +1,10 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
-import os
-import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import psutil
 import pytest
+from counting_task import Counting
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
 from proxbench.bench.isolation.child import IN_A_COPY
@@ -88,21 +85,6 @@ def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_pro
     assert points[0].measured is not None
     assert points[0].measured.residual is not None
     assert points[0].measured.residual > 1e-3
-
-
-@dataclass
-class Counting:
-    """Counts how often it has answered."""
-
-    count: int = 0
-
-    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        if request == "die":
-            os._exit(9)
-        if request == "leave a process":
-            subprocess.Popen(["sleep", "60"], start_new_session=True)
-        self.count += 1
-        return {"count": self.count}, b""
 
 
 @pytest.fixture

@@ -1,11 +1,9 @@
 """A first solve in a fresh process shows what repeated ones hide, and what the processor works shows the clock."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
 
 import pytest
+from habitual_solvers import STOP, Wrapped
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.clock_account import ALLOWANCE, FACTOR, ClockAccount
 from proxbench.bench.measure.contacts.control import Controls, explains
@@ -13,55 +11,12 @@ from proxbench.bench.measure.contacts.variants import another_data
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits
-from proxbench.problems import ContactProblem, load
-from proxbench.solvers import Model, Solution, Status, Stop, create
+from proxbench.problems import load
+from proxbench.solvers import Status, create
 
 PROBLEM = load("funnel-100")
-STOP = Stop(1e-6, max_seconds=30.0)
 LIMITS = Limits(solve_seconds=30.0)
 MICROSECOND = 1e-6
-
-
-@dataclass
-class Wrapped:
-    """SORprox with a habit: "remember" or "compile" (to take long for the first time in a process)."""
-
-    habit: str = ""
-
-    model: ClassVar[Model] = Model.COULOMB
-    name: ClassVar[str] = "Wrapped"
-
-    @cached_property
-    def kept(self) -> dict[Any, Solution]:
-        return {}
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        return None
-
-    def prepare(self, problem: ContactProblem) -> Any:
-        return Ready(self, problem)
-
-
-@dataclass
-class Ready:
-    solver: Wrapped
-    problem: ContactProblem
-
-    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
-        habit, kept = self.solver.habit, self.solver.kept
-        key = self.problem.digest if habit == "remember" else "compiled"
-        if habit == "compile" and stop == STOP and key not in kept:
-            for _ in range(100):
-                kept[key] = self.solved(stop)
-        if habit == "remember" and key in kept:
-            return kept[key]
-        found = self.solved(stop)
-        if habit == "remember":
-            kept[key] = found
-        return found
-
-    def solved(self, stop: Stop) -> Solution:
-        return create("SORprox").prepare(self.problem).solve(stop)
 
 
 @pytest.fixture
