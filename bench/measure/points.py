@@ -43,6 +43,8 @@ def joined(before: Point, now: Point) -> Point:
     """
     if before.measured is None or now.measured is None or is_marred(before):
         return now if now.measured is not None else before
+    if is_marred(now):
+        return before
     worse = before if _rank(before) >= _rank(now) else now
     return replace(worse, measured=_joined(before.measured, now.measured))
 

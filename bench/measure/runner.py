@@ -28,7 +28,7 @@ from ..plugins.files import check_again, sources, use_plugin_files
 from ..plugins.problems import carry, check_known, problem_of
 from ..store.condition import differences
 from ..store.conversion import content_of, record_of
-from ..store.outcome import FAULTS
+from ..store.outcome import FAULTS, Outcome
 from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session
 from ..store.store import Store
 from .contacts.case import Case, Visit
@@ -221,8 +221,11 @@ class _Progress:
         plan, session, end = self._record.plan, len(self._record.sessions), time.monotonic() + seconds
         for number in range(plan.passes, 2 * plan.passes):
             for name in shuffled(plan.problems, plan.seed, number):
-                points = uncertain(list(self._cases[name].values()), plan)
-                if points and time.monotonic() < end:
+                if time.monotonic() >= end:
+                    return
+                whole = [case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED]
+                points = uncertain(whole, plan)
+                if points:
                     self._visit(name, Visit(session, number, points))
 
     def _is_finished(self, name: str) -> bool:

@@ -4,6 +4,7 @@ Files may come from elsewhere: a checksum shows that they are whole, not that th
 finite stand as null in files and as None in what is read.
 """
 
+import itertools
 import math
 from typing import Annotated, Literal
 
@@ -147,9 +148,9 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         """Whether nothing of a case is left to measure."""
         if case.outcome is not Outcome.MEASURED:
             return True
-        return len(case.points) >= len(self.ladder(case.solver)) and not any(
-            point.is_repeated and len(point.rounds) < self.passes for point in case.points
-        )
+        repeated = itertools.takewhile(lambda point: point.is_repeated, case.points)
+        is_repeated_enough = all(len(point.rounds) >= self.passes for point in repeated)
+        return is_repeated_enough and len(case.points) >= len(self.ladder(case.solver))
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from crashing_solver import CrashingBelow
 from msgspec.structs import replace
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
@@ -130,6 +131,25 @@ def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
     cases, _ = Store.open(made.folder).read_cases()
     rounds = cases[0].points[0].rounds
     assert ratio(rounds, rounds) == pytest.approx((1.0, 1.0, 1.0))
+
+
+def test_levels_behind_one_that_ended_the_ladder_need_no_more_rounds() -> None:
+    found = case("slow", STEADY, STEADY[:1])
+    assert not PLAN.has_finished(found)
+    ended = replace(found.points[0], outcome=Outcome.STALLED, status="stalled")
+    assert PLAN.has_finished(replace(found, points=[ended, found.points[1]]))
+
+
+def test_a_case_that_fails_gets_no_more_rounds_and_stays_failed(tmp_path_factory: pytest.TempPathFactory) -> None:
+    made = run(
+        "hard-sticking-box",
+        ["SORprox", CrashingBelow(1e-3)],
+        results=tmp_path_factory.mktemp("r"),
+        tolerances=[1e-2, 1e-4],
+    )
+    failed = made.cases[made.cases["solver"] == "CrashingBelow"].iloc[0]
+    assert failed["outcome"] == Outcome.CRASHED
+    assert "fine" in failed["reason"]
 
 
 def test_another_source_is_refused_or_mixed_and_marked(tmp_path_factory: pytest.TempPathFactory) -> None:
