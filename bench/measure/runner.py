@@ -223,8 +223,8 @@ class _Progress:
             for name in shuffled(plan.problems, plan.seed, number):
                 if time.monotonic() >= end:
                     return
-                whole = [case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED]
-                points = uncertain(whole, plan)
+                whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
+                points = uncertain([record_of(content_of(case), CaseRecord) for case in whole], plan)
                 if points:
                     self._visit(name, Visit(session, number, points))
 

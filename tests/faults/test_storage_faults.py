@@ -55,7 +55,7 @@ def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
 
     def allow_little() -> None:
         _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (sizes[-1] * 19 // 20, most))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (sizes[-1] // 2, most))
 
     assert "File too large" in failing(sandbox, folder, allow_little)
     assert sandbox.left_behind() == []

@@ -15,7 +15,7 @@ FACTOR = 2.0
 HARNESS = 2.0
 """What the harness does beside a solve may be this many times what making a problem takes here."""
 
-ALLOWANCE = 0.01
+ALLOWANCE = 0.02
 """Processor time of all rounds together that need not be accounted for [s]."""
 
 
