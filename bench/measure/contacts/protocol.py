@@ -26,6 +26,7 @@ from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.worker import NO_ANSWER
 from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import answer_fault
+from ..ladder import LONGEST_REASON
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -244,7 +245,7 @@ class MeasuringTask:
         answer = {
             "status": found.solution.status.value,
             "iterations": int(found.solution.iterations),
-            "message": str(found.solution.message),
+            "message": str(found.solution.message)[:LONGEST_REASON],
             "times": found.times,
             "work": found.work,
         }
