@@ -156,7 +156,7 @@ class Worker:
         return max(len(running(descendants(self._supervisor.process))) - 1, 0)
 
     def processor_seconds(self) -> float:
-        """Return the processor time that the process of the case has used [s], to the system's ticks."""
+        """Return the processor time that the process of the case has used [s]."""
         case = descendants(self._supervisor.process)[:1]
         return sum(map(processor_seconds, case))
 

@@ -49,16 +49,6 @@ class Ratio(NamedTuple):
     low: float
     high: float
 
-    @property
-    def is_tie(self) -> bool:
-        """Whether either of both may be the faster one."""
-        return self.low <= 1.0 <= self.high
-
-    @property
-    def width(self) -> float:
-        """Width of the interval, relative to its lower end."""
-        return self.high / self.low - 1.0 if self.low > 0.0 else np.inf
-
 
 class Row(NamedTuple):
     """What of a row of the rounds of ``RunFrames`` is compared."""

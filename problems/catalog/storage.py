@@ -39,6 +39,15 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
     path, content = Path(path), packed_problem(problem)
     if path.suffix != SUFFIX:
         raise ProblemError(f"problem files end in {SUFFIX}, and {path} does not; name it {path.stem}{SUFFIX}.")
+    write_whole(path, content)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file of a problem as a whole or not at all; its folder is made.
+
+    Raises:
+        ProblemError: if it cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:

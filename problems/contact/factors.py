@@ -48,10 +48,7 @@ class InverseMass:
             matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
         else:
             matrix = sp.csr_array(as_sparse_input(given, "M⁻¹"), dtype=np.float64, copy=True)
-        if matrix.shape[0] != matrix.shape[1]:
-            raise ProblemError(f"M⁻¹ must be square, got {matrix.shape}.")
-        matrix.sum_duplicates()
-        check_finite(matrix, "M⁻¹")
+        _check_square(matrix, "M⁻¹")
         inverse = InverseMass(matrix)
         _ = inverse.root  # fails here, with the reason, if M⁻¹ is not positive definite
         return inverse
@@ -69,10 +66,7 @@ class InverseMass:
                 or one whose inverse would have more than ``MOST_ENTRIES`` entries.
         """
         mass = sp.csr_array(as_sparse_input(given, "M"), dtype=np.float64, copy=True)
-        if mass.shape[0] != mass.shape[1]:
-            raise ProblemError(f"M must be square, got {mass.shape}.")
-        mass.sum_duplicates()
-        check_finite(mass, "M")
+        _check_square(mass, "M")
         matrix = _block_inverse(mass)
         check_finite(matrix, "M⁻¹")
         inverse = InverseMass(matrix, mass)
@@ -314,6 +308,14 @@ def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
     """Return S with S Sᵀ = matrix, computed block by block."""
     roots = [(dofs, _block_roots(dofs, blocks, "M⁻¹")) for dofs, blocks in _diagonal_blocks(matrix)]
     return _from_blocks(roots, matrix.shape[0])
+
+
+def _check_square(matrix: sp.csr_array[Any], name: str) -> None:
+    """Add up duplicates, and raise ``ProblemError`` for a matrix that is not square or has a number not finite."""
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ProblemError(f"{name} must be square, got {matrix.shape}.")
+    matrix.sum_duplicates()
+    check_finite(matrix, name)
 
 
 def _block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:

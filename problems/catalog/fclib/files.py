@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...arrays import FloatArray, real_numbers
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
-from ..atomic_file import replacing
+from ..storage import write_whole
 from .container import ContainerError, opened
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
 from .conversion import Asymmetry, contents_of, digest_obstacle, problem_of
@@ -86,13 +86,7 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
     known = None if problem.answer is None else problem.answer.witness
     contents = contents_of(problem)
     solution = _solution(problem, contents, known if impulses is None else impulses)
-    packed = _packed(stored_contents(contents) | solution)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as file:
-            file.write(packed)
-    except OSError as error:
-        raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
+    write_whole(path, _packed(stored_contents(contents) | solution))
 
 
 def _solution(

@@ -1,19 +1,18 @@
 """Each pass has an order of its own, and more rounds go where a ratio is uncertain."""
 
-import numpy as np
 import pytest
 from crashing_solver import CrashingBelow
 from msgspec.structs import replace
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.passes import shuffled, uncertain
-from proxbench.bench.measure.points import quartiles
 from proxbench.bench.measure.runner import Event, ProblemStarted
 from proxbench.bench.store.certainty import ratio
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Curve, Limits, Measured, PlanRecord, Point, Round
+from proxbench.bench.store.records import CaseRecord, Limits, PlanRecord, Point
 from proxbench.bench.store.store import Store
+from stored_cases import case_record, measured_in, timed_round
 
 PLAN = PlanRecord(problems=["p"], solvers=["fast", "slow", "noisy"], tolerances=[1e-2, 1e-4], limits=Limits())
 
@@ -22,50 +21,10 @@ def case(solver: str, *levels: list[float], marred: int = 0) -> CaseRecord:
     """Return a case whose points took so long in their rounds, the first ones of which were disturbed."""
     points = []
     for tolerance, seconds in zip(PLAN.tolerances, levels, strict=True):
-        rounds = [
-            Round(
-                session=0,
-                number=number,
-                prepare_seconds=0.0,
-                solve_seconds=value,
-                total_seconds=value,
-                repeats=1,
-                cpu=1.0,
-                is_marred=number < marred,
-            )
-            for number, value in enumerate(seconds)
-        ]
-        times = quartiles(np.array(seconds))
-        measured = Measured(
-            iterations=1,
-            residual=tolerance,
-            model_residual=tolerance,
-            prepare_seconds=times,
-            solve_seconds=times,
-            total_seconds=times,
-            repeats=len(rounds),
-            rounds=rounds,
-            verdict={},
-            impulse_error=None,
-        )
+        rounds = [timed_round(number, value, is_marred=number < marred) for number, value in enumerate(seconds)]
+        measured = measured_in(rounds, residual=tolerance, model_residual=tolerance)
         points.append(Point(tolerance=tolerance, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured))
-    return CaseRecord(
-        problem="p",
-        digest="",
-        solver=solver,
-        model="coulomb",
-        has_iterates=True,
-        n_rows=3,
-        n_contacts=1,
-        outcome=Outcome.MEASURED,
-        reason="",
-        traceback="",
-        stderr="",
-        wall_seconds=1.0,
-        peak_memory_bytes=1,
-        curve=Curve(),
-        points=points,
-    )
+    return case_record(solver=solver, points=points)
 
 
 STEADY = [0.1, 0.1, 0.1, 0.1, 0.1]

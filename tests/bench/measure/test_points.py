@@ -1,40 +1,21 @@
 """Points of several passes: the worse end and answer count, and limits that others caused are forgotten."""
 
-import numpy as np
 import pytest
-from proxbench.bench.measure.points import joined, marked, quartiles
+from proxbench.bench.measure.points import joined, marked
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Measured, Point, Round
+from proxbench.bench.store.records import Point, Round
+from stored_cases import measured_in, timed_round
 
 
 def one_round(number: int = 0, seconds: float = 1.0, cpu: float = 1.0) -> Round:
-    return Round(
-        session=0,
-        number=number,
-        prepare_seconds=0.0,
-        solve_seconds=seconds,
-        total_seconds=seconds,
-        repeats=2,
-        cpu=cpu,
-    )
+    return timed_round(number, seconds, cpu=cpu, repeats=2)
 
 
 def point(
     one: Round, outcome: Outcome = Outcome.SOLVED, residual: float | None = 1e-7, answer: str = "a", reason: str = ""
 ) -> Point:
-    times = quartiles(np.array([one.total_seconds]))
-    measured = Measured(
-        iterations=3,
-        residual=residual,
-        model_residual=residual,
-        prepare_seconds=times,
-        solve_seconds=times,
-        total_seconds=times,
-        repeats=one.repeats,
-        rounds=[one],
-        hashes=[answer],
-        verdict={"residual": residual},
-        impulse_error=None,
+    measured = measured_in(
+        [one], residual=residual, model_residual=residual, hashes=[answer], verdict={"residual": residual}
     )
     status = "solved" if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.WRONG) else outcome.value
     return Point(tolerance=1e-4, outcome=outcome, status=status, reason=reason, measured=measured)

@@ -9,6 +9,7 @@ from msgspec import structs
 from numpy.random import Generator, default_rng
 from proxbench.bench.store.certainty import LEAST_PAIRS, interval, ratio, reaching, standings, times_by_point
 from proxbench.bench.store.records import Round
+from stored_cases import timed_round
 
 RUNS = 1000
 """Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
@@ -27,16 +28,7 @@ def disturbed(chance: Generator, n: int) -> "np.typing.NDArray[np.float64]":
 
 def rounds(seconds: "np.typing.ArrayLike", session: int = 0, is_marred: bool = False, first: int = 0) -> list[Round]:
     return [
-        Round(
-            session=session,
-            number=first + number,
-            prepare_seconds=0.0,
-            solve_seconds=float(value),
-            total_seconds=float(value),
-            repeats=1,
-            cpu=1.0,
-            is_marred=is_marred,
-        )
+        timed_round(first + number, float(value), session=session, is_marred=is_marred)
         for number, value in enumerate(np.atleast_1d(seconds))
     ]
 
@@ -56,7 +48,7 @@ def test_what_hits_both_rounds_of_a_pair_cancels() -> None:
     drift = np.array([1.0, 3.0, 0.2, 7.0, 1.5])
     found = ratio(rounds(2.6 * drift), rounds(drift))
     assert found == pytest.approx((2.6, 2.6, 2.6))
-    assert not found.is_tie
+    assert found.low > 1.0
 
 
 def test_one_disturbed_round_of_many_moves_a_ratio_little() -> None:
@@ -70,7 +62,7 @@ def test_a_ratio_and_that_of_the_others_are_reciprocal() -> None:
     mine, others = rounds(np.exp(quiet(chance, 8))), rounds(np.exp(quiet(chance, 8)))
     there, back = ratio(mine, others), ratio(others, mine)
     assert (1.0 / back.value, 1.0 / back.high, 1.0 / back.low) == pytest.approx(there, rel=1e-3)
-    assert there.is_tie is back.is_tie
+    assert (there.low > 1.0 or there.high < 1.0) is (back.low > 1.0 or back.high < 1.0)
 
 
 def test_rounds_of_other_moments_make_no_pairs() -> None:
@@ -78,7 +70,7 @@ def test_rounds_of_other_moments_make_no_pairs() -> None:
     for others in (rounds(times, session=1), rounds(times, first=LEAST_PAIRS)):
         found = ratio(rounds(times), others)
         assert np.isnan(found.value)
-        assert (found.low, found.high, found.is_tie) == (0.0, np.inf, True)
+        assert (found.low, found.high) == (0.0, np.inf)
 
 
 def test_marred_rounds_count_only_where_there_are_no_others() -> None:
@@ -92,8 +84,7 @@ def test_marred_rounds_count_only_where_there_are_no_others() -> None:
 def test_few_pairs_have_no_interval_and_decide_nothing() -> None:
     found = interval(np.log(np.full(LEAST_PAIRS - 1, 3.0)))
     assert found.value == pytest.approx(3.0)
-    assert found.is_tie
-    assert found.width == np.inf
+    assert (found.low, found.high) == (0.0, np.inf)
 
 
 def points(*rows: tuple[str, float, float, float, str]) -> pd.DataFrame:
