@@ -172,7 +172,7 @@ def run(
         case_seconds: limit of everything in a case [s], instead of that of ``limits``.
         memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
             ``limits``.
-        passes: rounds that each point has at least, in as many passes over all problems; with fewer than five, ratios
+        passes: rounds that each point has at least, in as many passes over all problems; with fewer than three, ratios
             of times have no intervals.
         seed: of the orders of problems and solvers in each pass.
 

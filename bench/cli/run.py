@@ -45,7 +45,7 @@ def run(
     resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
     retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
     mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
-    passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 5,
+    passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 3,
     seed: Annotated[int, options.limits(metavar="NUMBER", help="Of the orders in each pass.")] = 0,
     solve_seconds: options.SolveSeconds = 0.5,
     case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,

@@ -166,9 +166,13 @@ class Worker:
         printed = os.pread(self._output, most, max(0, size - most)).decode(errors="replace")
         return _MODULES.sub("", printed)[-SHOWN_OUTPUT:]
 
+    def dismiss(self) -> None:
+        """Let the process end, without waiting for it; it answers no more."""
+        self._supervisor.send(END)
+
     def close(self) -> None:
         """End the process and all that it started."""
-        self._supervisor.send(END)
+        self.dismiss()
         if self._supervisor.status(END_SECONDS) is None:
             self._supervisor.kill()
             self._end_what_it_left()

@@ -99,6 +99,11 @@ class LadderCase(ABC):
             reason, value = self._end_before(level) or self._reason, self.ladder[level]
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
+    def dismiss(self) -> None:
+        """Let the process end, without waiting for it."""
+        if self._worker is not None:
+            self._worker.dismiss()
+
     def end(self) -> None:
         """End the process and keep its output if the case failed."""
         if self._worker is not None:
@@ -127,9 +132,8 @@ class LadderCase(ABC):
         return self.end_after(self.points[level - 1]) if level > 0 else ""
 
     def _start(self, task: Task) -> None:
-        left = max(self.limits.case_seconds - self._seconds_before, 0.0)
         try:
-            self._worker = Worker(task, left, self.limits.memory_bytes)
+            self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
         except Fault as unsent:
             self._fail(unsent)
 
@@ -179,28 +183,33 @@ def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value:
                 case.begin()
         for level in levels:
             left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
-            _measure_level(left, level)
-            for case in left:
-                keep(case, case.ladder[level])
+            _measure_level(left, level, keep)
     finally:
+        for case in cases:
+            case.dismiss()
         for case in cases:
             case.end()
 
 
-def _measure_level(cases: Sequence[LadderCase], level: int) -> None:
-    """Measure one level of all cases in turn, round after round."""
+def _measure_level(cases: Sequence[LadderCase], level: int, keep: Keep) -> None:
+    """Measure one level of all cases in turn, round after round, and keep each as soon as its rounds are over."""
     answers: list[list[dict[str, Any]]] = [[] for _ in cases]
-    for turn in range(max((len(case.rounds) for case in cases), default=0)):
-        for case, before in zip(cases, answers, strict=True):
-            if not case.is_open(level) or turn >= len(case.rounds) or len(before) < turn:
-                continue
-            if turn and not case.goes_on(before[-1]):
-                continue
-            answer = case.measure(case.ladder[level], case.rounds[turn])
+    left = list(range(len(cases)))
+    while left:
+        for index in list(left):
+            case, found = cases[index], answers[index]
+            answer = case.measure(case.ladder[level], case.rounds[len(found)]) if case.is_open(level) else None
             if answer is not None:
-                before.append(answer)
-    for case, found in zip(cases, answers, strict=True):
-        if case.is_open(level) and found:
-            case.add_point(level, found)
-        else:
-            case.skip_point(level)
+                found.append(answer)
+            if answer is None or len(found) == len(case.rounds) or not case.goes_on(answer):
+                left.remove(index)
+                _keep_level(case, level, found, keep)
+
+
+def _keep_level(case: LadderCase, level: int, answers: list[dict[str, Any]], keep: Keep) -> None:
+    """Keep what was measured of one level, or that it was not."""
+    if case.is_open(level) and answers:
+        case.add_point(level, answers)
+    else:
+        case.skip_point(level)
+    keep(case, case.ladder[level])

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..store.certainty import standings, times_by_point
+from ..store.certainty import SLOWER, standings, times_by_point
 from ..store.frames import points_frame, rounds_frame
 from ..store.records import CaseRecord, PlanRecord
 
@@ -23,11 +23,12 @@ def shuffled(items: Sequence[Item], *seeds: int) -> list[Item]:
     return [items[index] for index in np.random.default_rng(seeds).permutation(len(items))]
 
 
-def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord) -> set[tuple[str, int]]:
+def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord, is_first: bool) -> set[tuple[str, int]]:
     """Return solver and level of the points of one problem that need more rounds.
 
     They are those with the time that a solver has to an accuracy of the plan, where the interval of its ratio to the
-    best solver's is wider than ``WIDE``, with those of the best; and those that other programs disturbed.
+    best solver's is wider than ``WIDE``, with those of the best; in the first further pass only where it does not tell
+    which of both is faster. Beside them, those with fewer undisturbed rounds than planned.
     """
     repeated = {
         (case.solver, point.tolerance): (case.solver, level)
@@ -39,12 +40,12 @@ def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord) -> set[tuple[str, i
         repeated[case.solver, point.tolerance]
         for case in cases
         for point in case.points
-        if point.is_repeated and 0 < sum(not one.is_marred for one in point.rounds) < plan.passes
+        if point.is_repeated and sum(not one.is_marred for one in point.rounds) < plan.passes
     }
     points, times = points_frame(cases), times_by_point(rounds_frame(cases))
     for accuracy in plan.tolerances:
         stand = standings(points, times, accuracy, plan.limits.solve_seconds)
-        wide = stand[stand["high"] > (1.0 + WIDE) * stand["low"]]
+        wide = stand[(stand["high"] > (1.0 + WIDE) * stand["low"]) & ~(is_first & (stand["standing"] == SLOWER))]
         if len(wide):
             places = [*zip(wide["solver"], wide["tolerance"], strict=True), (stand["solver"][0], stand["tolerance"][0])]
             found |= {repeated[place] for place in places if place in repeated}

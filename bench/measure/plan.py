@@ -18,7 +18,7 @@ from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
 
-PASSES = 5
+PASSES = 3
 """Passes of a run that names no number: with fewer, ratios of times have no intervals."""
 
 LADDER = tuple(10.0**-k for k in range(1, 11))

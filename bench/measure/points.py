@@ -55,23 +55,24 @@ def _rank(point: Point) -> int:
 
 def _joined(before: Measured, now: Measured) -> Measured:
     rounds = marked([*before.rounds, *now.rounds])
-    worse = before if _number(before.residual) >= _number(now.residual) else now
+    worse = before if number_of(before.residual) >= number_of(now.residual) else now
     hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MOST_ANSWERS]
     errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
     return replace(
         worse,
         iterations=before.iterations,
         claimed_iterations=before.claimed_iterations,
-        model_residual=max(before.model_residual, now.model_residual, key=_number),
+        model_residual=max(before.model_residual, now.model_residual, key=number_of),
         **times_of(rounds),
         rounds=rounds,
+        first_seconds=before.first_seconds if now.first_seconds is None else now.first_seconds,
         answers=len(hashes),
         hashes=hashes,
         impulse_error=max(errors, default=None),
     )
 
 
-def _number(residual: float | None) -> float:
+def number_of(residual: float | None) -> float:
     """Return a residual, those that are not finite as infinite."""
     return np.inf if residual is None or not residual < np.inf else residual
 

@@ -32,6 +32,7 @@ from ..store.outcome import FAULTS, Outcome
 from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session
 from ..store.store import Store
 from .contacts.case import Case, Visit
+from .contacts.verdicts import RememberedVerdicts
 from .ladder import LadderCase, measure_ladder
 from .machine import calibration_seconds, describe_machine
 from .passes import EXTRA_SHARE, shuffled, uncertain
@@ -181,6 +182,7 @@ class _Progress:
     ) -> None:
         self._contestants, self._store, self._record, self._on_event = contestants, store, record, on_event
         self._session = Session(started=_now(), machine=_this_machine())
+        self._verdicts = RememberedVerdicts()
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
         self._done = 0
 
@@ -196,9 +198,9 @@ class _Progress:
         try:
             self._generate()
             self._forget_other_problems()
-            began, is_whole = time.monotonic(), self._done == 0
+            began = time.monotonic()
             self._measure_passes()
-            if is_whole and not plan.trajectories:
+            if not plan.trajectories:
                 self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
         except KeyboardInterrupt:
             raise InterruptedRunError(self._store.folder) from None
@@ -213,7 +215,7 @@ class _Progress:
             names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
             for index, name in enumerate(names):
                 if not self._is_finished(name):
-                    self._visit(name, Visit(session, number))
+                    self._visit(name, Visit(session, number, verdicts=self._verdicts))
                 self._on_event(VisitFinished(number * len(names) + index + 1, plan.passes * len(names)))
 
     def _measure_more(self, seconds: float) -> None:
@@ -224,9 +226,9 @@ class _Progress:
                 if time.monotonic() >= end:
                     return
                 whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
-                points = uncertain([record_of(content_of(case), CaseRecord) for case in whole], plan)
+                points = uncertain([_read_again(case) for case in whole], plan, number == plan.passes)
                 if points:
-                    self._visit(name, Visit(session, number, points))
+                    self._visit(name, Visit(session, number, points, self._verdicts))
 
     def _is_finished(self, name: str) -> bool:
         plan, cases = self._record.plan, self._cases[name]
@@ -238,9 +240,11 @@ class _Progress:
         finished = {solver for solver, case in known.items() if plan.has_finished(case)}
         self._on_event(ProblemStarted(name, visit.number, plan.passes))
         cases = self._cases_of(name, visit)
-        measure_ladder(cases, self._keep)
-        for case in cases:
-            self._put(case.record())
+        try:
+            measure_ladder(cases, self._keep)
+        finally:
+            for case in cases:
+                self._put(case.record())
         for wrong in refuted(list(known.values()), cases[0].is_solvable if cases else None):
             self._put(wrong)
         for solver, record in known.items():
@@ -299,12 +303,14 @@ class _Progress:
         ]
 
     def _keep(self, case: LadderCase, value: float) -> None:
-        """Store a case as far as it has come, and name the point that it has come to."""
+        """Store a case that has come to another point, and name it; later rounds of a point follow with the visit."""
         record = case.record()
-        if record != self._cases[record.problem].get(record.solver):
+        before = self._cases[record.problem].get(record.solver)
+        if before is None or record.outcome is not before.outcome or len(record.points) > len(before.points):
             self._put(record)
-            if record.points:
-                self._on_event(PointFinished(record.problem, record.solver, value))
+        if record.points and record != before:
+            self._cases[record.problem][record.solver] = record
+            self._on_event(PointFinished(record.problem, record.solver, value))
 
     def _put(self, record: CaseRecord) -> None:
         self._cases[record.problem][record.solver] = record
@@ -321,6 +327,11 @@ class _Progress:
         """Store the record of the run."""
         self._record = record
         self._store.write_run(replace(record, sessions=[*record.sessions, self._session]))
+
+
+def _read_again(case: CaseRecord) -> CaseRecord:
+    """Return a case as its file has it."""
+    return record_of(content_of(case), CaseRecord)
 
 
 def _this_machine() -> Machine:

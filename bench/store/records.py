@@ -40,7 +40,7 @@ class Limits(Struct, frozen=True):
 
     Attributes:
         solve_seconds: limit of one solve [s].
-        case_seconds: limit of everything in a case [s].
+        case_seconds: limit of everything in a case, in each pass [s].
         memory_bytes: memory that a case may take beyond what the framework itself needs.
         max_iterations: limit of iterations of one solve.
 
@@ -128,7 +128,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     limits: Limits
     methods: list[MethodRecord] = []
     trajectories: list[TrajectoryRecord] = []
-    passes: Annotated[int, Meta(ge=1, le=MOST_PASSES)] = 5
+    passes: Annotated[int, Meta(ge=1, le=MOST_PASSES)] = 3
     seed: Count = 0
 
     def __post_init__(self) -> None:
@@ -149,7 +149,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         if case.outcome is not Outcome.MEASURED:
             return True
         repeated = itertools.takewhile(lambda point: point.is_repeated, case.points)
-        is_repeated_enough = all(len(point.rounds) >= self.passes for point in repeated)
+        is_repeated_enough = all(point.n_passes >= self.passes for point in repeated)
         return is_repeated_enough and len(case.points) >= len(self.ladder(case.solver))
 
 
@@ -272,23 +272,26 @@ class Round(Record, frozen=True, kw_only=True):
 
     Attributes:
         session: number of the session of the run, from 0.
-        number: number of the pass in it, from 0; rounds of one problem with the same session and number were measured
-            within moments, so that their times compare.
-        prepare_seconds: median time of preparing [s].
-        solve_seconds: median time of solving [s].
-        total_seconds: median time of both together [s].
+        number: number of the pass in it, from 0.
+        turn: number of the round in the pass, from 0; those of one problem and turn are close to each other in time.
+        prepare_seconds: time of preparing [s], on a core that nothing else shares, as are the others.
+        solve_seconds: time of solving [s].
+        total_seconds: time of both together [s], first quartile of the solves.
         repeats: number of solves.
         cpu: time that the process computed, all its threads together, over the time on the clock.
-        is_marred: whether other programs took so much of the time that the round was measured again.
+        slowness: median of what the seconds on the clock were divided by for that.
+        is_marred: whether other programs took so much of the time that other rounds count instead.
     """
 
     session: Count
     number: Count
+    turn: Count = 0
     prepare_seconds: Number
     solve_seconds: Number
     total_seconds: Number
     repeats: Count
     cpu: Number
+    slowness: Number = 1.0
     is_marred: bool = False
 
 
@@ -301,11 +304,10 @@ class Measured(Record, frozen=True, kw_only=True):
         claimed_iterations: of that solve, as the solver counts them; None where nothing else is known.
         residual: the judge's, under Coulomb's law; of a trajectory, the largest of its errors.
         model_residual: the judge's, under the solver's own model.
-        prepare_seconds: times of preparing, those of rounds.
-        solve_seconds: times of solving.
-        total_seconds: times of both together.
+        prepare_seconds, solve_seconds, total_seconds: times of preparing, of solving and of both, those of rounds.
         repeats: number of timed solves.
         rounds: in which they were measured; empty for a trajectory.
+        first_seconds: time of a first solve in a fresh process that confirmed them [s]; None without one.
         answers: number of different vectors of impulses among those that ended solved, up to ``MOST_ANSWERS``; of all
             solves the worst is judged.
         hashes: what tells these vectors apart.
@@ -324,6 +326,7 @@ class Measured(Record, frozen=True, kw_only=True):
     total_seconds: Quartiles
     repeats: Count
     rounds: list[Round] = []
+    first_seconds: Number | None = None
     answers: Count = 1
     hashes: Annotated[list[str], Meta(max_length=MOST_ANSWERS)] = []
     claimed_iterations: Count | None = None
@@ -355,6 +358,11 @@ class Point(Record, frozen=True, kw_only=True):
     def rounds(self) -> list[Round]:
         """The rounds in which it was measured."""
         return [] if self.measured is None else self.measured.rounds
+
+    @property
+    def n_passes(self) -> int:
+        """The number of passes that it was measured in."""
+        return len({(one.session, one.number) for one in self.rounds})
 
     @property
     def is_repeated(self) -> bool:

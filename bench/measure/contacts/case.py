@@ -3,7 +3,7 @@
 import hashlib
 import time
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -21,17 +21,25 @@ from ...plugins.remote_solver import are_iterations
 from ...store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
 from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
-from ..points import is_marred, joined, times_of
+from ..pace import free_probe_seconds, free_share, slowness
+from ..points import is_marred, joined, number_of, times_of
 from .clock_account import ClockAccount
 from .control import THOROUGH, Controls, Solve, explains
-from .protocol import MeasuringTask, round_fault
+from .protocol import TIMED, MeasuringTask, medians_on_free_core, round_fault
 from .variants import another_data
+from .verdicts import RememberedVerdicts
 
 DIFFERENT = " different answers"
 """What stands behind their number in a reason."""
 
-ROUND_SECONDS = 0.01
+ROUND_SECONDS = 0.005
 """Wall time of a round at least; every round has at least one timed solve."""
+
+ROUNDS = 2
+"""Rounds of a point in a pass."""
+
+ENOUGH_SECONDS = 0.02
+"""Time on the clock of a round after which no other one follows in the same pass."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +50,13 @@ class Visit:
         session: number of the session of the run.
         number: number of the pass in it; points with as many rounds before this pass have been in it already.
         points: solver and level of the points that are measured; all that have fewer rounds if None.
+        verdicts: those of the run.
     """
 
     session: int = 0
     number: int = 0
     points: Collection[tuple[str, int]] | None = None
+    verdicts: RememberedVerdicts = field(default_factory=RememberedVerdicts)
 
 
 RESTS = 20
@@ -78,12 +88,13 @@ class Case(LadderCase):
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
         self._controls = Controls(problem, another_data(problem), solver, limits)
         self._clock = ClockAccount(problem)
+        self._slowness: list[float] = []
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     @property
     def rounds(self) -> Sequence[int]:
-        """One, that of the pass."""
-        return (self.visit.number,)
+        """Two, apart from each other; of solves that take long, the first one is enough."""
+        return range(ROUNDS)
 
     def is_left(self, level: int) -> bool:
         """Whether a point is missing, or another round of it belongs to this pass."""
@@ -93,7 +104,7 @@ class Case(LadderCase):
             return False
         point = self.points[level]
         if point.is_repeated:
-            return self.visit.points is not None or len(point.rounds) <= self.visit.number
+            return self.visit.points is not None or point.n_passes <= self.visit.number
         return (is_marred(point) or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
@@ -109,6 +120,11 @@ class Case(LadderCase):
         if seen:
             self._curve = self._judged_curve(*seen)
             self._observed = _contradicted_count(seen[0])
+
+    def dismiss(self) -> None:
+        """Let its processes end."""
+        self._controls.dismiss()
+        super().dismiss()
 
     def end(self) -> None:
         """End its processes."""
@@ -156,8 +172,8 @@ class Case(LadderCase):
         return {**answer, "impulses": numbers.reshape(-1, n_rows) if n_rows else np.zeros((1, 0))}
 
     def goes_on(self, answer: dict[str, Any]) -> bool:
-        """Whether the solver says that it solved: a failing solve is not repeated."""
-        return bool(answer["status"] == Status.SOLVED)
+        """Whether the solver says that it solved, and soon: a failing solve is not repeated."""
+        return bool(answer["status"] == Status.SOLVED) and float(np.sum(answer["times"])) < ENOUGH_SECONDS
 
     def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
         """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
@@ -172,7 +188,7 @@ class Case(LadderCase):
         iterations, known = self._counted(last["iterations"]), self.problem.answer
         found = [] if known is None else [known.impulse_error(impulses) for impulses in different]
         errors = [error for error in found if error is not None]
-        rounds = [self._round(answer) for answer in answers]
+        rounds = [self._round(answer, turn) for turn, answer in enumerate(answers)]
         hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in claims][:MOST_ANSWERS]
         measured = Measured(
             iterations=iterations,
@@ -200,19 +216,28 @@ class Case(LadderCase):
         is_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
         return f"{point.tolerance:g} already ended {point.outcome.value}" if is_ended else ""
 
-    def _round(self, answer: dict[str, Any]) -> Round:
-        """Return the times of the answer to "round"."""
-        times = np.array(answer["times"])
-        wall = float(times.sum())
-        prepare, solve = (float(np.median(column)) for column in times.T)
+    def _round(self, answer: dict[str, Any], turn: int) -> Round:
+        """Return the times of the answer to "round", as they are on a free core: first quartiles of its solves.
+
+        The first solves of a round find caches cold.
+        """
+        times, work, probes = (np.array(answer[name]) for name in TIMED)
+        totals, met = times.sum(axis=1), probes / free_probe_seconds()
+        self._slowness += met.tolist()
+        met = slowness(met, float(np.mean(self._slowness)), totals)
+        free = times * free_share(totals, work, met)[:, None]
+        prepare, solve = (float(np.quantile(column, 0.25)) for column in free.T)
+        wall = float(totals.sum())
         return Round(
             session=self.visit.session,
             number=self.visit.number,
+            turn=turn,
             prepare_seconds=prepare,
             solve_seconds=solve,
-            total_seconds=float(np.median(times.sum(axis=1))),
+            total_seconds=float(np.quantile(free.sum(axis=1), 0.25)),
             repeats=len(times),
-            cpu=sum(answer["work"]) / wall if wall > 0.0 else 1.0,
+            cpu=float(work.sum()) / wall if wall > 0.0 else 1.0,
+            slowness=float(np.median(met)),
         )
 
     def _with_answers_said(self, point: Point) -> Point:
@@ -228,33 +253,46 @@ class Case(LadderCase):
     def add_point(self, level: int, answers: list[dict[str, Any]]) -> None:
         """Keep one point of the ladder, once a first solve in a fresh process confirms what was timed.
 
-        In later passes this is done where a round is faster than what was confirmed explains.
+        In later rounds this is done again where one is faster than that first solve explains.
         """
-        before = self.points[level].rounds if level < len(self.points) else []
         super().add_point(level, answers)
         point = self.points[level]
-        if point.outcome not in (Outcome.SOLVED, Outcome.RELAXED) or not point.rounds or not self.problem.n_rows:
+        measured = point.measured
+        if measured is None or not point.is_repeated or point.outcome is Outcome.WRONG or not self.problem.n_rows:
             return
         seconds, value = point.rounds[-1].total_seconds, self.ladder[level]
-        if before and explains(seconds, max(one.total_seconds for one in before)):
+        if measured.first_seconds is not None and explains(seconds, measured.first_seconds):
             return
         try:
             first = self._controls.first_solve(self._stop(value), seconds, partial(self._median_again, value))
         except Fault as fault:
             self._fail(fault)
             return
-        outcome, reason = self._of_first_solve(value, first)
-        if outcome not in (Outcome.SOLVED, Outcome.RELAXED):
-            self.points[level] = replace(point, outcome=outcome, status=first.status.value, reason=reason)
+        self.points[level] = self._confirmed(
+            replace(point, measured=replace(measured, first_seconds=first.seconds)), first
+        )
 
-    def _of_first_solve(self, tolerance: float, first: Solve) -> tuple[Outcome, str]:
-        """Return the outcome of a first solve, and the same in words; want of time is none, where times agree."""
-        if first.status is Status.TIME_LIMIT:
-            return Outcome.SOLVED, ""
-        own, coulomb = verdicts(self.problem, first.impulses, self.solver.model)
-        outcome = point_outcome(first.status, tolerance, self.solver.model, own, coulomb)
-        reason = claim_reason(outcome, tolerance, self.solver.model, own.residual) or f"it ends {outcome.value}"
-        return outcome, f"in a first solve in a fresh process, {reason}"
+    def _confirmed(self, point: Point, first: Solve) -> Point:
+        """Return a point as a first solve leaves it: its answer counts as all others do, but for want of time."""
+        if first.status is Status.TIME_LIMIT or point.measured is None:
+            return point
+        model, tolerance = self.solver.model, point.tolerance
+        own, coulomb = verdicts(self.problem, first.impulses, model)
+        outcome = point_outcome(first.status, tolerance, model, own, coulomb)
+        if outcome in (Outcome.SOLVED, Outcome.RELAXED):
+            return point
+        reason = claim_reason(outcome, tolerance, model, own.residual) or f"it ends {outcome.value}"
+        worst = {
+            "residual": max(point.measured.residual, coulomb.residual, key=number_of),
+            "model_residual": max(point.measured.model_residual, own.residual, key=number_of),
+        }
+        return replace(
+            point,
+            outcome=outcome,
+            status=first.status.value,
+            reason=f"in a first solve in a fresh process, {reason}",
+            measured=replace(point.measured, **worst),
+        )
 
     def _median_again(self, value: float) -> float:
         """Return the median time [s] of one more round at a level.
@@ -269,7 +307,7 @@ class Case(LadderCase):
         fault = round_fault(answer, time.monotonic() - began)
         if fault is not None:
             raise Fault(Outcome.MISBEHAVED, fault)
-        return float(np.median(np.array(answer["times"]).sum(axis=1)))
+        return medians_on_free_core(answer)[0]
 
     def _judged(
         self, tolerance: float, status: Status, answers: list[dict[str, Any]]
@@ -280,9 +318,10 @@ class Case(LadderCase):
         """
         rows = [impulses for answer in answers for impulses in answer["impulses"]]
         different = {impulses.tobytes(): impulses for impulses in rows}
-        judged = {key: verdicts(self.problem, impulses, self.solver.model) for key, impulses in different.items()}
+        judge, model = self.visit.verdicts, self.solver.model
+        judged = {key: judge.of(self.problem, impulses, model) for key, impulses in different.items()}
         claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
-        outcomes = {point_outcome(Status.SOLVED, tolerance, self.solver.model, *judged[key]) for key in claims}
+        outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
         outcome = Outcome(status.value)
         if Outcome.WRONG in outcomes:
             outcome = Outcome.WRONG

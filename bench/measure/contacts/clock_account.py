@@ -15,6 +15,9 @@ FACTOR = 2.0
 HARNESS = 2.0
 """What the harness does beside a solve may be this many times what making a problem takes here."""
 
+PROBES = 5e-5
+"""What probing the core takes, for each solve [s]."""
+
 ALLOWANCE = 0.02
 """Processor time of all rounds together that need not be accounted for [s]."""
 
@@ -41,7 +44,7 @@ class ClockAccount:
             passed: wall time of the round, from outside [s].
             worked: processor time of the round, from outside [s].
         """
-        self._counted += float(np.sum(times)) + len(times) * HARNESS * _fresh_seconds(self.problem)
+        self._counted += float(np.sum(times)) + len(times) * (HARNESS * _fresh_seconds(self.problem) + PROBES)
         self._worked += min(passed, worked)
         if self._worked <= FACTOR * self._counted + ALLOWANCE:
             return None

@@ -6,15 +6,14 @@ is gone. With t₁ the time of that first solve and t the median of the timed on
 
     t₁ ≤ FACTOR · t + ALLOWANCE.
 
-On a busy machine time passes in which a process does not work, so t₁ is its processor time where that is less.
+On a busy machine time passes in which a process does not work, so t₁ is its processor time where that is less. Both are
+divided by the slowness of the core.
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
-
-import numpy as np
+from typing import Any, TypeVar
 
 from ....problems.arrays import FloatArray
 from ....problems.catalog.storage import problem_bytes
@@ -25,7 +24,7 @@ from ...isolation.worker import NO_ANSWER, Fault, Worker, no_answer, numbers_of
 from ...plugins.contestants import Contestant
 from ...store.outcome import Outcome, point_outcome, verdicts
 from ...store.records import Limits
-from .protocol import MeasuringTask, round_fault
+from .protocol import MeasuringTask, medians_on_free_core, round_fault
 from .variants import Variant, another, first_variant, in_other_units
 
 FACTOR = 3.0
@@ -40,6 +39,8 @@ ATTEMPTS = 4
 ROUND_SECONDS = 0.02
 """Wall time of repeated solves in a copy [s]."""
 
+
+Found = TypeVar("Found")
 
 THOROUGH = Stop(1e-8, max_iterations=200, max_seconds=0.1)
 """Limits of the solve that processes warm up with, once, so that timed solves and copies find loaded what they need."""
@@ -84,6 +85,11 @@ class Controls:
         self._worker: Worker | None = None
         self._can_copy = True
 
+    def dismiss(self) -> None:
+        """Let the process end."""
+        if self._worker is not None:
+            self._worker.dismiss()
+
     def close(self) -> None:
         """End the process."""
         if self._worker is not None:
@@ -91,9 +97,9 @@ class Controls:
             self._worker = None
 
     def first_solve(self, stop: Stop, seconds: float, again: Callable[[], float]) -> Solve:
-        """Return a first solve that the timed ones explain.
+        """Return a first solve that the timed ones explain; in the units of the problem if those in others failed.
 
-        One that does not end SOLVED, in whatever units, is returned too.
+        One that does not end SOLVED is returned too.
 
         Args:
             stop: as of the timed solves, which ended SOLVED.
@@ -110,7 +116,7 @@ class Controls:
             if solve.is_explained and solve.status in (Status.SOLVED, Status.TIME_LIMIT):
                 return solve
             slow += [] if solve.is_explained else [solve]
-        if not slow:
+        if len(slow) < ATTEMPTS:
             solve = self._solve(Variant(self.problem.anonymous(), 1.0), stop, seconds, again)
             if solve.is_explained:
                 return solve
@@ -123,27 +129,32 @@ class Controls:
         )
 
     def _solve(self, variant: Variant, stop: Stop, seconds: float, again: Callable[[], float]) -> Solve:
-        """Solve in a copy; in a process of its own from the first time on that a copy fails."""
+        """Solve once, and find out why if the timed solves do not explain how long that takes."""
+        solve = self._in_copy(lambda: self._first(variant, stop))
+        if explains(seconds, solve.seconds) or solve.status not in (Status.SOLVED, Status.TIME_LIMIT):
+            return solve
+        timed = max(seconds, again())
+        is_explained = explains(timed, solve.seconds) or self._in_copy(lambda: self._is_loading(variant, stop, timed))
+        return replace(solve, is_explained=is_explained)
+
+    def _in_copy(self, work: Callable[[], Found]) -> Found:
+        """Do work in copies; in processes of their own from the first time on that a copy fails."""
         try:
-            return self._solve_once(variant, stop, seconds, again)
+            return work()
         except Fault as fault:
             self.close()
             if not self._can_copy:
                 raise Fault(fault.outcome, f"in a fresh process {fault.reason}", fault.traceback) from None
             self._can_copy = False
-            return self._solve(variant, stop, seconds, again)
+            return self._in_copy(work)
 
-    def _solve_once(self, variant: Variant, stop: Stop, seconds: float, again: Callable[[], float]) -> Solve:
+    def _first(self, variant: Variant, stop: Stop) -> Solve:
         answer, rows = self._ask(stop, (variant.data, 0.0))
-        n_rows, status = variant.problem.n_rows, Status(answer["status"])
-        first = min(_medians(answer)[0])
+        n_rows = variant.problem.n_rows
         if len(rows) < n_rows:
             raise no_answer()
-        solve = Solve(status, first, rows[len(rows) - n_rows :] / variant.impulse)
-        if explains(seconds, first) or status not in (Status.SOLVED, Status.TIME_LIMIT):
-            return solve
-        timed = max(seconds, again())
-        return replace(solve, is_explained=explains(timed, first) or self._is_loading(variant, stop, timed))
+        first = min(_medians(answer)[0])
+        return Solve(Status(answer["status"]), first, rows[len(rows) - n_rows :] / variant.impulse)
 
     def _is_loading(self, variant: Variant, stop: Stop, timed: float) -> bool:
         """Whether a first solve is slow because it loads or compiles something on its way.
@@ -195,5 +206,5 @@ class Controls:
 
 
 def _medians(answer: dict[str, Any]) -> list[tuple[float, float]]:
-    """Return the median time and the median work [s] of each round."""
-    return [(float(np.median(np.sum(one["times"], axis=1))), float(np.median(one["work"]))) for one in answer["rounds"]]
+    """Return the median time and the median work [s] of each round, as they are on a free core."""
+    return [medians_on_free_core(one) for one in answer["rounds"]]

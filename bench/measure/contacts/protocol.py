@@ -27,6 +27,7 @@ from ...isolation.worker import NO_ANSWER
 from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import answer_fault
 from ..ladder import LONGEST_REASON
+from ..pace import free_probe_seconds, free_share, probe_seconds
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -41,6 +42,9 @@ SUPPORTS_SECONDS = 0.1
 REST_SECONDS = 0.05
 """Wall time of a rest, in which what a solver has started may end [s]."""
 
+TIMED = ("times", "work", "probes")
+"""What the answer to "round" has of each solve."""
+
 MOST_NUMBERS = 2**22
 """Numbers of different answers after which a round ends."""
 
@@ -53,6 +57,7 @@ class Round:
         solution: the last one, with impulses of the harness's own.
         times: seconds of preparing and of solving of each.
         work: processor seconds of both together of each, of all threads and of processes that were waited for.
+        probes: mean time of a probe before and after each [s].
         answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
             (n_rows,).
     """
@@ -60,6 +65,7 @@ class Round:
     solution: Solution
     times: list[tuple[float, float]]
     work: list[float]
+    probes: list[float]
     answers: list[FloatArray]
 
 
@@ -137,14 +143,17 @@ class Measurement:
         """
         times: list[tuple[float, float]] = []
         work: list[float] = []
+        probes: list[float] = []
         answers: dict[bytes, FloatArray] = {}
         end = perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
+            before = probe_seconds()
             worked = _processor_seconds()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
             work.append(_processor_seconds() - worked)
             times.append((prepare_seconds, solve_seconds))
+            probes.append((before + probe_seconds()) / 2.0)
             if solution.status is not Status.SOLVED:
                 break
             answers.setdefault(solution.impulses.tobytes(), solution.impulses)
@@ -153,7 +162,7 @@ class Measurement:
         is_changed = problem.fresh().digest != self._digest
         refuse("it changed the numbers of the problem" if is_changed else self._left_behind())
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
-        return Round(solution, times, work, [*answers.values(), *last])
+        return Round(solution, times, work, probes, [*answers.values(), *last])
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> tuple[Solution, float, float]:
         """Return the solution with a copy of its impulses that was made on the clock, and the seconds of both parts.
@@ -237,7 +246,7 @@ class MeasuringTask:
             if problem_data:
                 self._turn_to(problem_data)
             answer, impulses = self._round(stop, seconds)
-            rounds_done.append({"times": answer["times"], "work": answer["work"]})
+            rounds_done.append({name: answer[name] for name in TIMED})
         return {**answer, "rounds": rounds_done}, impulses
 
     def _round(self, stop: Stop, seconds: float) -> tuple[dict[str, Any], bytes]:
@@ -248,6 +257,7 @@ class MeasuringTask:
             "message": str(found.solution.message)[:LONGEST_REASON],
             "times": found.times,
             "work": found.work,
+            "probes": found.probes,
         }
         return answer, b"".join(impulses.tobytes() for impulses in found.answers)
 
@@ -258,16 +268,23 @@ def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
     if fault:
         return fault
     try:
-        times, work = np.array(answer["times"], dtype=np.float64), np.array(answer["work"], dtype=np.float64)
+        times, work, probes = (np.array(answer[name], dtype=np.float64) for name in TIMED)
     except (KeyError, TypeError, ValueError):
         return NO_ANSWER
-    if times.ndim != 2 or times.shape[1] != 2 or not len(times) or work.shape != times.shape[:1]:
+    if times.ndim != 2 or times.shape[1] != 2 or not len(times) or not work.shape == probes.shape == times.shape[:1]:
         return NO_ANSWER
-    if not (np.isfinite(work) & (work >= 0.0)).all():
+    if not (np.isfinite(work) & (work >= 0.0) & np.isfinite(probes) & (probes > 0.0)).all():
         return NO_ANSWER
     if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
         return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"
     return None
+
+
+def medians_on_free_core(answer: dict[str, Any]) -> tuple[float, float]:
+    """Return the median time and the median work [s] of the solves of a round, as they are on a free core."""
+    times, work, probes = (np.array(answer[name]) for name in TIMED)
+    totals, met = times.sum(axis=1), probes / free_probe_seconds()
+    return float(np.median(totals * free_share(totals, work, met))), float(np.median(work / met))
 
 
 def _processor_seconds() -> float:

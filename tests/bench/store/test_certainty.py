@@ -7,7 +7,15 @@ import pandas as pd
 import pytest
 from msgspec import structs
 from numpy.random import Generator, default_rng
-from proxbench.bench.store.certainty import LEAST_PAIRS, interval, ratio, reaching, standings, times_by_point
+from proxbench.bench.store.certainty import (
+    LEAST_PAIRS,
+    LEAST_ROUNDS,
+    interval,
+    ratio,
+    reaching,
+    standings,
+    times_by_point,
+)
 from proxbench.bench.store.records import Round
 from stored_cases import timed_round
 
@@ -69,8 +77,25 @@ def test_rounds_of_other_moments_make_no_pairs() -> None:
     times = np.linspace(1.0, 2.0, LEAST_PAIRS)
     for others in (rounds(times, session=1), rounds(times, first=LEAST_PAIRS)):
         found = ratio(rounds(times), others)
-        assert np.isnan(found.value)
-        assert (found.low, found.high) == (0.0, np.inf)
+        assert found.value == pytest.approx(1.0)
+        assert found.low < 0.7
+        assert found.high > 1.4
+
+
+@pytest.mark.parametrize("noise", [quiet, disturbed])
+@pytest.mark.parametrize(("mine", "others"), [(3, 3), (3, 6), (5, 4), (10, 10)])
+def test_intervals_without_pairs_hold_the_true_ratio_too(noise: Noise, mine: int, others: int) -> None:
+    chance = default_rng((mine, others))
+    found = [
+        ratio(rounds(2.0 * np.exp(noise(chance, mine))), rounds(np.exp(noise(chance, others)), session=1))
+        for _ in range(RUNS)
+    ]
+    assert 0.89 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
+
+
+def test_too_few_rounds_without_pairs_have_no_interval() -> None:
+    found = ratio(rounds(np.ones(LEAST_ROUNDS - 1)), rounds(np.ones(9), session=1))
+    assert (found.low, found.high) == (0.0, np.inf)
 
 
 def test_marred_rounds_count_only_where_there_are_no_others() -> None:

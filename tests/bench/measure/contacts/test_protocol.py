@@ -95,6 +95,20 @@ def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clo
     )  # ten seconds each with the copy
 
 
+def test_the_core_is_probed_before_and_after_each_solve(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[int, float]] = []
+    solver = Timed(clock, 1.0, 2.0)
+
+    def probe() -> float:
+        seen.append((len(solver.observed), clock.now))
+        return float(len(seen))
+
+    monkeypatch.setattr(measure, "probe_seconds", probe)
+    found = measured(solver).round(STOP, 15.0)
+    assert [solved for solved, _ in seen] == [0, 1, 1, 2]
+    assert found.probes == [1.5, 3.5]
+
+
 def test_a_solve_that_fails_ends_the_round(clock: Clock) -> None:
     solver = Timed(clock, 1.0, 2.0, status=Status.STALLED)
     found = measured(solver).round(STOP, 1e3)
