@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...problems.catalog.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
+from ...problems.catalog.families import family_of
 from ...problems.catalog.plugin_scenes import plugin_scenes
 from ...problems.catalog.plugins import Offer
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
-from ...problems.hard import CASE_GROUPS
 from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, plugin_solvers
 from ..errors import BenchError
@@ -96,11 +96,9 @@ def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
 
 def _families(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """Return problems by family: the plugin, the group of hard cases, or the scene that they come from."""
-    group_of = {name: f"hard: {group}" for group, members in CASE_GROUPS.items() for name in members}
     families: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
-        family = row["source"] or group_of.get(row["name"]) or row["name"].partition("-")[0]
-        families.setdefault(family, []).append(row)
+        families.setdefault(row["source"] or family_of(row["name"]), []).append(row)
     return families
 
 
