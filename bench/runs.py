@@ -54,8 +54,8 @@ class Run(RunFrames, os.PathLike[str]):
 
     Attributes:
         folder: where it is stored.
-        cases: one row a case: problem, solver, model, digest, sizes, outcome, reason, wall time [s], peak memory
-            [bytes], and what a failed one left.
+        cases: one row a case: problem, family, solver, model, digest, sizes, outcome, reason, wall time [s], peak
+            memory [bytes], and what a failed one left.
         points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
             quartiles, the other numbers of the verdict.
         rounds: in which points were measured: problem, solver, tolerance, session, number, median times [s].
@@ -111,7 +111,7 @@ class Run(RunFrames, os.PathLike[str]):
         try:
             tables = write_tables(frames, folder / "tables")
             if charts:
-                from .report.charts import write_charts  # altair takes a second to import
+                from .report.charts.problems import write_charts  # altair takes a second to import
 
                 drawn = write_charts(frames, folder / "charts")
         except UnwritableError as error:
