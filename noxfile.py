@@ -37,6 +37,14 @@ def _run_tests(session: nox.Session, marked: str) -> None:
 
 
 @nox.session
+def peers(session: nox.Session) -> None:
+    """Test the outside solvers, whose wheels are installed with the extra ``peers``."""
+    session.install(".[test,peers]")
+    _keep_compiled_kernels(session)
+    session.run("pytest", "tests/solvers/peers", *session.posargs)
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Measure the quick suite, print the tables, and write tables and charts into results/."""
     session.install(".")

@@ -54,8 +54,8 @@ class Run(RunFrames, os.PathLike[str]):
 
     Attributes:
         folder: where it is stored.
-        cases: one row a case: problem, solver, model, digest, sizes, outcome, reason, wall time [s], peak memory
-            [bytes], and what a failed one left.
+        cases: one row a case: problem, family, solver, model, digest, sizes, outcome, reason, wall time [s], peak
+            memory [bytes], and what a failed one left.
         points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
             quartiles, the other numbers of the verdict.
         rounds: in which points were measured: problem, solver, tolerance, session, number, median times [s].
@@ -111,7 +111,7 @@ class Run(RunFrames, os.PathLike[str]):
         try:
             tables = write_tables(frames, folder / "tables")
             if charts:
-                from .report.charts import write_charts  # altair takes a second to import
+                from .report.charts.problems import write_charts  # altair takes a second to import
 
                 drawn = write_charts(frames, folder / "charts")
         except UnwritableError as error:
@@ -141,7 +141,7 @@ class Run(RunFrames, os.PathLike[str]):
 def run(
     problems: Sequence[str | Path | ContactProblem] | str | Path | ContactProblem | None = None,
     solvers: Sequence[str | Solver] | str | Solver | None = None,
-    suite: str = "quick",
+    suite: str | Path = "quick",
     results: Path | str = "results",
     run_id: str | None = None,
     tolerances: Sequence[float] | float | None = None,
@@ -154,14 +154,16 @@ def run(
     memory: float | None = None,
     passes: int = PASSES,
     seed: int = 0,
+    sample: int | None = None,
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
     Args:
-        problems: names, problem files (.npz, or .hdf5 of FCLIB) or problems, or one of them; the members of ``suite``
-            if None. What is missing is generated.
+        problems: names, problem files (.npz, or .hdf5 of FCLIB), folders of such files or problems, or one of them; the
+            members of ``suite`` if None. What is missing is generated.
         solvers: names with options, or solvers, or one of them; the default variants if None.
-        suite: a named suite.
+        suite: a named suite, or a folder of problem files; those that cannot be read are left out, and the plan of the
+            run says why.
         results: the folder in which the folder of the run is made.
         run_id: its name; date and time if None.
         tolerances: the ladder, or one tolerance; 1e-1 … 1e-10 if None.
@@ -174,7 +176,8 @@ def run(
             ``limits``.
         passes: rounds that each point has at least, in as many passes over all problems; with fewer than three, ratios
             of times have no intervals.
-        seed: of the orders of problems and solvers in each pass.
+        seed: of the orders of problems and solvers in each pass, and of the sample.
+        sample: number of problems to draw, families in proportion; all if None.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
@@ -195,6 +198,7 @@ def run(
         msgspec.structs.replace(limits or Limits(), **changed),
         passes,
         seed,
+        sample,
     )
     return _measured(plan, results, run_id, on_event)
 

@@ -32,15 +32,26 @@ BUILT_IN = {
 }
 """Module of each built-in solver, imported when the solver is created."""
 
+PEERS = {"PinocchioADMM": "peers.pinocchio_admm", "PinocchioPGS": "peers.pinocchio_pgs"}
+"""The same of solvers of others, whose libraries are installed apart."""
+
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}
 """The same of solvers that are made of those named as their parts."""
+
+_OWN = {**BUILT_IN, **_COMPOSITES, **PEERS}
+"""Names that no plugin can take."""
 
 _EXAMPLES = {"Refined": "Refined(ClarabelCoulomb)", "Fallback": "Fallback(SORprox, NSGS)"}
 
 
 def available() -> list[str]:
-    """Return the names that ``create`` knows: built-in solvers, then those of plugins, which are not imported yet."""
+    """Return the names of built-in solvers, then of those of plugins, which are not imported yet."""
     return [*BUILT_IN, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
+
+
+def peers() -> list[str]:
+    """Return the names of the solvers of others, which ``create`` knows; whether their libraries are there it says."""
+    return list(PEERS)
 
 
 def composites() -> dict[str, str]:
@@ -50,7 +61,7 @@ def composites() -> dict[str, str]:
 
 def plugin_solvers() -> list[Offer]:
     """Return what plugins offer as solvers, the refused ones with their reason."""
-    return offers("solver", {**BUILT_IN, **_COMPOSITES})
+    return offers("solver", _OWN)
 
 
 def create(name: str, **options: Any) -> Solver:
@@ -72,7 +83,7 @@ def _made(written: Name) -> Solver:
     parts = [_made(part) for part in written.parts]
     if plain in _COMPOSITES:
         return _composed(plain, parts, options)
-    offer = None if plain in BUILT_IN else _offer(plain)
+    offer = None if plain in _OWN else _offer(plain)
     if parts:
         raise SolverError(f"{plain} is not made of other solvers; write its options by name, not {written}.")
     make = _built_in(plain) if offer is None else _plugin_factory(offer)
@@ -103,7 +114,7 @@ def factory(name: str) -> Any:
         SolverError: for an unknown name, with the nearest one.
         PluginError: if a plugin offers the name but does not import.
     """
-    return _built_in(name) if name in BUILT_IN or name in _COMPOSITES else _plugin_factory(_offer(name))
+    return _built_in(name) if name in _OWN else _plugin_factory(_offer(name))
 
 
 def find(name: str) -> Offer | None:
@@ -112,7 +123,7 @@ def find(name: str) -> Offer | None:
     Raises:
         SolverError: for an unknown name, with the nearest one.
     """
-    found = [_offer(plain) for plain in plain_names(name) if plain not in BUILT_IN and plain not in _COMPOSITES]
+    found = [_offer(plain) for plain in plain_names(name) if plain not in _OWN]
     return found[0] if found else None
 
 
@@ -130,8 +141,7 @@ def plain_names(name: str) -> list[str]:
 
 
 def _built_in(name: str) -> Any:
-    module = {**BUILT_IN, **_COMPOSITES}[name]
-    return getattr(import_module(f".{module}", __package__), name)
+    return getattr(import_module(f".{_OWN[name]}", __package__), name)
 
 
 def _offer(name: str) -> Offer:
@@ -140,7 +150,7 @@ def _offer(name: str) -> Offer:
         if offer.name == name:
             return offer
     usable = [offer.name for offer in found if not offer.refusal]
-    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*BUILT_IN, *_COMPOSITES, *usable])}")
+    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_OWN, *usable])}")
 
 
 def _plugin_factory(offer: Offer) -> Any:

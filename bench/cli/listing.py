@@ -5,14 +5,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...problems.catalog.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
+from ...problems.catalog.families import family_of
 from ...problems.catalog.plugin_scenes import plugin_scenes
 from ...problems.catalog.plugins import Offer
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PluginError, ProxbenchError, suggestion
-from ...problems.hard import CASE_GROUPS
 from ...problems.scenes.registry import SCENES
-from ...solvers.registry import available, composites, create, plugin_solvers
+from ...solvers.interface import SolverError
+from ...solvers.registry import available, composites, create, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
 from ..report.text import counted, output_width
@@ -96,11 +97,9 @@ def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
 
 def _families(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """Return problems by family: the plugin, the group of hard cases, or the scene that they come from."""
-    group_of = {name: f"hard: {group}" for group, members in CASE_GROUPS.items() for name in members}
     families: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
-        family = row["source"] or group_of.get(row["name"]) or row["name"].partition("-")[0]
-        families.setdefault(family, []).append(row)
+        families.setdefault(row["source"] or family_of(row["name"]), []).append(row)
     return families
 
 
@@ -135,9 +134,18 @@ def _solvers() -> list[dict[str, Any]]:
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     built_in = [name for name in available() if name not in of_plugins]
     rows = [_row(name, "", model=str(create(name).model), options=option_texts(name)) for name in built_in]
+    rows += [_peer(name) for name in peers()]
     for name, example in composites().items():
         rows.append(_row(name, "", model="its parts'", options=[f"as in {example}", *option_texts(name)]))
     return rows + [_offered(offer, _solver_of_plugin) for offer in offers]
+
+
+def _peer(name: str) -> dict[str, Any]:
+    """Return the row of a solver of others; why it cannot be used is its "error"."""
+    try:
+        return _row(name, "", model=str(create(name).model), options=option_texts(name))
+    except SolverError as error:
+        return {"name": name, "source": "", "error": str(error)}
 
 
 def _solver_of_plugin(offer: Offer) -> dict[str, Any]:

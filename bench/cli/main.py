@@ -17,7 +17,7 @@ from . import fclib, options
 from .help import HelpCommand, HelpGroup
 from .matrix import matrix
 from .record import record
-from .run import report_run, run
+from .run import print_problems, report_run, run
 from .simulate import NO_STUDY, SceneCommand, simulate
 
 COMPARE, SIMULATE, SHOW, LOOK_UP = (
@@ -195,22 +195,32 @@ proxbench simulate woodpecker --record woodpecker.rrd""",
     "Print the tables and draw the charts of a result.",
     """\
 proxbench report results/RUN
+proxbench report results/RUN --problem funnel-100
 proxbench report results/RUN --quiet --no-charts""",
 )
 def report(
     run_dir: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder of a run or study, or file of a simulation (.npz).")
     ],
+    problem: Annotated[
+        list[str] | None,
+        options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
+    ] = None,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
     charts: options.Charts = True,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Print the tables of a stored run, study or simulation, and draw its charts again."""
+    """Print the tables of a stored run, study or simulation, and draw its charts again.
+
+    With --problem they are printed of these problems of a run, and no file is written.
+    """
     from ..errors import BenchError
 
     options.refuse_two_prints(quiet, as_json)
+    if problem and (quiet or run_dir.suffix == ".npz"):
+        raise BenchError("--problem prints problems of a run; leave it out with --quiet, and for a simulation.")
     if run_dir.suffix == ".json" and not run_dir.is_dir():
         raise BenchError(NO_STUDY.format(run_dir))
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
@@ -221,6 +231,8 @@ def report(
         return report_simulation(run_dir, charts, quiet, as_json)
     from ..runs import load
 
+    if problem:
+        return print_problems(load(run_dir), problem, as_json, residual)
     return report_run(load(run_dir), charts, quiet, as_json, residual)
 
 

@@ -1,5 +1,6 @@
 """``proxbench matrix``, the command."""
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -23,10 +24,11 @@ def matrix(
     """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
     from rich.console import Console
 
-    from ...problems.catalog.catalog import suite_members
+    from ...problems.spelling import for_command_line
     from ...solvers.interface import Stop
     from ..errors import BenchError, UnwritableError
     from ..measure.matrix import default_solvers, measured_matrix
+    from ..measure.selection import select
     from ..report.matrix import count_bad, matrix_page
     from ..report.output_file import refuse_taken, write_file
     from ..report.text import print_json
@@ -39,15 +41,17 @@ def matrix(
     if output is not None and not output.parent.is_dir():
         raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
     refuse_taken([] if output is None else [output], force=True)
-    names, methods = list(problem or suite_members(suite)), list(solver or default_solvers())
+    chosen, methods = select(problem, suite), list(solver or default_solvers())
     with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
-        shown.count(0, len(names) * len(methods))
+        shown.count(0, len(chosen.problems) * len(methods))
 
         def show(cell: Cell) -> None:
             shown.name(f"{cell.solver} on {cell.problem}", again=True)
             shown.advance()
 
-        cells = measured_matrix(names, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
+        cells = measured_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
+    for sentence in chosen.left_out:
+        print(f"proxbench: {for_command_line(sentence)}", file=sys.stderr)
     page = matrix_page(cells, tolerance, _command(suite, problem, solver, tolerance, output))
     if as_json:
         print_json([asdict(cell) for cell in cells])
@@ -62,7 +66,7 @@ def matrix(
         if not quiet:
             print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault")
         print(f"matrix   {output}")
-    return int(count_bad(cells) > 0)
+    return int(count_bad(cells) > 0 or bool(chosen.left_out))
 
 
 def _command(

@@ -60,8 +60,8 @@ PluginFiles = Annotated[
 ]
 """Plugin files; they are in use when the command begins."""
 
-Suite = Annotated[str, selection(metavar="SUITE", help="Suite of problems.")]
-"""Name of a suite."""
+Suite = Annotated[str, selection(metavar="SUITE|FOLDER", help="Suite, or folder of files.")]
+"""Name of a suite, or a folder."""
 
 Solvers = Annotated[
     list[str] | None, selection("--solver", metavar="SOLVER", help='Like "SORprox(relaxation=1.5)"; repeatable.')
@@ -84,7 +84,7 @@ Charts = Annotated[bool, output("--charts/--no-charts", help="Draw charts.")]
 
 Residual = Annotated[
     str,
-    output(metavar="judged|local", help="Residual that tables and charts go by.", callback=_check_residual),
+    output(metavar="judged|local", help="Residual that reports go by.", callback=_check_residual),
 ]
 """What "reached" is judged by."""
 

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,11 +13,13 @@ from . import options
 
 if TYPE_CHECKING:
     from ..runs import Report, Run
+    from ..store.frames import RunFrames
 
 _continued = partial(typer.Option, rich_help_panel="Continue an interrupted run")
 
 _STORED_WITH_THE_RUN = (
     "suite",
+    "sample",
     "problem",
     "solver",
     "tolerance",
@@ -36,6 +38,9 @@ def run(
     context: typer.Context,
     suite: options.Suite = "quick",
     problem: options.Problems = None,
+    sample: Annotated[
+        int | None, options.selection(metavar="NUMBER", help="Problems to draw, families in proportion.")
+    ] = None,
     solver: options.Solvers = None,
     tolerance: Annotated[
         list[float] | None, options.selection(metavar="NUMBER", help="Accuracy to measure the time to; repeatable.")
@@ -46,7 +51,7 @@ def run(
     retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
     mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
     passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 3,
-    seed: Annotated[int, options.limits(metavar="NUMBER", help="Of the orders in each pass.")] = 0,
+    seed: Annotated[int, options.limits(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
     solve_seconds: options.SolveSeconds = 0.5,
     case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
     memory: Annotated[int, options.limits(metavar="MB", help="Memory of one case.")] = 2048,
@@ -83,6 +88,7 @@ def run(
                 memory=memory,
                 passes=passes,
                 seed=seed,
+                sample=sample,
             )
     return report_run(made, charts, quiet, as_json, residual, record)
 
@@ -90,7 +96,7 @@ def run(
 def report_run(
     run: "Run", charts: bool, quiet: bool, as_json: bool, residual: str = "judged", record: bool = False
 ) -> int:
-    """Print what a run has to show, then write it; return 1 if something measured failed.
+    """Print what a run has to show, then write it; return 1 if something measured failed or files were left out.
 
     Tables are printed before any file is written, so that a folder that takes none still shows them; why files are
     missing is said on standard error then. With ``quiet`` the files are all there is, and not to write them is an
@@ -110,13 +116,14 @@ def report_run(
     """
     from rich.console import Console
 
+    from ...problems.spelling import for_command_line
     from ..errors import BenchError
     from ..report.tables import print_tables
     from ..report.text import output_width, print_json
-    from ..store.outcome import FAULTS, Outcome
 
     frames, console = run.judged_by(residual), Console(width=output_width())
-    for sentence in run.damaged:
+    left_out = [for_command_line(sentence) for sentence in run.info.plan.left_out]
+    for sentence in (*left_out, *run.damaged):
         print(f"proxbench: {sentence}", file=sys.stderr)
     if not (quiet or as_json):
         print_tables(frames, console)
@@ -134,8 +141,36 @@ def report_run(
         console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
     if made.unwritten:
         print(f"proxbench: {made.unwritten}", file=sys.stderr)
-    failed = run.cases["outcome"].isin(FAULTS).any() or (run.points["outcome"] == Outcome.WRONG).any()
-    return int(failed)
+    return int(_has_failed(run) or bool(left_out))
+
+
+def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
+    """Print who solved some problems of a run to what; return 1 if something measured there failed.
+
+    Raises:
+        BenchError: if one of them is none of its problems.
+    """
+    from rich.console import Console
+
+    from ..report.accuracy import problems_table
+    from ..report.tables import print_tables, results_table
+    from ..report.text import output_width, print_json
+
+    frames = run.only(problems).judged_by(residual)
+    if as_json:
+        tables = {"problems": problems_table(frames), "results": results_table(frames)}
+        records = {name: json.loads(table.to_json(orient="records")) for name, table in tables.items()}
+        print_json({"run": str(run.folder), "residual": residual, **records})
+    else:
+        print_tables(frames, Console(width=output_width()))
+    return int(_has_failed(frames))
+
+
+def _has_failed(frames: "RunFrames") -> bool:
+    """Whether something that was measured failed."""
+    from ..store.outcome import FAULTS, Outcome
+
+    return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())
 
 
 def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:

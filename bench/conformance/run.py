@@ -9,7 +9,7 @@ from ...problems.catalog.catalog import load, plugin_problems, problem_names
 from ...problems.catalog.plugin_files import PluginFile
 from ...problems.catalog.plugins import forget, registered
 from ...problems.errors import suggestion
-from ...solvers.registry import available, composites, plugin_solvers
+from ...solvers.registry import available, composites, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
 from ..plugins.describing import contestant
@@ -101,7 +101,7 @@ def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
 
 def _named(target: str) -> list[dict[str, str]]:
     """Return kind, name and source of the solver or problem called ``target``."""
-    if target.partition("(")[0].strip() in (*available(), *composites()):
+    if target.partition("(")[0].strip() in (*available(), *composites(), *peers()):
         solver = contestant(target)
         return [{"kind": "solver", "name": solver.name, "source": solver.source}]
     known = problem_names()

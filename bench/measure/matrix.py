@@ -17,6 +17,7 @@ from ..plugins.problems import resolved
 from ..plugins.remote_solver import FailedSolveError, RemoteSolver
 from ..store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
 from .plan import DEFAULT_SOLVERS
+from .selection import name_of
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""
@@ -30,7 +31,7 @@ def default_solvers() -> list[str]:
 
 
 def measured_matrix(
-    problems: Sequence[str],
+    problems: Sequence[str | ContactProblem],
     solvers: Sequence[str | Solver],
     stop: Stop,
     memory_bytes: int = 2**31,
@@ -39,7 +40,7 @@ def measured_matrix(
     """Solve every problem with every solver once.
 
     Args:
-        problems: names of problems.
+        problems: names of problems, or problems.
         solvers: solvers, or their names with options.
         stop: tolerance and limits of one solve.
         memory_bytes: memory that a solver may take.
@@ -51,7 +52,7 @@ def measured_matrix(
     Raises:
         ProxbenchError: for an unknown problem or solver.
     """
-    taken, made = {name: resolved(name) for name in problems}, [contestant(solver) for solver in solvers]
+    taken, made = {name_of(one): resolved(one) for one in problems}, [contestant(solver) for solver in solvers]
     cells = []
     for solver in made:
         with RemoteSolver(solver, PREPARING_SECONDS, memory_bytes) as remote:

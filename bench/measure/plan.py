@@ -1,19 +1,17 @@
 """What a run measures: problems, solvers, the ladder of tolerances, and limits, all checked before anything starts."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeGuard
 
-from ...problems.catalog.catalog import is_path, plugin_problems, suite_members
 from ...problems.contact.problem import ContactProblem
 from ...problems.spelling import option
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
-from ..plugins.problems import check_known, check_numbers, resolved
 from ..store.records import MOST_PASSES, Limits, TrajectoryRecord
+from .selection import Given, name_of, select
 from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
@@ -56,7 +54,10 @@ class Plan:
         methods: in a study, the steppers with solvers in place of ``solvers``.
         trajectories: in a study, its problems.
         passes: rounds that each point has at least, in as many passes over all problems.
-        seed: of the orders of problems and solvers in each pass.
+        seed: of the orders of problems and solvers in each pass, and of a sample.
+        suite: name of the suite that the problems are; empty where they were named.
+        families: the family of each problem, by its name.
+        left_out: a sentence for each file of a folder that cannot be measured.
     """
 
     problems: tuple[str | ContactProblem, ...]
@@ -68,40 +69,40 @@ class Plan:
     trajectories: tuple[TrajectoryRecord, ...] = ()
     passes: int = PASSES
     seed: int = 0
+    suite: str = ""
+    families: Mapping[str, str] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
 
 def make_plan(
-    problems: Sequence[str | Path | ContactProblem] | None = None,
+    problems: Sequence[Given] | None = None,
     solvers: Sequence[str | Solver] | None = None,
-    suite: str = "quick",
+    suite: str | Path = "quick",
     tolerances: Sequence[float] | None = None,
     limits: Limits | None = None,
     passes: int = PASSES,
     seed: int = 0,
+    sample: int | None = None,
 ) -> Plan:
-    """Return the plan for the given problems (or a suite) and solvers (or the default variants).
+    """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
 
-    Problems of plugins are built here and those of files are read; the others are loaded when their turn comes.
+    Problems of plugins are built here and those of files are read, see ``select``; the others are loaded when their
+    turn comes.
 
     Raises:
-        ProblemError: for an unknown problem or suite, with the nearest name, or a file that holds none.
+        ProblemError: for an unknown problem or suite, with the nearest name, a file or folder without any, or an empty
+            sample.
         SolverError: for an unknown solver or option, with the nearest name.
         PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
         BenchError: for a name given twice, a problem with the name of one of the library and other numbers, a solver
             object that breaks the contract, or a tolerance, a number of passes or a seed out of range.
     """
-    given = tuple(problems) if problems else tuple(suite_members(suite))
-    check_known(one for one in given if isinstance(one, str) and not is_path(one))
-    from_plugins = {offer.name for offer in plugin_problems()}
-    chosen = tuple(one if _is_loaded_later(one, from_plugins) else resolved(one) for one in given)
-    for problem in chosen:
-        if isinstance(problem, ContactProblem):
-            check_numbers(problem)
+    chosen = select(problems, suite, sample, seed)
     methods = tuple(map(contestant, solvers or DEFAULT_SOLVERS))
-    for kind, names in (("problem", [name_of(p) for p in chosen]), ("solver", [s.name for s in methods])):
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
-            raise BenchError(f"the {kind} {twice!r} is given more than once; name it once.")
+    names = [method.name for method in methods]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise BenchError(f"the solver {twice!r} is given more than once; name it once.")
     ladder = tuple(sorted(set(tolerances), reverse=True)) if tolerances else LADDER
     for tolerance in ladder:
         if not 0.0 < tolerance < 1.0:
@@ -110,13 +111,14 @@ def make_plan(
         raise BenchError(f"{option('passes')} must be between 1 and {MOST_PASSES}, got {passes}.")
     if not 0 <= seed < 2**63:
         raise BenchError(f"{option('seed')} must not be negative, got {seed}.")
-    return Plan(chosen, methods, ladder, limits or Limits(), passes=passes, seed=seed)
-
-
-def name_of(problem: str | ContactProblem) -> str:
-    """Return the name of a problem."""
-    return problem if isinstance(problem, str) else problem.name
-
-
-def _is_loaded_later(problem: str | Path | ContactProblem, from_plugins: set[str]) -> TypeGuard[str]:
-    return isinstance(problem, str) and not is_path(problem) and problem not in from_plugins
+    return Plan(
+        chosen.problems,
+        methods,
+        ladder,
+        limits or Limits(),
+        passes=passes,
+        seed=seed,
+        suite=chosen.suite,
+        families=chosen.families,
+        left_out=chosen.left_out,
+    )

@@ -116,6 +116,9 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["solver", "model", "problem", "accuracy", "seconds", "claimed", "common"])
 
 
+OF_PROBLEM = ("solved", "fastest", "time")
+"""Columns that a table of problems has for each accuracy, whose tag follows."""
+
 OF_ACCURACIES = ("success", "correct", "mean_time", "own_mean_time")
 """Columns that a summary has for each accuracy, whose tag follows."""
 
@@ -146,6 +149,59 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
         rows.append(row)
     of_accuracies = [key for accuracy in shown for key in _keys(accuracy)]
     return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *of_accuracies, "wrong"])
+
+
+def families(frames: RunFrames) -> list[str]:
+    """Return the families of the problems of a run, in its order; none where they say no more than the problems do."""
+    found = list(dict.fromkeys(frames.cases["family"]))
+    return found if 1 < len(found) < frames.cases["problem"].nunique() else []
+
+
+def families_table(frames: RunFrames) -> pd.DataFrame:
+    """Return the summary of each family of problems: its name, and the columns of ``summary_table``.
+
+    Common are those problems of the family that all solvers support which support any of it.
+    """
+    parts = [
+        summary_table(frames.only(own)).assign(family=str(family))
+        for family, own in frames.cases.groupby("family", sort=False)["problem"].unique().items()
+    ]
+    columns = ["family", *summary_table(frames).columns]
+    return pd.concat(parts, ignore_index=True)[columns] if parts else pd.DataFrame(columns=columns)
+
+
+def problems_table(frames: RunFrames) -> pd.DataFrame:
+    """Return one row a problem: how many solvers solve it to each of ``accuracies``, and which first.
+
+    Columns: problem, family, n_contacts, n_rows, solvers (that support it), for each accuracy the number that reach it
+    (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none) and its time [s] (``time_1e-04``), and
+    the least judged residual of any, wrong claims left out, with its solver (best).
+    """
+    shown = accuracies(frames)
+    tried = attempts(frames, shown)
+    points = frames.points[frames.points["outcome"] != Outcome.WRONG]
+    rows = []
+    for problem, cases in frames.cases.groupby("problem", sort=False):
+        row = dict(cases.iloc[0][["problem", "family", "n_contacts", "n_rows"]])
+        row["solvers"] = int((cases["outcome"] != Outcome.UNSUPPORTED).sum())
+        for accuracy in shown:
+            reached = tried[(tried["problem"] == problem) & (tried["accuracy"] == accuracy)].dropna(subset="seconds")
+            values = (len(reached), *_least(reached, "seconds"))
+            row |= {f"{kind}_{accuracy_tag(accuracy)}": value for kind, value in zip(OF_PROBLEM, values, strict=True)}
+        own = points[points["problem"] == problem].dropna(subset="residual")
+        best, residual = _least(own, "residual")
+        rows.append(row | {"residual": residual, "best": best})
+    of_accuracies = [f"{kind}_{accuracy_tag(accuracy)}" for accuracy in shown for kind in OF_PROBLEM]
+    columns = ["problem", "family", "n_contacts", "n_rows", "solvers", *of_accuracies, "residual", "best"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _least(rows: pd.DataFrame, column: str) -> tuple[str, float]:
+    """Return the solver of the row with the least number in a column, and that number; empty and NaN without rows."""
+    if rows.empty:
+        return "", np.nan
+    least = rows.iloc[int(rows[column].argmin())]
+    return str(least["solver"]), float(least[column])
 
 
 def compares_all(summary: pd.DataFrame) -> bool:

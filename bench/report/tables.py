@@ -1,7 +1,7 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,19 +20,33 @@ from .accuracy import (
     accuracies,
     accuracy_tag,
     compares_all,
+    families,
+    families_table,
     measured_points,
+    problems_table,
     ratios_table,
-    shown_means,
     summary_table,
     time_to_accuracy,
 )
-from .fitting import hanging, print_table
+from .cells import (
+    TIME,
+    fastest_cells,
+    shown_families,
+    shown_points,
+    shown_problems,
+    shown_ratios,
+    shown_results,
+    shown_summary,
+    summary_tags,
+    time_columns,
+)
+from .fitting import hanging, narrowest, print_table
 from .matrix import matrix_page
 from .output_file import write_file
 from .studies import headline, points_table, print_points
 from .text import counted, inline, markdown_table
 
-_CASE_COLUMNS = ("problem", "n_contacts", "solver", "model")
+_CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "model")
 
 _MARKS = (
     "Bold: the fastest, where the 95 % intervals of all ratios to it exclude 1; ≈: as fast, as far as the rounds show; "
@@ -40,17 +54,23 @@ _MARKS = (
 )
 """What marks of times mean."""
 
-_TIME = "time_to_"
-"""What the keys of the time columns begin with; an accuracy follows."""
+_FAMILIES = (
+    "By family: problems solved, as the judge confirms, of those that the solver supports, and the shifted geometric "
+    "mean time over those that all solvers support which support any of the family."
+)
+"""What cells of the table by family mean."""
+
+MOST_TABLES = 20
+"""Problems up to which each has a table of its own in what is printed."""
 
 
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a case: time to each accuracy [s], the best judged residual, its iterations, how it ended and why.
 
-    Columns: problem, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
+    Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
     outcome, reason.
     """
-    shown = {_TIME + accuracy_tag(accuracy): accuracy for accuracy in accuracies(frames)}
+    shown = {TIME + accuracy_tag(accuracy): accuracy for accuracy in accuracies(frames)}
     limit, rows = frames.info.plan.limits.solve_seconds, []
     for case in frames.cases.to_dict("records"):
         measured = measured_points(frames, case)
@@ -67,9 +87,9 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
-    """Write both tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
+    """Write all tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
 
-    A run over trajectories has a table of its points in place of summary and matrix. The matrix is of claims, which are
+    A run over trajectories has results and a table of its points. The matrix is of claims, which are
     of judged residuals, and written with those alone.
 
     Raises:
@@ -91,13 +111,19 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
     """Return the tables of a run: name, numbers, how they are shown, and a note below."""
     ratios = ratios_table(frames)
-    shown = partial(_shown_results, is_study=frames.is_study, ratios=ratios, bold="**{}**")
+    shown = partial(shown_results, is_study=frames.is_study, ratios=ratios, bold="**{}**")
     results = ("results", results_table(frames), shown, "" if ratios.empty else f"\n{_MARKS}\n")
     if frames.is_study:
-        return [results, ("points", points_table(frames), _shown_points, "")]
+        return [results, ("points", points_table(frames), shown_points, "")]
     summary = summary_table(frames)
     note = f"\n{_summary_legend(summary)}\n" if len(summary) else ""
-    return [results, ("ratios", ratios, _shown_ratios, ""), ("summary", summary, _shown_summary, note)]
+    return [
+        results,
+        ("problems", problems_table(frames), shown_problems, ""),
+        ("ratios", ratios, shown_ratios, ""),
+        ("families", families_table(frames), partial(shown_families, frames.info.plan.solvers), f"\n{_FAMILIES}\n"),
+        ("summary", summary, shown_summary, note),
+    ]
 
 
 def matrix_of_run(frames: RunFrames) -> str:
@@ -111,7 +137,11 @@ def matrix_of_run(frames: RunFrames) -> str:
 
 
 def print_tables(frames: RunFrames, console: Console) -> None:
-    """Print the state of the run, one table a problem, with every failure spelled out below it, and the summary."""
+    """Print the state of the run, a table of each problem, the families and the summary.
+
+    Below the table of a problem every failure is spelled out. With more than ``MOST_TABLES`` problems one table has a
+    row for each, and faults alone are spelled out.
+    """
     for warning in warnings(frames):
         console.print(Text(for_command_line(warning), style="bold yellow"))
     for sentence in (*basis(frames), steadiness(frames.info)):
@@ -121,37 +151,88 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if results.empty:
         console.print(Text("no case of this run is finished"))
         return
+    if results["problem"].nunique() > MOST_TABLES and not frames.is_study:
+        _print_problems(frames, results, console)
+    else:
+        _print_each_problem(frames, results, console)
+    summary = pd.DataFrame() if frames.is_study else summary_table(frames)
+    if len(summary):
+        if families(frames):
+            _print_families(frames, console)
+        _print_summary(summary, results["problem"].nunique(), frames.info.plan.suite, console)
+    console.print(Text(_legend(frames, list(time_columns(results)), summary), style="dim"))
+
+
+def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
+    """Print a table of each problem, and below it what did not end solved."""
     noted = (
         (*FAULTS, Outcome.UNSUPPORTED) if frames.is_study else tuple(one for one in Outcome if one != Outcome.SOLVED)
     )
     ratios = ratios_table(frames)
     for problem, rows in results.groupby("problem", sort=False):
-        shown = _shown_results(rows, frames.is_study, ratios)
-        shown = shown.drop(columns=["problem", "contacts", "why"], errors="ignore")
+        shown = shown_results(rows, frames.is_study, ratios)
+        shown = shown.drop(columns=["problem", "family", "contacts", "why"], errors="ignore")
         console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
         optional = ("iter.", "solves", "residual", "error", "ended")
-        print_table(console, shown, words=("model", "ended"), optional=optional, bold=_fastest(rows, ratios))
-        for row in rows.to_dict("records"):
-            if row["outcome"] in noted:
-                note = f"{row['solver']}: {row['outcome']}, {row['reason']}"
-                console.print(Text(hanging(note, console.width), style="dim"))
+        print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest_cells(rows, ratios))
+        for row in rows[rows["outcome"].isin(noted)].to_dict("records"):
+            note = f"{row['solver']}: {row['outcome']}, {row['reason']}"
+            console.print(Text(hanging(note, console.width), style="dim"))
         console.print()
         if frames.is_study:
             print_points(frames, frames.info.plan.trajectory(str(problem)), console)
             console.print()
-    summary = pd.DataFrame() if frames.is_study else summary_table(frames)
-    if len(summary):
-        _print_summary(summary, results["problem"].nunique(), console)
-    console.print(Text(_legend(frames, list(_times(results)), summary), style="dim"))
 
 
-def _print_summary(summary: pd.DataFrame, count: int, console: Console) -> None:
+def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
+    """Print one row a problem, by families, and below them the faults."""
+    title = "who solves what: solvers that reach it, of those that support the problem, the least time, and whose it is"
+    console.print(Text(title, style="bold"))
+    shown = shown_problems(problems_table(frames))
+    print_table(console, shown, words=("problem", "family"), optional=("contacts", "residual", "family"))
+    for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
+        note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
+        console.print(Text(hanging(note, console.width), style="dim"))
+    console.print(Text(f"one of them: proxbench report {frames.folder} --problem NAME", style="dim"))
+    console.print()
+
+
+def _print_families(frames: RunFrames, console: Console) -> None:
+    """Print one table an accuracy: solvers down, families across, as many side by side as there is room for."""
+    table = families_table(frames)
+    for tag in summary_tags(table):
+        cells = shown_families(frames.info.plan.solvers, table, [tag])
+        for names in _abreast(cells, console.width):
+            console.print(Text(f"by family, to {tag}", style="bold"))
+            print_table(console, cells[["solver", *names]])
+            console.print()
+    console.print(Text(_FAMILIES, style="dim"))
+    console.print()
+
+
+def _abreast(cells: pd.DataFrame, width: int) -> list[list[str]]:
+    """Return the columns beside that of the solvers in groups that fit side by side."""
+    room = width - max(map(narrowest, cells["solver"])) - 2
+    groups: list[list[str]] = []
+    left = 0
+    for name in cells.columns.drop("solver"):
+        size = max(len(line) for text in (name, *cells[name]) for line in text.splitlines()) + 2
+        if not groups or size > left:
+            groups.append([])
+            left = room
+        groups[-1].append(name)
+        left -= size
+    return groups
+
+
+def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Console) -> None:
     """Print the summary over so many problems: one table, or one an accuracy where each solver has two means."""
-    title, tags = f"all {count} problems" if count > 1 else "summary", _tags(summary)
+    of_suite = f" of {suite}" if suite else ""
+    title, tags = f"all {count} problems{of_suite}" if count > 1 else "summary", summary_tags(summary)
     for shown in [tags] if compares_all(summary) else [[tag] for tag in tags]:
         to = "" if shown == tags else f", to {shown[0]}"
         console.print(Text(title + to, style="bold"))
-        print_table(console, _shown_summary(summary, shown), words=("model",), optional=("wrong",))
+        print_table(console, shown_summary(summary, shown), words=("model",), optional=("wrong",))
         console.print()
 
 
@@ -177,11 +258,6 @@ def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
     return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
 
 
-def _times(results: pd.DataFrame) -> dict[str, str]:
-    """Return the heads of the time columns, and their keys."""
-    return {key.removeprefix(_TIME): key for key in results.columns if key.startswith(_TIME)}
-
-
 def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
     columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
     least = f", preparing included, to that {frames.residual} residual"
@@ -205,89 +281,6 @@ def _summary_legend(summary: pd.DataFrame) -> str:
         "says: how many of the problems that the solver supports it claims to solve; true: how many the judge "
         f"confirms; {means}"
     )
-
-
-def _tags(summary: pd.DataFrame) -> list[str]:
-    return [key.removeprefix("success_") for key in summary.columns if key.startswith("success_")]
-
-
-def duration(seconds: float) -> str:
-    """Return a time in engineering units, or a dash for NaN: ``"3.1 ms"``."""
-    if not np.isfinite(seconds):
-        return "–"
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= 0.9995 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds / 1e-6:.2g} µs"
-
-
-def _standings(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
-    """Return how the cells of a table of results stand, by index and head."""
-    columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
-    known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
-    return {
-        (row.Index, head): known.get((row.problem, row.solver, head), "")
-        for row in results.itertuples()
-        for head in _times(results)
-    }
-
-
-def _fastest(results: pd.DataFrame, ratios: pd.DataFrame) -> set[tuple[Any, str]]:
-    return {cell for cell, standing in _standings(results, ratios).items() if standing == "fastest"}
-
-
-def _shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
-    shown = ratios[["problem", "solver", "standing"]].copy()
-    shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
-    shown.insert(3, "time", ratios["seconds"].map(duration))
-    for place, head in enumerate(("ratio", "low", "high"), 4):
-        shown.insert(place, head, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[head]])
-    return shown
-
-
-def _shown_results(
-    results: pd.DataFrame, is_study: bool = False, ratios: pd.DataFrame | None = None, bold: str = "{}"
-) -> pd.DataFrame:
-    """Return results in texts, times that tie with the least marked, and those of winners as ``bold`` has them."""
-    times = _times(results)
-    standing = {} if ratios is None else _standings(results, ratios)
-    heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
-    shown = results.rename(columns=heads | {key: head for head, key in times.items()})
-    for head in times:
-        forms = {"tie": "≈ {}", "fastest": bold}
-        cells = zip(shown.index, shown[head].map(duration), strict=True)
-        shown[head] = [forms.get(standing.get((index, head), ""), "{}").format(text) for index, text in cells]
-    for head, form in (("residual", ".0e"), ("iter.", ".0f")):
-        shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
-    if is_study:
-        return shown.drop(columns="contacts").rename(columns={"residual": "error", "iter.": "solves"})
-    return shown
-
-
-def _shown_points(points: pd.DataFrame) -> pd.DataFrame:
-    shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
-    for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
-        shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
-    shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    shown["wall"] = points["total_seconds"].map(duration)
-    counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
-    for head, key in counts.items():
-        shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
-    return shown.assign(why=points["reason"])
-
-
-def _shown_summary(summary: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
-    """Return the summary in texts, of the accuracies with these tags, else of all."""
-    shown = summary[["solver", "model"]].copy()
-    means = shown_means(summary)
-    for tag in tags or _tags(summary):
-        for head, share in (("says", f"success_{tag}"), ("true", f"correct_{tag}")):
-            pairs = zip(summary[share], summary["problems"], strict=True)
-            shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
-        for head, key in means.items():
-            lines = [*head.split(" ", 1), tag]
-            shown["\n".join(lines)] = summary[f"{key}_{tag}"].map(duration)
-    return shown.assign(wrong=summary["wrong"])
 
 
 def _markdown_head(frames: RunFrames) -> str:

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from ..errors import FailedSimulationError
-from ..store.records import Count, Number, Record
+from ..store.fields import Count, Number
+from ..store.records import Record
 
 
 class Failure(Record, frozen=True, kw_only=True):

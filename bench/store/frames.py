@@ -4,7 +4,7 @@ A field that is a record itself gives the columns of its own fields: times that 
 field, and their quartiles beside it. Lists have frames of their own.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
@@ -36,10 +36,10 @@ class RunFrames:
     Attributes:
         folder: where it is stored.
         cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
-            reason, wall time, peak memory, what a failed one left, and is_finished.
-        points: one row a ladder point, those of ``Point``: problem, solver, model, tolerance, outcome, status, reason,
-            iterations, judged residual (and that of the solver's own model), median times [s] with their quartiles,
-            repeats, the other numbers of the verdict, and the error in known impulses.
+            reason, wall time, peak memory, what a failed one left, with the family of the problem, and is_finished.
+        points: one row a ladder point, those of ``Point``: problem, family, solver, model, tolerance, outcome, status,
+            reason, iterations, judged residual (and that of the solver's own model), median times [s] with their
+            quartiles, repeats, the other numbers of the verdict, and the error in known impulses.
         rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``: session and
             number of the pass, median times [s], repeats, share of the time that was computed, whether it is marred.
         iterations: the convergence curves: problem, solver, iteration, residual.
@@ -79,6 +79,25 @@ class RunFrames:
     def is_study(self) -> bool:
         """Whether the run is over trajectories."""
         return bool(self.info.plan.trajectories)
+
+    def only(self, problems: Collection[str]) -> Self:
+        """Return what the run has of these problems.
+
+        Raises:
+            BenchError: if one of them is none of its problems.
+        """
+        plan = self.info.plan
+        for name in problems:
+            if name not in plan.problems:
+                raise BenchError(f"the run has no problem {name!r}{suggestion(name, plan.problems)}")
+        kept = msgspec.structs.replace(
+            plan,
+            problems=[name for name in plan.problems if name in problems],
+            trajectories=[one for one in plan.trajectories if one.name in problems],
+        )
+        frames = {name: getattr(self, name) for name in ("cases", "points", "rounds", "iterations", "errors")}
+        chosen = {name: frame[frame["problem"].isin(problems)] for name, frame in frames.items()}
+        return replace(self, info=msgspec.structs.replace(self.info, plan=kept), **chosen)
 
     def judged_by(self, residual: str) -> Self:
         """Return the run with this residual of its points, "judged" or "local", as the one that tables go by.
@@ -120,10 +139,11 @@ def read_frames(folder: Path) -> RunFrames:
     identified = _identified(cases)
     measured = _frame(CaseRecord, cases)
     measured["is_finished"] = pd.Series([info.plan.has_finished(case) for case in cases], dtype=bool)
+    points = points_frame(cases)
+    for frame in (measured, points):
+        frame.insert(1, "family", frame["problem"].map(info.plan.family).astype(str))
     errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
-    return RunFrames(
-        folder, measured, points_frame(cases), rounds_frame(cases), _iterations(cases), errors, info, damaged
-    )
+    return RunFrames(folder, measured, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
 
 
 def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:

@@ -1,34 +1,21 @@
-"""What a run stores, as typed records: files are written from them, checked against them, and made frames by them.
-
-Files may come from elsewhere: a checksum shows that they are whole, not that they are honest. Numbers that are not
-finite stand as null in files and as None in what is read.
-"""
+"""What a run stores, as typed records: files are written from them, checked against them, and made frames by them."""
 
 import itertools
-import math
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, Struct
 
+from ...problems.catalog.families import family_of
 from ..errors import BenchError
+from .fields import LARGEST, Count, Number, Positive, Residual, Tolerance
 from .outcome import Outcome
-
-LARGEST = 1e300
-"""Numbers of files are smaller."""
 
 MOST_PASSES = 1000
 """Passes that a run may have."""
 
 MOST_ANSWERS = 20
 """Different answers of a point that are told apart."""
-
-Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
-Positive = Annotated[float, Meta(gt=0.0, lt=LARGEST)]
-Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
-Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
-Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
-"""A judged residual; the infinite ones are None in what is read."""
 
 
 class Record(Struct, frozen=True, kw_only=True):
@@ -116,7 +103,10 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
         passes: rounds that each point has at least, in as many passes over all problems.
-        seed: of the orders of problems and solvers in each pass.
+        seed: of the orders of problems and solvers in each pass, and of a sample.
+        suite: name of the suite that the problems are of; empty where they were named.
+        families: the family of each problem, by its name.
+        left_out: a sentence for each file of a folder that cannot be measured.
 
     Raises:
         ValueError: if a run over trajectories names others than it has.
@@ -130,6 +120,9 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     trajectories: list[TrajectoryRecord] = []
     passes: Annotated[int, Meta(ge=1, le=MOST_PASSES)] = 3
     seed: Count = 0
+    suite: str = ""
+    families: dict[str, str] = {}
+    left_out: list[str] = []
 
     def __post_init__(self) -> None:
         names = [one.name for one in self.trajectories], [method.name for method in self.methods]
@@ -139,6 +132,10 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     def ladder(self, solver: str) -> list[float]:
         """Return the ladder of one of ``solvers``."""
         return next((method.values for method in self.methods if method.name == solver), self.tolerances)
+
+    def family(self, problem: str) -> str:
+        """Return the family of one of ``problems``, also where the run is older than families."""
+        return self.families.get(problem) or family_of(problem)
 
     def trajectory(self, name: str) -> TrajectoryRecord:
         """Return one of the trajectories by its name."""

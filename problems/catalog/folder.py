@@ -9,19 +9,19 @@ A ``suite.toml`` may have::
     "box stacks" = ["Boxes/*", "Box_Stacks-*"]
 
 Patterns are those of a shell and match paths in the folder, with ``/`` between folders. A pattern without any match is
-a mistake. Listing opens no file but ``suite.toml``; ``checked`` reads all problems.
+a mistake. Listing opens no file but ``suite.toml``.
 """
 
-import hashlib
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from ..errors import ProblemError, suggestion
-from .catalog import is_path, load
+from .catalog import is_path
+from .families import family_of
 
 DESCRIPTION = "suite.toml"
 """The file of a folder that says what its suite is."""
@@ -60,44 +60,6 @@ class FolderSuite:
     name: str
     members: tuple[Member, ...]
     broken: tuple[tuple[Path, str], ...] = ()
-
-    @property
-    def families(self) -> dict[str, tuple[Member, ...]]:
-        """Members by family, both in order."""
-        found: dict[str, list[Member]] = {}
-        for member in self.members:
-            found.setdefault(member.family, []).append(member)
-        return {family: tuple(members) for family, members in found.items()}
-
-    def sampled(self, count: int, seed: int) -> "FolderSuite":
-        """Return ``count`` members, families in proportion, in order; all if there are no more.
-
-        Each family has its share rounded up or down (by largest remainders). Its members are those whose names have the
-        least SHA-256 together with ``seed``: the same on every machine, and almost the same when files are added.
-
-        Raises:
-            ProblemError: if ``count`` is not positive.
-        """
-        if count < 1:
-            raise ProblemError(f"a sample must have at least one problem, got {count}.")
-        chosen: set[str] = set()
-        families = self.families
-        sizes = {family: len(members) for family, members in families.items()}
-        for family, share in _shares(sizes, min(count, len(self.members))).items():
-            ranked = sorted(families[family], key=lambda member: _rank(member.name, seed))
-            chosen |= {member.name for member in ranked[:share]}
-        return replace(self, members=tuple(member for member in self.members if member.name in chosen))
-
-    def checked(self) -> "FolderSuite":
-        """Return the members that can be read; the others are among ``broken``, with the reason."""
-        good, broken = [], list(self.broken)
-        for member in self.members:
-            try:
-                load(member.path)
-                good.append(member)
-            except ProblemError as error:
-                broken.append((member.path, str(error)))
-        return replace(self, members=tuple(good), broken=tuple(broken))
 
 
 @dataclass(frozen=True)
@@ -193,7 +155,7 @@ def _family(place: str, groups: Mapping[str, Sequence[str]]) -> str:
         if _matches(place, patterns):
             return family
     path = Path(place)
-    return path.parent.as_posix() if len(path.parts) > 1 else path.stem.partition("-")[0]
+    return path.parent.as_posix() if len(path.parts) > 1 else family_of(path.stem)
 
 
 def _matches(place: str, patterns: Sequence[str]) -> bool:
@@ -207,17 +169,3 @@ def _first_match(place: str, patterns: Sequence[str]) -> int:
 
 def _is_hidden(path: Path) -> bool:
     return any(part.startswith(".") for part in path.parts)
-
-
-def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return how many of ``count`` each family gets, by largest remainders; equal ones in the order of the families."""
-    total = sum(sizes.values())
-    shares = {family: count * size // total for family, size in sizes.items()}
-    rest = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
-    for family in rest[: count - sum(shares.values())]:
-        shares[family] += 1
-    return shares
-
-
-def _rank(name: str, seed: int) -> bytes:
-    return hashlib.sha256(f"{seed}:{name}".encode()).digest()

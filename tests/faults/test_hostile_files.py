@@ -14,7 +14,7 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import load, resume, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.report.charts import write_charts
+from proxbench.bench.report.charts.problems import write_charts
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.store import LARGEST_FILE, Store
 from proxbench.problems import load as load_problem

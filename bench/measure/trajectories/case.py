@@ -11,8 +11,9 @@ import numpy as np
 from ....problems.trajectories.problem import TrajectoryProblem
 from ....solvers.interface import Status
 from ...isolation.worker import Fault, no_answer
+from ...store.fields import Count, Number
 from ...store.outcome import Outcome
-from ...store.records import CaseRecord, Count, Limits, Measured, Number, Point, QuantityError
+from ...store.records import CaseRecord, Limits, Measured, Point, QuantityError
 from ..ladder import LONGEST_REASON, LadderCase
 from ..points import quartiles
 from .methods import Method

@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace as changed
 from proxbench.bench import load
 from proxbench.bench.report.accuracy import summary_table, time_to_accuracy
+from proxbench.bench.report.cells import duration
 from proxbench.bench.report.tables import (
-    duration,
     print_tables,
     results_table,
     write_tables,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.report import drawing
+from proxbench.bench.report.charts import drawing
 
 FIXED = "simulate pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3) --no-progress"
 VARIABLE = "simulate woodpecker(start='cycle') --duration 0.005 --no-progress"

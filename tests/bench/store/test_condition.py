@@ -9,8 +9,8 @@ import pytest
 from msgspec.structs import replace
 from proxbench import bench
 from proxbench.bench import Run, load
-from proxbench.bench.report.charts import problem_chart
-from proxbench.bench.report.summary_charts import time_chart
+from proxbench.bench.report.charts.problems import problem_chart
+from proxbench.bench.report.charts.summary import time_chart
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.condition import drift, steadiness, warnings
 from proxbench.bench.store.records import Session

@@ -69,11 +69,11 @@ MEASURED = Point(
 def test_columns_are_the_fields_of_the_records_however_little_was_measured(points: list[Point], stored: Stored) -> None:
     run = load(stored(points))
     lists = {"curve", "points"}
-    assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"is_finished"}
+    assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
     numbers -= {"verdict", "errors", "rounds", "hashes", "component_residuals"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}
-    identity = {"problem", "solver", "model"}
+    identity = {"problem", "family", "solver", "model"}
     assert set(run.points) == identity | (set(Point.__struct_fields__) - {"measured"}) | numbers | spread
     assert len(run.points) == len(points)
     assert run.points["residual"].dtype == run.points["iterations"].dtype == np.float64
@@ -126,3 +126,11 @@ def test_a_residual_that_a_run_does_not_have_is_refused(residual: str, words: st
     run = load(stored([judged(1e-3, None)]))
     with pytest.raises(BenchError, match=words):
         run.judged_by(residual)
+
+
+def test_families_are_those_of_the_plan_and_of_the_names_in_older_runs(stored: Stored, record: RunRecord) -> None:
+    folder = stored([MEASURED])
+    assert load(folder).cases["family"].tolist() == load(folder).points["family"].tolist() == ["p"]
+    named = replace(record, plan=replace(record.plan, families={"p": "mine"}))
+    Store.open(folder).write_run(named)
+    assert load(folder).cases["family"].tolist() == load(folder).points["family"].tolist() == ["mine"]

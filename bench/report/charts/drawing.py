@@ -13,8 +13,8 @@ import pandas as pd
 import vl_convert
 from numpy.typing import NDArray
 
-from .output_file import picture_files, write_file
-from .palette import Look
+from ..output_file import picture_files, write_file
+from ..palette import Look
 
 PNG_SCALE = 2.0
 

@@ -1,7 +1,7 @@
 """What all charts share."""
 
 import pytest
-from proxbench.bench.report.drawing import heading, key, round_values
+from proxbench.bench.report.charts.drawing import heading, key, round_values
 from proxbench.bench.report.palette import looks
 
 

@@ -11,12 +11,16 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from ...problems.spelling import for_command_line
-from ..store.condition import run_state
-from ..store.frames import RunFrames
-from ..store.outcome import Outcome
-from ..store.store import plain_name
-from .accuracy import measured_points
+from ....problems.spelling import for_command_line
+from ...store.condition import run_state
+from ...store.frames import RunFrames
+from ...store.outcome import Outcome
+from ...store.store import plain_name
+from ..accuracy import measured_points
+from ..palette import Look, looks
+from ..studies import headline, spreads
+from ..tables import ending
+from ..text import counted
 from .drawing import (
     FONT_SIZE,
     Label,
@@ -30,11 +34,7 @@ from .drawing import (
     stacked,
     write_drawing,
 )
-from .palette import Look, looks
-from .studies import headline, spreads
-from .summary_charts import summary_charts
-from .tables import ending
-from .text import counted
+from .summary import summary_charts
 
 SMALLEST_RESIDUAL = 1e-16
 """Residuals of zero are drawn here: a logarithmic axis has no place for them."""

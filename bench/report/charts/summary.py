@@ -6,20 +6,23 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from ...problems.spelling import for_command_line
-from ..store.condition import run_state
-from ..store.frames import RunFrames
-from .accuracy import attempts, mean_time, summary_accuracies
+from ....problems.spelling import for_command_line
+from ...store.condition import run_state
+from ...store.frames import RunFrames
+from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
+from ..cells import duration
+from ..palette import PALETTE, looks
+from ..text import counted
 from .drawing import FONT_SIZE, by_name, heading, log_axis, round_values, stacked
-from .palette import PALETTE, looks
-from .tables import duration
-from .text import counted
 
 WIDTH = 300
 """Of each of two panels side by side [pixels]."""
 
 ROW = 26
 """Height of the row of a solver [pixels]."""
+
+FAMILY_ROW, FAMILY_COLUMN = 36, 64
+"""Size of the cell of a solver and a family [pixels]."""
 
 LONGEST_NAME = 300
 """Room for the names of solvers [pixels]."""
@@ -32,7 +35,8 @@ def summary_charts(frames: RunFrames) -> dict[str, alt.VConcatChart]:
     """Return the charts of a whole run by the names of their files; none if no solver supports anything."""
     if attempts(frames, [1.0]).empty:
         return {}
-    return {"summary-time": time_chart(frames), "summary-success": success_chart(frames)}
+    charts = {"summary-time": time_chart(frames), "summary-success": success_chart(frames)}
+    return charts | ({"summary-families": families_chart(frames)} if families(frames) else {})
 
 
 def time_chart(frames: RunFrames) -> alt.VConcatChart:
@@ -77,6 +81,41 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
         _count_panel(counts, "claimed", "claimed by the solver", "tolerance"),
     ]
     return _of_run("Success", "how many of those that a solver supports it solves", panels, frames, tried)
+
+
+def families_chart(frames: RunFrames) -> alt.VConcatChart:
+    """Return how much of each family every solver solves to the accuracies of the summary, and its mean time there."""
+    shown, table = summary_accuracies(frames), families_table(frames)
+    tried = attempts(frames, shown)
+    panels: list[alt.LayerChart] = []
+    for accuracy in shown:
+        tag = accuracy_tag(accuracy)
+        cells = table[["family", "solver"]].assign(
+            share=table[f"correct_{tag}"],
+            solved=[f"{round(s * n)}/{n}" for s, n in zip(table[f"correct_{tag}"], table["problems"], strict=True)],
+            mean=table[f"mean_time_{tag}"].map(duration),
+        )
+        title = f"to a {frames.residual} residual of {_exponent(accuracy)}"
+        panels.append(_family_panel(frames, cells, title, first=not panels))
+    note = "how many of a family each solves of those it supports; below, the mean time over those that all support"
+    return _of_run("Success by family", note, panels, frames, tried)
+
+
+def _family_panel(frames: RunFrames, cells: pd.DataFrame, title: str, first: bool) -> alt.LayerChart:
+    names, drawn = families(frames), set(cells["solver"])
+    solvers = [solver for solver in frames.info.plan.solvers if solver in drawn]
+    columns = alt.X("family:N", sort=names, title=None).axis(
+        orient="top", labelAngle=-30, labelAlign="left", ticks=False, domain=False, grid=False, labelLimit=LONGEST_NAME
+    )
+    base = alt.Chart(cells).encode(x=columns, y=_rows(solvers, named=first, grid=False))
+    fill = alt.Color("share:Q", legend=None).scale(domain=[0.0, 1.0], range=[PALE, PALETTE[0]])
+    ink = alt.condition(alt.datum.share > TEXT_TURNS, alt.value("white"), alt.value("#222222"))
+    layers = [base.mark_rect(stroke="white", strokeWidth=2).encode(color=fill)]
+    layers += [
+        base.mark_text(fontSize=size, dy=shift).encode(text=text, color=ink)
+        for text, size, shift in (("solved:N", FONT_SIZE, -6), ("mean:N", FONT_SIZE - 2, 7))
+    ]
+    return _panel(layers, title, row=FAMILY_ROW, width=max(WIDTH, FAMILY_COLUMN * len(names)))
 
 
 def _of_run(
@@ -143,9 +182,9 @@ def _behind(rows: pd.DataFrame) -> alt.Chart:
     return text
 
 
-def _panel(layers: list[alt.Chart], title: str) -> alt.LayerChart:
+def _panel(layers: list[alt.Chart], title: str, row: int = ROW, width: int = WIDTH) -> alt.LayerChart:
     head = alt.TitleParams(title, anchor="start", frame="group", fontSize=13)
-    panel: alt.LayerChart = alt.LayerChart(layer=layers, width=WIDTH, height=alt.Step(ROW), title=head)
+    panel: alt.LayerChart = alt.LayerChart(layer=layers, width=width, height=alt.Step(row), title=head)
     return panel
 
 

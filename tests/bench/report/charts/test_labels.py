@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from proxbench.bench.report.drawing import CHARACTER_WIDTH, HEIGHT, Label, placed_labels
+from proxbench.bench.report.charts.drawing import CHARACTER_WIDTH, HEIGHT, Label, placed_labels
 
 WIDTH, TALL = 600.0, 300.0
 

@@ -7,7 +7,13 @@ from typing import Any
 
 import pandas as pd
 from proxbench.bench import load
-from proxbench.bench.report.charts import LARGEST_RESIDUAL, convergence, problem_chart, work_precision, write_charts
+from proxbench.bench.report.charts.problems import (
+    LARGEST_RESIDUAL,
+    convergence,
+    problem_chart,
+    work_precision,
+    write_charts,
+)
 from proxbench.bench.store.outcome import Outcome
 
 

@@ -1,0 +1,145 @@
+"""Which problems a run has: named ones, files, folders, suites and problems of the caller, each with its family.
+
+What is named itself must be sound. Of a folder the files that cannot be measured are left out, with the reason.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...problems.catalog.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
+from ...problems.catalog.families import family_of, sampled
+from ...problems.catalog.folder import Member, list_folder
+from ...problems.contact.problem import ContactProblem
+from ...problems.errors import ProblemError, ProxbenchError
+from ..errors import BenchError
+from ..plugins.problems import check_known, check_numbers, resolved
+
+Given = str | Path | ContactProblem
+"""A problem: its name, its file, or itself; or a folder of files."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The problems of a run.
+
+    Attributes:
+        problems: names of problems that are loaded when their turn comes, and problems.
+        families: the family of each, by its name.
+        suite: name of the suite that they are; empty where they were named.
+        left_out: a sentence for each file of a folder that cannot be measured.
+    """
+
+    problems: tuple[str | ContactProblem, ...]
+    families: dict[str, str]
+    suite: str = ""
+    left_out: tuple[str, ...] = ()
+
+
+def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | None = None, seed: int = 0) -> Selection:
+    """Return the given problems, or the members of a suite, or a sample of them.
+
+    Problems of plugins are built here and files are read; named problems are loaded when their turn comes.
+
+    Args:
+        problems: names, files, folders and problems; the members of ``suite`` if None.
+        suite: name of a suite, or a folder, see ``list_folder``.
+        sample: number of problems of a sample in which families keep their proportions; all problems if None.
+        seed: of the sample.
+
+    Raises:
+        ProblemError: for an unknown problem or suite, with the nearest name, a file that holds none, a folder without
+            any that can be read, or a sample that is not positive.
+        PluginError: if a plugin does not make the problem it offers.
+        BenchError: for a name given twice, or a problem with the name of one of the library and other numbers.
+    """
+    given, name = (tuple(problems), "") if problems else _members(suite)
+    candidates, left_out, folders = _candidates(given)
+    if sample is not None:
+        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed))
+        candidates = [one for one in candidates if one.name in chosen]
+    taken: dict[str, str | ContactProblem] = {}
+    for one in candidates:
+        try:
+            taken[one.name] = _read(one.source) if isinstance(one.source, Member) else one.source
+        except ProxbenchError as error:
+            left_out.append(error.sentence)
+    if not taken:
+        raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
+    families = {one.name: one.family for one in candidates if one.name in taken}
+    return Selection(tuple(taken.values()), families, folders[0] if name and folders else name, tuple(left_out))
+
+
+def name_of(problem: str | ContactProblem) -> str:
+    """Return the name of a problem."""
+    return problem if isinstance(problem, str) else problem.name
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A problem that may become one of the run's: its name again where it is loaded later."""
+
+    name: str
+    family: str
+    source: str | ContactProblem | Member
+
+
+def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
+    """Return all that is given, why files of folders cannot be, and the names of the folders."""
+    known = set(problem_names())
+    check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
+    sources = {offer.name: offer.source for offer in plugin_problems()}
+    candidates, left_out, folders = [], list[str](), list[str]()
+    for one in given:
+        if _is_folder(one, known):
+            folder = list_folder(str(one))
+            folders.append(folder.name)
+            left_out += [reason for _, reason in folder.broken]
+            candidates += [_Candidate(member.name, member.family, member) for member in folder.members]
+        elif isinstance(one, str) and not is_path(one) and one not in sources:
+            candidates.append(_Candidate(one, family_of(one), one))
+        else:
+            problem = resolved(one)
+            check_numbers(problem)
+            family = sources.get(problem.name) or family_of(problem)
+            candidates.append(_Candidate(problem.name, family, problem))
+    _refuse_twice(candidate.name for candidate in candidates)
+    return candidates, left_out, folders
+
+
+def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:
+    """Return the members of a suite by its name, or the folder that is one, with its name."""
+    if isinstance(suite, str) and (suite in SUITES or not (os.path.isdir(suite) or "/" in suite)):
+        return tuple(suite_members(suite)), suite
+    if not os.path.isdir(suite):
+        raise ProblemError(f"there is no folder {suite}.")
+    return (Path(suite),), str(suite)
+
+
+def _is_folder(given: Given, known: set[str]) -> bool:
+    """Whether problems are given as a folder; a problem's own name goes before that of a folder."""
+    if isinstance(given, ContactProblem) or given in known:
+        return False
+    return os.path.isdir(given)
+
+
+def _read(member: Member) -> ContactProblem:
+    """Return a problem of a folder under the name of its file."""
+    problem = load(member.path).renamed(member.name)
+    try:
+        check_numbers(problem)
+    except BenchError:
+        raise BenchError(
+            f"{member.path} holds other numbers than the problem {member.name!r} of the library; rename the file."
+        ) from None
+    return problem
+
+
+def _refuse_twice(names: Iterable[str]) -> None:
+    """Raise ``BenchError`` if a name stands twice."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise BenchError(f"the problem {name!r} is given more than once; name it once.")
+        seen.add(name)

@@ -1,0 +1,132 @@
+"""Numbers of tables as the texts of their cells: times in units, counts of counts, marks of what is fastest."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .accuracy import accuracy_tag, shown_means
+
+TIME = "time_to_"
+"""What the keys of the time columns begin with; an accuracy follows."""
+
+
+def duration(seconds: float) -> str:
+    """Return a time in engineering units, or a dash for NaN: ``"3.1 ms"``."""
+    if not np.isfinite(seconds):
+        return "–"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.9995 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-6:.2g} µs"
+
+
+def time_columns(results: pd.DataFrame) -> dict[str, str]:
+    """Return the heads of the time columns, and their keys."""
+    return {key.removeprefix(TIME): key for key in results.columns if key.startswith(TIME)}
+
+
+def summary_tags(summary: pd.DataFrame) -> list[str]:
+    """Return the tags of the accuracies of a summary."""
+    return [key.removeprefix("success_") for key in summary.columns if key.startswith("success_")]
+
+
+def _standings(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
+    """Return how the cells of a table of results stand, by index and head."""
+    columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
+    known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
+    return {
+        (row.Index, head): known.get((row.problem, row.solver, head), "")
+        for row in results.itertuples()
+        for head in time_columns(results)
+    }
+
+
+def fastest_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> set[tuple[Any, str]]:
+    """Return index and head of the cells whose times win."""
+    return {cell for cell, standing in _standings(results, ratios).items() if standing == "fastest"}
+
+
+def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
+    """Return ratios and their intervals in texts."""
+    shown = ratios[["problem", "solver", "standing"]].copy()
+    shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
+    shown.insert(3, "time", ratios["seconds"].map(duration))
+    for place, head in enumerate(("ratio", "low", "high"), 4):
+        shown.insert(place, head, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[head]])
+    return shown
+
+
+def shown_results(
+    results: pd.DataFrame, is_study: bool = False, ratios: pd.DataFrame | None = None, bold: str = "{}"
+) -> pd.DataFrame:
+    """Return results in texts, times that tie with the least marked, and those of winners as ``bold`` has them."""
+    times = time_columns(results)
+    standing = {} if ratios is None else _standings(results, ratios)
+    heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
+    shown = results.rename(columns=heads | {key: head for head, key in times.items()})
+    for head in times:
+        forms = {"tie": "≈ {}", "fastest": bold}
+        cells = zip(shown.index, shown[head].map(duration), strict=True)
+        shown[head] = [forms.get(standing.get((index, head), ""), "{}").format(text) for index, text in cells]
+    for head, form in (("residual", ".0e"), ("iter.", ".0f")):
+        shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
+    if is_study:
+        return shown.drop(columns=["contacts", "family"]).rename(columns={"residual": "error", "iter.": "solves"})
+    return shown
+
+
+def shown_points(points: pd.DataFrame) -> pd.DataFrame:
+    """Return the points of a study in texts."""
+    shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
+    for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
+        shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
+    shown.insert(3, "quantity", points["quantity"].fillna("–"))
+    shown["wall"] = points["total_seconds"].map(duration)
+    counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
+    for head, key in counts.items():
+        shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
+    return shown.assign(why=points["reason"])
+
+
+def shown_summary(summary: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
+    """Return the summary in texts, of the accuracies with these tags, else of all."""
+    shown = summary[["solver", "model"]].copy()
+    means = shown_means(summary)
+    for tag in tags or summary_tags(summary):
+        for head, share in (("says", f"success_{tag}"), ("true", f"correct_{tag}")):
+            pairs = zip(summary[share], summary["problems"], strict=True)
+            shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
+        for head, key in means.items():
+            lines = [*head.split(" ", 1), tag]
+            shown["\n".join(lines)] = summary[f"{key}_{tag}"].map(duration)
+    return shown.assign(wrong=summary["wrong"])
+
+
+def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
+    """Return problems in texts: how many solve each to which accuracy in what least time, and who to the finest."""
+    shown = problems[["problem", "family"]].assign(contacts=problems["n_contacts"].astype(str))
+    fastest = pd.Series("–", index=problems.index)
+    for key in problems.columns[problems.columns.str.startswith("solved_")]:
+        tag = key.removeprefix("solved_")
+        cells = zip(problems[key], problems["solvers"], problems[f"time_{tag}"], strict=True)
+        shown[tag] = [f"{number}/{of} {duration(seconds)}" for number, of, seconds in cells]
+        fastest = problems[f"fastest_{tag}"].where(problems[f"fastest_{tag}"] != "", fastest)
+    shown["residual"] = [f"{value:.0e}" if np.isfinite(value) else "–" for value in problems["residual"]]
+    return shown.assign(solver=fastest)
+
+
+def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
+    """Return how much of each family a solver solves and its mean time there, solvers down, families across."""
+    rows: dict[str, dict[str, str]] = {solver: {} for solver in solvers if solver in set(table["solver"])}
+    chosen, heads = tags or summary_tags(table), dict[str, None]()
+    for row in table.to_dict("records"):
+        for tag in chosen:
+            head = row["family"] if len(chosen) == 1 else f"{row['family']} {tag}"
+            solved = round(row[f"correct_{tag}"] * row["problems"])
+            text = f"{solved}/{row['problems']} {duration(row[f'mean_time_{tag}'])}"
+            rows[row["solver"]][head] = text
+            heads[head] = None
+    cells = [{"solver": solver, **{head: row.get(head, "–") for head in heads}} for solver, row in rows.items()]
+    return pd.DataFrame(cells, columns=["solver", *heads])

@@ -1,0 +1,20 @@
+"""What the fields of stored records may hold.
+
+Files may come from elsewhere: a checksum shows that they are whole, not that they are honest. Numbers that are not
+finite stand as null in files and as None in what is read.
+"""
+
+import math
+from typing import Annotated
+
+from msgspec import Meta
+
+LARGEST = 1e300
+"""Numbers of files are smaller."""
+
+Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
+Positive = Annotated[float, Meta(gt=0.0, lt=LARGEST)]
+Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
+Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
+"""A judged residual; the infinite ones are None in what is read."""

@@ -1,0 +1,126 @@
+"""A contact problem as Pinocchio's constraint solvers take it, and one call of them.
+
+Pinocchio (Carpentier et al.) solves for σ over contacts
+
+    K_μ ∋ σ  ⊥  Gσ + g + s(σ) ∈ K_μ*      s = μ‖(Gσ + g)_T‖ e_N
+
+which is Coulomb's law in De Saxcé's form. Its contacts have the rows T1, T2, N. What is handed over is in units of the
+problem's own (``Scaling``): G has a diagonal of about 1 and g is at most 1, so that absolute tolerances mean the same
+on every problem and, for ADMM, nearly what the judge's residual does. In SI units the tolerances that Pinocchio has by
+itself are met by any impulses of small bodies.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...problems.arrays import FloatArray, IntArray
+from ...problems.contact.laws import LawKind, Laws
+from ...problems.contact.problem import ContactProblem
+from ..conic.programs import Scaling
+from .installed import imported
+
+STACK_BYTES, STACK_BYTES_OF_CONTACT = 64 * 2**20, 128 * 2**10
+"""Stack of a call, and more of it for each contact: the usual 8 MiB end in a segmentation fault beyond 341 contacts."""
+
+Answer = TypeVar("Answer")
+
+
+def obstacle(problem: ContactProblem) -> str | None:
+    """Say why a problem cannot be written with Pinocchio's point contacts, or None."""
+    laws = problem.laws
+    n_contacts = laws.n_laws // 2
+    equal = Laws.contacts(laws.friction_coefficient[1::2], 3, n_contacts) if 2 * n_contacts == laws.n_laws else None
+    if equal is None or not np.array_equal(laws.kind, equal.kind) or not np.array_equal(laws.partner, equal.partner):
+        kinds = sorted({LawKind(kind).name.lower().replace("_", " ") for kind in laws.kind.tolist()})
+        return f"Pinocchio takes contacts with spatial Coulomb friction only, and the laws are {', '.join(kinds)}"
+    if laws.fixed_bound.any():
+        return "it has fixed friction bounds, which Pinocchio's contacts lack"
+    if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:
+        return "G is not symmetric"
+    return None
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """The contacts of a problem in Pinocchio's terms.
+
+    Attributes:
+        matrix: scaled G, rows in Pinocchio's order, as scipy's csc_matrix with 32-bit indices.
+        velocity: scaled c in that order, shape (n_rows,).
+        order: row of the problem that each of its rows is, shape (n_rows,).
+        impulse: unit of the impulse of each row of the problem [N s], shape (n_rows,).
+        models: constraint models, one a contact; their kinematics are never looked at.
+        datas: their data.
+    """
+
+    matrix: Any
+    velocity: FloatArray
+    order: IntArray
+    impulse: FloatArray
+    models: Any
+    datas: Any
+
+    @staticmethod
+    def of(problem: ContactProblem) -> "Contacts":
+        """Return the contacts of a problem without an ``obstacle``."""
+        pin = imported("pinocchio")
+        scaling = Scaling(problem)
+        order = np.arange(problem.n_rows).reshape(-1, 3)[:, [1, 2, 0]].ravel()
+        unit = sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
+        scaled = sp.csc_array(unit @ problem.delassus() @ unit)[order][:, order]
+        matrix = sp.csc_matrix(scaled)
+        matrix.sort_indices()
+        matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
+        velocity = (problem.free_velocity * scaling.impulse / scaling.energy)[order]
+        body = pin.Model()
+        body.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
+        models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+        for friction in problem.layout.friction_coefficient:
+            contact = pin.PointContactConstraintModel(body, 1, pin.SE3.Identity())
+            contact.setFriction(float(friction))
+            models.append(pin.ConstraintModel(contact))
+            datas.append(models[len(models) - 1].createData())
+        return Contacts(matrix, velocity, order, scaling.impulse, models, datas)
+
+    def ours(self, answer: FloatArray) -> FloatArray:
+        """Return Λ over rows [N s] from what Pinocchio returns."""
+        impulses = np.empty_like(answer)
+        impulses[self.order] = answer
+        return impulses * self.impulse
+
+    def theirs(self, impulses: FloatArray) -> FloatArray:
+        """Return what Pinocchio begins with from Λ over rows [N s]."""
+        first: FloatArray = (impulses / self.impulse)[self.order]
+        return first
+
+
+def on_deep_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
+    """Return what a call returns, made in a thread whose stack is deep enough for so many contacts.
+
+    Raises:
+        Exception: whatever the call raises.
+    """
+    answers: list[Answer] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            answers.append(call())
+        except BaseException as error:
+            errors.append(error)
+
+    before = threading.stack_size(STACK_BYTES + n_contacts * STACK_BYTES_OF_CONTACT)
+    try:
+        thread = threading.Thread(target=run)
+        thread.start()
+    finally:
+        threading.stack_size(before)
+    thread.join()
+    if errors:
+        raise errors[0]
+    return answers[0]

@@ -1,0 +1,132 @@
+"""What a run measures: every problem that is given has a name, a family and numbers, or a reason why it is left out."""
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.selection import name_of, select
+from proxbench.problems import ContactProblem, ProblemError, save_problem, write_fclib
+from proxbench.problems.catalog.catalog import suite_members
+
+
+def box(weight: float, name: str = "any") -> ContactProblem:
+    return ContactProblem.from_delassus(np.eye(3), (-weight, 0.5, 0.0), 0.3, name=name)
+
+
+def filled(folder: Path, sizes: dict[str, int]) -> Path:
+    """A folder of problems with numbers of their own, all of the same name, whose files begin with their family."""
+    for family, size in sizes.items():
+        for number in range(size):
+            save_problem(box(1.0 + number), folder / f"{family}-{number:03}.npz")
+    return folder
+
+
+def broken(folder: Path) -> Path:
+    """Three files in a folder that are no problems: one damaged, one cut short, one with a number that is none."""
+    (folder / "boxes-damaged.npz").write_bytes(b"no zip")
+    write_fclib(box(1.0), folder / "boxes-whole.hdf5")
+    (folder / "boxes-cut.hdf5").write_bytes((folder / "boxes-whole.hdf5").read_bytes()[:3000])
+    (folder / "boxes-whole.hdf5").unlink()
+    save_problem(box(2.0), folder / "funnel-30.npz")
+    return folder
+
+
+def test_of_two_hundred_files_three_broken_ones_are_left_out_with_their_reasons(tmp_path: Path) -> None:
+    chosen = select(None, str(broken(filled(tmp_path / "mine", {"boxes": 120, "rocks": 77}))))
+    assert chosen.suite == "mine"
+    assert len(chosen.problems) == 197
+    assert Counter(chosen.families.values()) == {"boxes": 120, "rocks": 77}
+    assert list(chosen.families) == [name_of(problem) for problem in chosen.problems]
+    assert [sentence.split()[0] for sentence in chosen.left_out] == [
+        str(tmp_path / "mine" / name) for name in ("boxes-cut.hdf5", "boxes-damaged.npz", "funnel-30.npz")
+    ]
+    assert all(sentence.endswith(".") and "\n" not in sentence for sentence in chosen.left_out)
+    assert "other numbers than the problem 'funnel-30' of the library" in chosen.left_out[-1]
+
+
+def test_a_problem_of_a_folder_has_the_name_of_its_file_and_the_numbers_in_it(tmp_path: Path) -> None:
+    chosen = select([filled(tmp_path, {"boxes": 2})], "quick")
+    assert [(name_of(one), one.digest) for one in chosen.problems if not isinstance(one, str)] == [
+        ("boxes-000", box(1.0).digest),
+        ("boxes-001", box(2.0).digest),
+    ]
+    assert chosen.suite == ""
+
+
+def test_names_files_folders_and_problems_are_given_together(tmp_path: Path) -> None:
+    folder = filled(tmp_path / "many", {"boxes": 2})
+    save_problem(box(5.0, "single-1"), tmp_path / "file.npz")
+    mine = box(7.0, "mine-1").renamed("mine-1", family="my own")
+    chosen = select(["funnel-30", folder, tmp_path / "file.npz", mine], "quick")
+    assert chosen.families == {
+        "funnel-30": "funnel",
+        "boxes-000": "boxes",
+        "boxes-001": "boxes",
+        "single-1": "single",
+        "mine-1": "my own",
+    }
+    assert chosen.problems[0] == "funnel-30"  # loaded when its turn comes
+    assert select([mine], "quick").problems == (mine,)
+
+
+def test_a_sample_is_drawn_before_files_are_read_and_keeps_the_order(tmp_path: Path) -> None:
+    folder = filled(tmp_path, {"boxes": 30, "rocks": 10})
+    chosen = select(None, folder, sample=8, seed=1)
+    assert Counter(chosen.families.values()) == {"boxes": 6, "rocks": 2}
+    assert list(chosen.families) == sorted(chosen.families)
+    assert select(None, folder, sample=8, seed=1).families == chosen.families
+    assert select(None, folder, sample=8, seed=2).families != chosen.families
+    for file in folder.glob("*.npz"):
+        if file.stem not in chosen.families:
+            file.write_bytes(b"never read")
+    assert select(None, folder, sample=8, seed=1).left_out == ()
+
+
+def test_a_named_suite_is_sampled_alike() -> None:
+    chosen = select(None, "all", sample=20, seed=3)
+    assert chosen.suite == "all"
+    assert len(chosen.problems) == 20
+    assert set(chosen.problems) < set(suite_members("all"))
+    assert set(chosen.families.values()) >= {"funnel", "woodpecker", "hard: stacks"}
+
+
+def test_a_known_name_goes_before_a_folder_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("quick", "funnel-30"):
+        filled(tmp_path / name, {"boxes": 1})
+    assert list(select(None, "quick").problems) == suite_members("quick")
+    assert select(["funnel-30"], "quick").problems == ("funnel-30",)
+    for place in ("./quick", Path("quick")):
+        assert list(select(None, place).families) == ["boxes-000"]
+
+
+def test_what_is_named_itself_must_be_sound(tmp_path: Path) -> None:
+    folder = broken(filled(tmp_path, {"boxes": 1}))
+    with pytest.raises(ProblemError, match="is damaged"):
+        select([folder / "boxes-damaged.npz"], "quick")
+    with pytest.raises(BenchError, match="'boxes-000' is given more than once"):
+        select([folder, box(1.0, "boxes-000")], "quick")
+    with pytest.raises(BenchError, match="other numbers than the one of that name in the library"):
+        select([box(1.0, "funnel-30")], "quick")
+
+
+def test_a_folder_without_a_sound_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match=r"none of 3 problem files can be measured; the first: .*boxes-cut.hdf5"):
+        select(None, broken(tmp_path))
+
+
+@pytest.mark.parametrize("suite", ["nowhere/at/all", Path("nowhere")])
+def test_a_folder_that_is_not_there_is_named(suite: str | Path) -> None:
+    with pytest.raises(ProblemError, match="there is no folder nowhere"):
+        select(None, suite)
+
+
+def test_pipes_and_links_to_nothing_are_no_members(tmp_path: Path) -> None:
+    folder = filled(tmp_path, {"boxes": 1})
+    (folder / "link.npz").symlink_to(folder / "nowhere")
+    os.mkfifo(folder / "pipe.hdf5")
+    chosen = select(None, folder)
+    assert (list(chosen.families), chosen.left_out) == (["boxes-000"], ())

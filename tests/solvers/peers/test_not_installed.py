@@ -1,0 +1,57 @@
+"""Without its library an outside solver is refused in one sentence that says how to install it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli.main import run_command
+from proxbench.solvers import SolverError, available, create
+from proxbench.solvers.peers import installed
+from proxbench.solvers.registry import peers
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installed, "find_spec", lambda module: None)
+
+
+@pytest.mark.usefixtures("bare")
+@pytest.mark.parametrize("name", peers())
+def test_the_sentence_names_solver_library_and_command(name: str) -> None:
+    with pytest.raises(
+        SolverError, match=rf'{name} cannot be used: pinocchio is not installed; run: pip install "prox'
+    ):
+        create(name)
+
+
+@pytest.mark.usefixtures("bare")
+def test_solvers_are_listed_with_what_they_lack(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["list", "solvers", "PinocchioADMM"]) == 0
+    assert 'pinocchio is not installed; run: pip install "proxbench[peers]"' in " ".join(
+        capsys.readouterr().out.split()
+    )
+
+
+@pytest.mark.usefixtures("bare")
+def test_a_run_with_one_is_refused_before_it_begins(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["run", "--problem", "funnel-30", "--solver", "PinocchioPGS"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert "pip install" in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_outside_solvers_are_none_of_those_that_are_always_there() -> None:
+    assert not set(peers()) & set(available())
+
+
+def test_making_and_listing_them_imports_no_library() -> None:
+    code = (
+        "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "
+        "sys.exit('pinocchio' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0

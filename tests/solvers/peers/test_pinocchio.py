@@ -1,0 +1,101 @@
+"""Pinocchio's solvers solve what they say they solve, and the judge says how far."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from proxbench.bench import run
+from proxbench.bench.conformance.run import checked
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.hard.transformations import in_units
+from proxbench.solvers import SolverError, Status, Stop, create
+
+pytest.importorskip("pinocchio", reason="the extra peers is not installed")
+
+SOLVERS = ["PinocchioADMM", "PinocchioADMM(anderson=5, lanczos=10)", "PinocchioPGS", "PinocchioPGS(relaxation=1.5)"]
+
+BEST = SOLVERS[1]
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("problem", ["hard-sticking-box", "hard-duplicated-slider", "funnel-30", "funnel-100"])
+def test_coulomb_friction_is_solved_to_the_judge(name: str, problem: str) -> None:
+    posed = load(problem)
+    solution = create(name).prepare(posed).solve(Stop(1e-6, max_seconds=60.0))
+    assert solution.status is Status.SOLVED
+    assert judge(posed, solution.impulses).residual <= 1e-6
+
+
+@pytest.mark.parametrize("name", SOLVERS[:3])  # over-relaxed sweeps cycle here, as ours do
+def test_impulses_are_those_of_another_method_where_they_are_unique(name: str) -> None:
+    posed = ContactProblem.from_delassus(np.diag([1.0, 2.0, 3.0]) + 0.1, (-1.0, 0.5, -0.2), 0.4)
+    known = create("NSGS").prepare(posed).solve(Stop(1e-13)).impulses
+    found = create(name).prepare(posed).solve(Stop(1e-11)).impulses
+    np.testing.assert_allclose(found, known, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_units_of_mass_and_length_change_nothing(name: str) -> None:
+    posed = load("funnel-30")
+    counts = [
+        create(name).prepare(one).solve(Stop(1e-4)).iterations
+        for one in (posed, in_units(posed, mass=2.0**-20, length=2.0**-10).problem)
+    ]
+    assert counts[0] == counts[1]
+
+
+@pytest.mark.parametrize(
+    ("problem", "reason"),
+    [
+        ("funnel-planar-30", "spatial Coulomb friction only, and the laws are planar friction, unilateral"),
+        ("funnel-frictionless-30", "spatial Coulomb friction only"),
+        ("hard-tresca-joint", "Pinocchio"),
+    ],
+)
+def test_other_laws_are_declined_with_the_reason(problem: str, reason: str) -> None:
+    for name in SOLVERS:
+        assert reason in (create(name).supports(load(problem)) or "")
+
+
+def test_more_contacts_than_the_usual_stack_holds_are_solved() -> None:
+    posed = load("funnel-300")
+    assert posed.n_contacts > 341
+    before = threading.stack_size()
+    solution = create(BEST).prepare(posed).solve(Stop(1e-4))
+    assert solution.status is Status.SOLVED
+    assert threading.stack_size() == before
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_start_that_solves_is_kept(name: str) -> None:
+    posed = load("funnel-30")
+    known = create("SORprox").prepare(posed).solve(Stop(1e-9)).impulses
+    solution = create(name).prepare(posed).solve(Stop(1e-6), start=known)
+    assert (solution.status, solution.iterations) == (Status.SOLVED, 0)
+    np.testing.assert_array_equal(solution.impulses, known)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("PinocchioADMM(anderson=-1)", "anderson must be an integer, 0 or more"),
+        ("PinocchioADMM(update='fast')", "update must be one of constant, linear, osqp, spectral"),
+        ("PinocchioPGS(relaxation=2.0)", "relaxation must be between 0 and 2"),
+    ],
+)
+def test_options_out_of_range_are_refused(name: str, words: str) -> None:
+    with pytest.raises(SolverError, match=words):
+        create(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [BEST, "PinocchioPGS(relaxation=1.5)"])
+def test_they_conform(name: str) -> None:
+    assert all(subject["passed"] for subject in checked(name))
+
+
+def test_a_run_measures_them_beside_ours(tmp_path: Path) -> None:
+    made = run("funnel-30", ["SORprox", BEST], results=tmp_path, tolerances=1e-4, passes=1, solve_seconds=5.0)
+    assert (made.points["outcome"] == Outcome.SOLVED).all()

@@ -1,0 +1,67 @@
+"""An outside solver that works in rounds ends as the judge says, whatever it claims."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, judge
+from proxbench.problems.arrays import FloatArray
+from proxbench.solvers import Status, Stop, create
+from proxbench.solvers.peers.rounds import Call, InRounds, Round
+
+PROBLEM = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.1, 0.0), 0.3)
+ANSWER = create("NSGS").prepare(PROBLEM).solve(Stop(1e-14)).impulses
+
+
+class Outside(InRounds):
+    """A solver whose error falls as ``error(iterations done, own tolerance)`` says, and its claims with it."""
+
+    def __init__(self, error: Callable[[int, float], float], claims: bool, seconds: float = 0.0) -> None:
+        super().__init__(PROBLEM)
+        self.error, self.claims, self.seconds, self.asked = error, claims, seconds, list[tuple[float, int]]()
+
+    def begin(self) -> Call:
+        def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
+            self.asked.append((tolerance, iterations))
+            time.sleep(self.seconds * iterations)
+            done = sum(count for _, count in self.asked)
+            return Round(ANSWER * (1.0 + self.error(done, tolerance)), iterations, self.claims)
+
+        return call
+
+
+def test_a_claim_that_the_judge_denies_makes_the_next_tolerance_tighter() -> None:
+    outside = Outside(lambda done, tolerance: 1000.0 * tolerance, claims=True)
+    solution = outside.solve(Stop(1e-4))
+    assert solution.status is Status.SOLVED
+    assert judge(PROBLEM, solution.impulses).residual <= 1e-4
+    assert [tolerance for tolerance, _ in outside.asked] == pytest.approx([10.0**-k for k in range(4, 8)], rel=1e-9)
+
+
+def test_claims_at_every_tolerance_that_the_judge_denies_end_stalled_with_the_best() -> None:
+    solution = Outside(lambda done, tolerance: 1e-3, claims=True).solve(Stop(1e-6))
+    assert solution.status is Status.STALLED
+    assert f"residual {judge(PROBLEM, solution.impulses).residual:.1e}" in solution.message
+
+
+def test_what_the_judge_finds_solved_needs_no_claim() -> None:
+    solution = Outside(lambda done, tolerance: 0.5**done, claims=False).solve(Stop(1e-6))
+    assert solution.status is Status.SOLVED
+
+
+def test_rounds_stay_within_both_limits() -> None:
+    outside = Outside(lambda done, tolerance: 0.1, claims=False)
+    solution = outside.solve(Stop(1e-6, max_iterations=77))
+    assert (solution.status, solution.iterations) == (Status.ITERATION_LIMIT, 77)
+    assert sum(count for _, count in outside.asked) == 77
+    slow = Outside(lambda done, tolerance: 0.1, claims=False, seconds=1e-3)
+    solution = slow.solve(Stop(1e-6, max_seconds=0.2))
+    assert solution.status is Status.TIME_LIMIT
+    assert sum(count for _, count in slow.asked) * 1e-3 <= 0.2
+
+
+def test_numbers_that_are_not_finite_end_it_with_what_it_had() -> None:
+    solution = Outside(lambda done, tolerance: np.nan, claims=True).solve(Stop(1e-6), start=0.5 * ANSWER)
+    assert solution.status is Status.DIVERGED
+    np.testing.assert_array_equal(solution.impulses, 0.5 * ANSWER)
