@@ -11,6 +11,7 @@ except that the friction bound μ Λ_N takes the normal impulse that the same sw
 from numba import njit
 
 from ...problems.arrays import FloatArray
+from .any_laws import project_all
 from .delassus import DelassusState, DelassusSweep
 from .one_contact import disc_scale
 
@@ -26,7 +27,10 @@ class JacobiIterates(DelassusState):
         """Do ``count`` sweeps."""
         for _ in range(count):
             self._delassus.relative_velocity(self.padded, self._velocity)
-            _project(self.layout.width, *self._laws, self._velocity, self.padded)
+            if self.layout.has_contacts_only:
+                _project(self.layout.width, *self._laws, self._velocity, self.padded)
+            else:
+                project_all(*self._laws, self._velocity, self.padded)
 
 
 @njit(cache=True)
