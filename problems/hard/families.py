@@ -86,9 +86,10 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
     directions, inverse_mass = _factors(family, rng, laws.n_rows)
     sliding = [part.reshape(family.n_contacts, -1) for part in _complementary(family, rng)]
     rolling = [np.zeros((family.n_contacts, family.rolling_rows)) for _ in range(2)]
+    rolls = [state for state in family.states if state in ("stick", "slip", "edge")]
     for contact in range(family.n_contacts if family.rolling_rows else 0):
         bound = family.rolling_friction * sliding[0][contact, 0]
-        state = rng.choice(["stick", "slip", "edge"]) if bound else "slip"
+        state = rng.choice(rolls) if bound else "slip"
         direction = _direction(1 + family.rolling_rows, rng)
         share = {"stick": 0.5, "slip": 1.0, "edge": 1.0}[state]
         rolling[0][contact] = -share * bound * direction / 5.0

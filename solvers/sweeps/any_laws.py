@@ -14,14 +14,15 @@ on alone. Problems of contacts with sliding friction alone have kernels of their
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
 
-AnyLaws = tuple[FloatArray, FloatArray, FloatArray, Any, FloatArray, FloatArray, FloatArray, int, int]
-"""What a kernel reads of the laws: step sizes (of N, T and R in turn), μ, a, N lane of each partner, l, μ_r, a_r, lanes
-of a block, and how many of them are tangential."""
+AnyLaws = tuple[FloatArray, FloatArray, FloatArray, Any, FloatArray, FloatArray, FloatArray, tuple[int, ...], int]
+"""What a kernel reads of the laws: step sizes (of N, T and R in turn), μ, a, N lane of each partner, l, μ_r, a_r, the
+lanes of a block, and how many of them are tangential. The lanes are a tuple, whose length the compiler knows, so that
+it unrolls the loops over them."""
 
 
 def any_laws(layout: BlockLayout, sizes: FloatArray) -> AnyLaws:
@@ -30,19 +31,22 @@ def any_laws(layout: BlockLayout, sizes: FloatArray) -> AnyLaws:
     partner_lanes = (layout.width * layout.partner).astype(np.int64)
     sliding = (layout.friction_coefficient, layout.fixed_bound, partner_lanes)
     rolling = (layout.rolling_coefficient, layout.rolling_bound)
-    return sizes.reshape(-1), *sliding, lowest, *rolling, layout.width, layout.sliding
+    return sizes.reshape(-1), *sliding, lowest, *rolling, tuple(range(layout.width)), layout.sliding
 
 
 @njit(cache=True)
-def velocity_of_block(i, first, width, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
+def velocity_of_block(i, first, axes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes of block i from G in block rows, all but its ``first`` stored blocks counted."""
+    width = uint64(len(axes))
     for lane in range(width):
-        total = free[width * i + lane]
-        for p in range(np.int64(starts[i]) + first, np.int64(starts[i + 1])):
-            j, v = np.int64(lanes[p]), (width * p + lane) * width
+        xi[lane] = free[width * uint64(i) + lane]
+    for p in range(uint64(starts[i]) + uint64(first), uint64(starts[i + 1])):
+        j = uint64(lanes[p])
+        for lane in range(width):
+            v, total = (width * p + lane) * width, 0.0
             for other in range(width):
                 total += values[v + other] * impulses[j + other]
-        xi[lane] = total
+            xi[lane] += total
 
 
 @njit(cache=True)
@@ -73,35 +77,39 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
     lowest,
     rolling,
     rolling_fixed,
-    width,
+    axes,
     sliding,
     impulses,
 ):
     """Gauss–Seidel sweeps over G in block rows."""
+    width = len(axes)
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 0, width, starts, lanes, values, free, impulses, xi)
+            velocity_of_block(i, 0, axes, starts, lanes, values, free, impulses, xi)
             new = max(impulses[k] - sizes[3 * i] * xi[0], lowest[i])
             change[0], impulses[k] = new - impulses[k], new
-            for lane in range(1, first_rolling):
-                xi[lane] += values[own + width * lane] * change[0]
-            bound = fixed[i] + friction[i] * impulses[partner[i]]
-            into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
-            for lane in range(first_rolling, width):
-                for other in range(first_rolling):
-                    xi[lane] += values[own + width * lane + other] * change[other]
-            bound = rolling_fixed[i] + rolling[i] * new
-            into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+            if sliding > 0:
+                for lane in range(1, first_rolling):
+                    xi[lane] += values[own + width * lane] * change[0]
+                bound = fixed[i] + friction[i] * impulses[partner[i]]
+                into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+            if first_rolling < width:
+                for lane in range(first_rolling, width):
+                    for other in range(first_rolling):
+                        xi[lane] += values[own + width * lane + other] * change[other]
+                bound = rolling_fixed[i] + rolling[i] * new
+                into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
 
 
 @njit(cache=True)
 def project_all(  # type: ignore[no-untyped-def]
-    sizes, friction, fixed, partner, lowest, rolling, rolling_fixed, width, sliding, velocity, impulses
+    sizes, friction, fixed, partner, lowest, rolling, rolling_fixed, axes, sliding, velocity, impulses
 ):
     """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
+    width = len(axes)
     change = np.empty(width)
     first_rolling = 1 + sliding
     for i in range(len(friction)):
@@ -153,12 +161,13 @@ def sweep_factors(  # type: ignore[no-untyped-def]
     lowest,
     rolling,
     rolling_fixed,
-    width,
+    axes,
     sliding,
     impulses,
     scaled,
 ):
     """Gauss–Seidel sweeps over the pieces of W̃, with v = W̃ Λ kept up to date law by law."""
+    width = len(axes)
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
     for _ in range(count):

@@ -154,17 +154,18 @@ def _sweep_any(  # type: ignore[no-untyped-def]
     lowest,
     rolling,
     rolling_fixed,
-    width,
+    axes,
     sliding,
     impulses,
     work,
 ):
     """Sweeps over joints, row by row, and contacts with and without rolling friction."""
+    width = len(axes)
     xi, old, block = np.empty(width), np.empty(width), np.empty((width, width))
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 1, width, starts, lanes, values, free, impulses, xi)
+            velocity_of_block(i, 1, axes, starts, lanes, values, free, impulses, xi)
             held = impulses[k : k + width]
             old[:] = held
             if lowest[i] < 0.0:
