@@ -64,7 +64,20 @@ class BlockLayout:
         )
         is_bilateral = laws.is_bilateral[owners[0]] if last > 2 else np.zeros(len(partner), dtype=np.bool_)
         read_only(slot, owners, bounds, partner, is_bilateral)
-        return BlockLayout(width, sliding, slot, *owners, *bounds, partner, is_bilateral)
+        return BlockLayout(
+            width=width,
+            sliding=sliding,
+            slot=slot,
+            normal_law=owners[0],
+            friction_law=owners[1],
+            rolling_law=owners[2],
+            friction_coefficient=bounds[0],
+            fixed_bound=bounds[1],
+            rolling_coefficient=bounds[2],
+            rolling_bound=bounds[3],
+            partner=partner,
+            is_bilateral=is_bilateral,
+        )
 
     @property
     def n_blocks(self) -> int:

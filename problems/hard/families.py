@@ -187,6 +187,7 @@ def _direction(dim: int, rng: np.random.Generator) -> FloatArray:
     if dim == 1:
         return np.zeros(0)
     if dim == 4:
-        return rng.choice([-1.0, 1.0], size=3) * rng.permutation([0.0, 3.0, 4.0])
+        spatial: FloatArray = rng.choice([-1.0, 1.0], size=3) * rng.permutation([0.0, 3.0, 4.0])
+        return spatial
     sign = rng.choice([-1.0, 1.0], size=2)
     return sign[:1] * 5.0 if dim == 2 else sign * rng.permutation([3.0, 4.0])

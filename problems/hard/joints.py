@@ -4,6 +4,8 @@ Joints are rows of bilateral laws, two for each pin in the plane. Every solution
 push their bodies with, W Λ = M (u − u_f), is known wherever the motion u is, unique or not as Λ may be.
 """
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -122,8 +124,8 @@ def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
     return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=push)
 
 
-def _jointed(directions: FloatArray, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
-    """Return the problem of joints alone, c = Wᵀ u for the free motion u of their bodies."""
-    directions = sp.csc_array(directions)
+def _jointed(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
+    """Return the problem of joints alone, W as ``given``, dense or sparse, and c = Wᵀ u for the free motion u."""
+    directions = sp.csc_array(given)
     c, laws = directions.T @ motion, Laws.joints(directions.shape[1])
     return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, free_motion=motion, answer=answer)

@@ -117,7 +117,7 @@ def resisting_spheres(
     free = np.zeros((n, 6))
     free[:, :2], free[:, 2] = motion[:, 1:2] * along, -normal
     free[:, 3], free[:, 4] = -motion[:, 2] * along[:, 1], motion[:, 2] * along[:, 0]
-    directions = sp.block_diag([whole[:, kept]] * n, format="csc")
+    directions = sp.csc_array(sp.block_diag([whole[:, kept]] * n))
     inverse_mass = np.tile([1.0, 1.0, 1.0, *[1.0 / inertia] * 3], n)
     known, c = impulses[:, kept].ravel(), directions.T @ free.ravel()
     return ContactProblem.from_factors(
@@ -173,7 +173,7 @@ def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes
         )
     n = problem.n_contacts
     # a direction of a force on a ball is also the axis of a moment: T1, T2 and N, three degrees of freedom further on
-    shift = sp.block_diag([np.eye(6, k=-3)] * (factors.n_dofs // 6), format="csr")
+    shift = sp.csr_array(sp.block_diag([np.eye(6, k=-3)] * (factors.n_dofs // 6)))
     moments = sp.csc_array(shift @ factors.force_directions)
     order = np.arange(n)[:, None]
     columns = np.hstack([3 * order + np.arange(3), 3 * n + 3 * order + np.array([1, 2, 0])[:axes]]).ravel()

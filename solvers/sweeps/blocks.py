@@ -4,6 +4,7 @@ One sweep visits the contacts in order and replaces the impulse of each by the s
 newest impulses of all others (``one_contact``); with relaxation ω it moves to Λ + ω(Λ* − Λ), projected onto its cone.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,7 +63,7 @@ class BlockIterates(DelassusState):
     def __init__(self, sweep: BlockSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
         self._sweep, self.step_sizes = sweep, sweep.step_sizes
-        self._kernel = _sweep_any
+        self._kernel: Callable[..., None] = _sweep_any
         if self.layout.has_contacts_only:
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._work = np.empty(WORKSPACE)
@@ -192,8 +193,8 @@ def _solve_without_rolling(block, xi, sliding, friction, bound, held, work):  # 
     if sliding == 0:
         held[0] = solve_frictionless(block[0, 0], xi[0])
     elif sliding == 1:
-        g = (block[0, 0], block[0, 1], block[1, 0], block[1, 1])
-        held[0], held[1] = solve_planar(*g, xi[0], xi[1], friction, bound, held[0], held[1])
+        nn, nt, tn, tt = block[0, 0], block[0, 1], block[1, 0], block[1, 1]
+        held[0], held[1] = solve_planar(nn, nt, tn, tt, xi[0], xi[1], friction, bound, held[0], held[1])
     else:
         g = np.ascontiguousarray(block[:3, :3]).reshape(-1)
         held[0], held[1], held[2] = solve_spatial(

@@ -7,6 +7,7 @@ The kernels address flat arrays with unsigned numbers: numba then needs neither 
 which makes a sweep about a third faster than the same loops over blocks of three axes.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,10 +108,9 @@ class DelassusIterates(DelassusState):
 
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
-        if not self.layout.has_contacts_only:
-            self.step_sizes, self._kernel = sweep.laws[0].reshape(-1, 3), sweep_delassus
-        else:
-            self.step_sizes = sweep.laws[0].reshape(-1, 2)
+        self._kernel: Callable[..., None] = sweep_delassus
+        self.step_sizes = sweep.laws[0].reshape(-1, 2 if self.layout.has_contacts_only else 3)
+        if self.layout.has_contacts_only:
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._laws = sweep.laws
 
