@@ -122,7 +122,8 @@ def onto_contact_cones(
     else:
         found = (*onto_friction_cone(normal, tangent, friction, fixed), last)
     projected = np.column_stack(found)
-    projected[layout.is_bilateral] = lanes[layout.is_bilateral]
+    if not layout.has_contacts_only:
+        projected[layout.is_bilateral] = lanes[layout.is_bilateral]
     return projected
 
 

@@ -6,6 +6,7 @@ largest of them, relative to the free velocity of its component, which ``Residua
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numba import njit, uint64
@@ -60,7 +61,8 @@ class Residual:
         self._squares = np.empty(laws.n_laws)
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
         bounds = laws.friction_coefficient, fixed, laws.partner
-        self._arguments = laws.kind, laws.first_row, *bounds, self.alpha, self.lengths
+        self._arguments = laws.kind, laws.first_row, *bounds, self.alpha
+        self._has_contacts_only = layout.has_contacts_only
 
     @cached_property
     def row_ratios(self) -> FloatArray:
@@ -73,8 +75,17 @@ class Residual:
             return np.inf
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
-        largest = _squared_violations(*self._arguments, impulses, velocity, self.ratios, self._squares)
+        largest = self.square(self._arguments, impulses, velocity, self._squares)
         return ratio(largest, self.unit * self.scale)
+
+    def square(self, laws: tuple[Any, ...], impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
+        """Write the squared violation of each law, given by its arrays up to α; return the largest one with its ratio.
+
+        The square is one of velocities [m²/s²], what is returned a velocity [m/s].
+        """
+        if self._has_contacts_only:
+            return float(_squared_violations(*laws, impulses, velocity, self.ratios, squares))
+        return float(_squared_violations_of_any(*laws, self.lengths, impulses, velocity, self.ratios, squares))
 
 
 class ModelResidual(Residual):
@@ -134,14 +145,14 @@ def _ratios(component, speeds, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _squared_violations(  # type: ignore[no-untyped-def]
-    kind, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
+    kind, first_row, mu, fixed, partner, alpha, impulses, velocity, ratios, squares
 ):
-    """Write (ℓα ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest of their roots times their ratios.
+    """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest of their roots times their ratios.
 
     That is a velocity [m/s], and NaN if any of them is.
 
     Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
-    for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a bilateral one by ξ, friction by nothing.
+    for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
     """
     largest = 0.0
     for law in range(uint64(len(kind))):
@@ -157,10 +168,6 @@ def _squared_violations(  # type: ignore[no-untyped-def]
             bound *= a
             if kind[law] == 1:
                 square = (held - min(max(x, -bound), bound)) ** 2
-            elif kind[law] == 3:
-                square = velocity[row] ** 2
-            elif kind[law] > 3:
-                square = lengths[law] ** 2 * _outside_ball(row, kind[law] - 3, a, bound, impulses, velocity)
             else:
                 held_2 = a * impulses[row + uint64(1)]
                 y = held_2 - velocity[row + uint64(1)]
@@ -177,14 +184,39 @@ def _squared_violations(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _squared_violations_of_any(  # type: ignore[no-untyped-def]
+    kind, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
+):
+    """Do the same with joints and rolling friction among the laws: a bilateral law is violated by ξ."""
+    largest = 0.0
+    for law in range(len(kind)):
+        row, a = first_row[law], alpha[law]
+        if kind[law] == 0:
+            held = a * impulses[row]
+            square = (held - max(held - velocity[row], 0.0)) ** 2
+        elif kind[law] == 3:
+            square = velocity[row] ** 2
+        else:
+            bound = fixed[law]
+            if partner[law] >= 0:
+                bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
+            count = kind[law] if kind[law] < 3 else kind[law] - 3
+            square = lengths[law] ** 2 * _outside_ball(row, count, a, a * bound, impulses, velocity)
+        squares[law] = square
+        square *= ratios[law] * ratios[law]
+        largest = square if square > largest or square != square else largest
+    return np.sqrt(largest)
+
+
+@njit(cache=True)
 def _outside_ball(row, count, a, bound, impulses, velocity):  # type: ignore[no-untyped-def]
     """Return ‖αΛ − prox(αΛ − ξ)‖² over ``count`` rows from ``row`` on, the prox onto a ball of radius ``bound``."""
     squared = 0.0
-    for k in range(row, row + uint64(count)):
+    for k in range(row, row + count):
         squared += (a * impulses[k] - velocity[k]) ** 2
     scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
     total = 0.0
-    for k in range(row, row + uint64(count)):
+    for k in range(row, row + count):
         held = a * impulses[k]
         total += (held - scale * (held - velocity[k])) ** 2
     return total
@@ -213,8 +245,8 @@ def _coulomb_violations(
 ) -> FloatArray:
     """Return ℓ_i α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, (n_laws,)."""
     squares = np.empty(laws.n_laws)
-    given = laws.kind, laws.first_row, mu, fixed, laws.partner, residual.alpha, residual.lengths
-    _squared_violations(*given, impulses, velocity, residual.ratios, squares)
+    given = laws.kind, laws.first_row, mu, fixed, laws.partner, residual.alpha
+    residual.square(given, impulses, velocity, squares)
     return np.sqrt(squares)
 
 
@@ -298,10 +330,11 @@ def friction_norms(problem: ContactProblem, rows: FloatArray) -> FloatArray:
     """Return the norm over the rows of every friction law, sliding and rolling, shape (n_friction_laws,)."""
     laws = problem.laws
     first, count = laws.first_row[laws.is_friction], ROWS_OF_KIND[laws.kind[laws.is_friction]]
-    most = int(count.max(initial=0))
-    entries = [np.where(row < count, rows[np.where(row < count, first + row, 0)], 0.0) for row in range(most)]
-    norms: FloatArray = np.sqrt((np.column_stack(entries) ** 2).sum(axis=1)) if entries else np.zeros(0)
-    return norms
+    squares = rows[first] ** 2
+    for row in range(1, int(count.max(initial=1))):
+        has_row = count > row
+        squares[has_row] += rows[first[has_row] + row] ** 2
+    return np.sqrt(squares)
 
 
 @njit(cache=True)
