@@ -6,10 +6,10 @@ largest of them, relative to the free velocity of its component, which ``Residua
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numba import njit, uint64
+from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
@@ -23,6 +23,8 @@ from .projections import onto_contact_cones, onto_polygon
 ROUNDING = 2.0**-40
 """Free velocities of this part of the largest one are rounding of it."""
 
+LawArrays = tuple[NDArray[np.int8], IntArray, FloatArray, FloatArray, IntArray, FloatArray]
+"""Kind, first row, μ, a, partner and α of laws, in the order of the kernels."""
 
 LEAST_SQUARED, LARGEST_SQUARED = 1e-100, 1e100
 """Velocities [m/s] between these are squared as they are."""
@@ -78,7 +80,7 @@ class Residual:
         largest = self.square(self._arguments, impulses, velocity, self._squares)
         return ratio(largest, self.unit * self.scale)
 
-    def square(self, laws: tuple[Any, ...], impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
+    def square(self, laws: LawArrays, impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
         """Write the squared violation of each law, given by its arrays up to α; return the largest one with its ratio.
 
         The square is one of velocities [m²/s²], what is returned a velocity [m/s].
