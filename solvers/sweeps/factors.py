@@ -85,7 +85,8 @@ class FactorSweep:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
         if self.slots is not None:
             return BatchIterates(self, start, momentum)
-        return with_momentum(FactorIterates(self, start), momentum)
+        iterates = FactorIterates if self.layout.has_contacts_only else AnyLawIterates
+        return with_momentum(iterates(self, start), momentum)
 
 
 class FactorIterates:
@@ -120,6 +121,20 @@ class FactorIterates:
         own = self._sweep
         own.product(*own.factor, own.free, self._scaled, self._relative)
         return own.layout.unpad(self._relative)
+
+
+class AnyLawIterates(FactorIterates):
+    """The same with joints or rolling friction: v is computed anew whenever ξ is looked at.
+
+    Nothing bounds the impulses of joints. With momentum, those of redundant ones grow and shrink again by many orders
+    on the way, and the rounding of their largest would stay in v.
+    """
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        pieces = self._sweep.pieces
+        self._scaled[: -pieces.length] = pieces.times(self._held)
+        return super().relative_velocity()
 
 
 class BatchIterates(FactorIterates, Accelerated):

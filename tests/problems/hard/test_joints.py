@@ -76,6 +76,17 @@ def test_a_loop_with_a_redundant_joint_moves_as_lagrange_says(cranks: int, solve
     assert motion(problem, solution.impulses)[2 : 3 * cranks : 3] == pytest.approx(np.full(cranks, omega), rel=1e-7)
 
 
+@pytest.mark.parametrize("solver", [name for name in BOTH_LAWS if not name.startswith("JORprox")])
+@pytest.mark.parametrize("cranks", [3, 20])
+def test_what_redundant_joints_push_their_bodies_with_is_right_to_ten_digits(cranks: int, solver: str) -> None:
+    """W Λ = M (u − u_f) is unique, though Λ is not."""
+    problem = parallelogram(cranks, angle=0.4)
+    assert problem.answer is not None
+    assert problem.factors is not None
+    found = problem.factors.force_directions @ solve(problem, solver, tolerance=1e-12, max_iterations=5000).impulses
+    assert found == pytest.approx(problem.answer.values, abs=1e-10 * np.abs(problem.answer.values).max())
+
+
 def test_a_pin_written_eight_times_bears_a_quarter_of_the_rod_all_together() -> None:
     for copies in (1, 8):
         problem = pendulum(copies)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from proxbench.problems import ContactProblem, LawKind, Laws
+from proxbench.problems import ContactProblem, LawKind, Laws, judge
 from proxbench.problems.contact.laws import ROWS_OF_KIND
 from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
-from proxbench.solvers import Stop, create
+from proxbench.problems.hard.joints import parallelogram
+from proxbench.solvers import Status, Stop, create, solve
 
 CASES = [(dim, joints, rolling) for dim in (1, 2, 3) for joints, rolling in ((2, 0), (0, 1), (3, 2), (1, 3))]
 
@@ -86,3 +87,19 @@ def test_methods_for_contacts_alone_decline_joints_and_rolling_with_the_reason(n
     rolling = with_linked_solution(LinkedFamily(2, 2, rolling_rows=1, n_joints=0), 0)
     assert "joints" in str(create(name).supports(joints))
     assert "rolling friction" in str(create(name).supports(rolling))
+
+
+@pytest.mark.parametrize("form", ["delassus", "factors"])
+def test_impulses_that_grow_and_shrink_on_the_way_leave_no_rounding_in_the_claim(form: str) -> None:
+    """Momentum blows the impulses of redundant joints up to 1e4 times their last size and more."""
+    problem, largest = parallelogram(20, 0.4), []
+    solver = f"SORprox(relaxation=1.1, momentum=0.8, form={form!r})"
+    found = (
+        create(solver)
+        .prepare(problem)
+        .solve(Stop(1e-12, 2000), observe=lambda _, impulses: largest.append(np.abs(impulses).max()))
+    )
+    assert max(largest) > 1e4 * np.abs(found.impulses).max()
+    assert found.status is Status.SOLVED
+    assert judge(problem, found.impulses).residual <= 1.001e-12
+    assert np.array_equal(solve(problem, solver, tolerance=1e-12, max_iterations=2000).impulses, found.impulses)
