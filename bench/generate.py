@@ -15,6 +15,7 @@ from ..problems.catalog.storage import SUFFIX, save_problem
 from ..problems.contact.problem import FREE_FALL, ContactProblem
 from ..problems.errors import ProblemError, suggestion
 from ..problems.hard import HARD_CASES
+from ..problems.hard.spheres import with_rolling_friction
 from ..problems.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from ..problems.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
 from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
@@ -50,6 +51,14 @@ class WoodpeckerRecipe:
     contact: int
 
 
+@dataclass(frozen=True)
+class RollingRecipe:
+    """The problem ``of`` whose contacts also resist rolling, with ``rolling_friction`` μ_r [m]."""
+
+    of: str
+    rolling_friction: float
+
+
 _FRICTIONLESS: tuple[Effect, ...] = (Gravity(), Restitution(0.3, 0.0))
 _SPATIAL: tuple[Effect, ...] = (*_FRICTIONLESS, Friction(0.3))
 _PLANAR: tuple[Effect, ...] = (*_SPATIAL, Planar())
@@ -75,8 +84,9 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
         yield f"pile-{size}", FunnelRecipe(Funnel(size, _SPATIAL, outlet_radius=0.0), _SETTLED, PILE_STOP)
 
 
-RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe] = {
+RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe] = {
     **dict(_funnel_recipes()),
+    "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
     "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
     "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
     "woodpecker-beak-impact": WoodpeckerRecipe(0.0195, 0),
@@ -121,14 +131,16 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
 def remade(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; those of one simulation share one run of it."""
-    flows: dict[tuple[Funnel, Stop], list[str]] = {}
-    pecks: list[str] = []
+    flows: dict[tuple[Funnel, Stop], dict[str, FunnelRecipe]] = {}
+    pecks: dict[str, WoodpeckerRecipe] = {}
     for name in names:
         recipe = RECIPES[name]
         if isinstance(recipe, FunnelRecipe):
-            flows.setdefault((recipe.scene, recipe.stop), []).append(name)
+            flows.setdefault((recipe.scene, recipe.stop), {})[name] = recipe
+        elif isinstance(recipe, WoodpeckerRecipe):
+            pecks[name] = recipe
         else:
-            pecks.append(name)
+            yield from _rolling_problems(name, recipe)
     for (scene, stop), members in flows.items():
         yield from _funnel_problems(scene, stop, members)
     if pecks:
@@ -139,24 +151,29 @@ def _solver() -> Any:
     return create("SORprox", relaxation=1.5)
 
 
-def _funnel_problems(scene: Funnel, stop: Stop, names: list[str]) -> Iterator[ContactProblem]:
-    wanted = {name: round(RECIPES[name].time / TIME_STEP) for name in names}
+def _funnel_problems(scene: Funnel, stop: Stop, members: dict[str, FunnelRecipe]) -> Iterator[ContactProblem]:
+    wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
     stepper = Moreau(scene.system(), _solver(), stop, TIME_STEP)
     for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
-        for name in names:
+        for name in members:
             if wanted[name] == number:
                 yield _captured(step, name, "funnel", number, TIME_STEP, seed=scene.seed, n_balls=scene.n_balls)
 
 
-def _woodpecker_problems(names: list[str]) -> Iterator[ContactProblem]:
+def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
+    for problem in remade([recipe.of]):
+        resisting = with_rolling_friction(problem, recipe.rolling_friction)
+        yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
+
+
+def _woodpecker_problems(members: dict[str, WoodpeckerRecipe]) -> Iterator[ContactProblem]:
     time_step = PERIOD / WOODPECKER_STEPS
     stepper = Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
-    waiting = {name: RECIPES[name] for name in names}
+    waiting = dict(members)
     for number, step in enumerate(stepper.steps(section_start(), 2 * WOODPECKER_STEPS)):
         if step.contacts is None:
             continue
         for name, recipe in list(waiting.items()):
-            assert isinstance(recipe, WoodpeckerRecipe)
             if number * time_step >= recipe.time and recipe.contact in step.contacts.keys:
                 del waiting[name]
                 yield _captured(step, name, "woodpecker", number, time_step)

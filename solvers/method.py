@@ -38,6 +38,15 @@ class Method:
             raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
 
 
+def beyond_contacts(problem: ContactProblem) -> str | None:
+    """Say which laws ``problem`` has beside contacts and sliding friction, as a reason to decline, or None."""
+    if problem.laws.is_bilateral.any():
+        return "it has joints (bilateral laws), and this method takes contacts with sliding friction alone"
+    if problem.laws.is_rolling.any():
+        return "it has rolling friction, and this method takes contacts with sliding friction alone"
+    return None
+
+
 def check_option(name: str, value: object, is_valid: bool, wanted: str) -> None:
     """Raise ``SolverError`` unless the value of an option is valid, that is ``wanted``."""
     if not is_valid:

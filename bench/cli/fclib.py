@@ -124,14 +124,14 @@ def export(
     """Write problems as FCLIB files; print each with the digest of its numbers."""
     from ...problems import write_fclib
     from ...problems.catalog.catalog import is_path
+    from ...problems.catalog.fclib.conversion import contents_of
     from ...problems.catalog.fclib.files import SUFFIXES
-    from ...problems.catalog.fclib.laws import contacts_of
     from ..plugins.problems import resolved
     from ..report.output_file import refuse_taken
 
     problems = [resolved(name) for name in names]
     for problem in problems:
-        contacts_of(problem)  # before anything is written
+        contents_of(problem)  # fails, if so, before anything is written
     is_file = output.suffix in SUFFIXES and not output.is_dir()
     stems = [Path(name).stem if is_path(name) else name for name in names]  # a file may call its problem anything
     targets = [output] if is_file else [output / f"{stem}{SUFFIX}" for stem in stems]
@@ -201,14 +201,16 @@ def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_
 
 def _print_surveys(found: Sequence["Survey"]) -> None:
     """Print a table, the names of the files last, since they may be long."""
-    heads = ("form", "contacts", "rows", "rank", "μ", "asymmetry", "cond.", "file")
+    heads = ("form", "contacts", "joints", "rows", "rank", "μ", "μ_r [m]", "asymmetry", "cond.", "file")
     rows = [
         (
             one.form,
             str(one.contacts),
+            str(one.joints),
             str(one.rows),
             "–" if one.rank is None else str(one.rank),
-            f"{one.friction[0]:g}" if one.friction[0] == one.friction[1] else "{:g}…{:g}".format(*one.friction),
+            _range(one.friction),
+            "–" if one.rolling_friction is None else _range(one.rolling_friction),
             f"{one.asymmetry:.1e}" if one.asymmetry else "0",
             f"{one.conditioning:.3g}",
             one.file,
@@ -222,6 +224,10 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
         cells = [f"{cell:>{width}}" for cell, width in zip(line, widths, strict=False)]
         print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
     print("\nrank: estimated; asymmetry: of W, over its largest entry; cond.: largest of a contact's block of G")
+
+
+def _range(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:g}" if ends[0] == ends[1] else "{:g}…{:g}".format(*ends)
 
 
 def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool) -> None:

@@ -120,7 +120,8 @@ def _problem_text(row: dict[str, Any], widths: Sequence[int]) -> str:
         return str(row["error"])
     if not row["available"]:
         return f"not generated yet; run: proxbench generate {row['name']}"
-    kinds = [law.removesuffix(" friction") for law in row["laws"] if law != "unilateral"]
+    frictions = [law for law in row["laws"] if law not in ("unilateral", "bilateral")]
+    kinds = dict.fromkeys("rolling" if "rolling" in law else law.removesuffix(" friction") for law in frictions)
     cells = row["contacts"], row["rows"], ", ".join(kinds) or "none"
     return "  ".join([*(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)), row["form"]])
 

@@ -25,6 +25,11 @@ _HARD = (
     "hard-groove-mu10",
     "hard-painleve-jam",
     "hard-tower-in-um-mg",
+    "hard-chain-10",
+    "hard-four-bar-redundant",
+    "hard-towed-wheel-slides",
+    "hard-resisting-sphere-steep",
+    "hard-linked-2-axes",
 )
 
 

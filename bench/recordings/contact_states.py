@@ -33,20 +33,21 @@ STATE_COLOURS = {ContactState.OPEN: "#8a8f98", ContactState.STICK: "#2fb6a8", Co
 def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
     """Return the ``ContactState`` of every contact, shape (n_contacts,).
 
-    A friction law without a contact of its own is never open.
+    A friction law without a contact of its own is never open, and a joint sticks. Rolling has no part in it.
 
     Args:
         layout: the contacts.
-        lanes: Λ [N s], padded to shape (n_contacts, width); anything not finite counts as open.
+        lanes: Λ [N s], padded to shape (n_contacts, width), rolling lanes or not; what is not finite counts as open.
     """
     held = np.where(np.isfinite(lanes), lanes, 0.0)
     normal = held[:, 0]
     bound = layout.fixed_bound + layout.friction_coefficient * np.maximum(normal[layout.partner], 0.0)
-    tangent = np.sqrt((held[:, 1:] ** 2).sum(axis=1))
+    tangent = np.sqrt((held[:, 1 : 1 + layout.sliding] ** 2).sum(axis=1))
     states = np.where(tangent >= SLIP_SHARE * bound, ContactState.SLIP, ContactState.STICK)
     has_normal = layout.normal_law >= 0
     closed = normal > OPEN_SHARE * normal.max(initial=0.0)
-    return np.where(has_normal & ~closed, ContactState.OPEN, states).astype(np.uint16)
+    states = np.where(has_normal & ~closed, ContactState.OPEN, states)
+    return np.where(layout.is_bilateral, ContactState.STICK, states).astype(np.uint16)
 
 
 def count_states(states: States) -> NDArray[np.int64]:

@@ -49,7 +49,7 @@ class Trace:
         step_change: ‖Λ − Λ of the iteration before‖ [N s], 0 at the start.
         state_counts: how many contacts are open, stick and slip.
         shown: iterations whose impulses are kept.
-        impulses: those Λ [N s] padded to (n_contacts, width), one for each.
+        impulses: the forces of those Λ [N s], N and T padded to (n_contacts, lanes), one for each.
     """
 
     solver: str
@@ -78,7 +78,7 @@ class _Watcher:
     def __init__(self, problem: ContactProblem, trace: Trace) -> None:
         self._problem, self._trace = problem, trace
         self._residual = Residual(problem)
-        self._normal_rows = problem.laws.first_row[~problem.laws.is_friction]
+        self._normal_rows = problem.laws.first_row[problem.laws.is_unilateral]
         self._curves, self._frames = Thinning(1000, 1.003), Thinning(20, 1.08)
         self._before = self._last = np.zeros(problem.n_rows)
         self._iteration = 0
@@ -112,7 +112,8 @@ class _Watcher:
 
     def _add_frame(self) -> None:
         self._trace.shown.append(self._iteration)
-        self._trace.impulses.append(self._problem.layout.pad(self._last))
+        layout = self._problem.layout
+        self._trace.impulses.append(layout.pad(self._last)[:, : 1 + layout.sliding])  # forces are drawn, no moments
 
 
 def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:

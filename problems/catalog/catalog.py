@@ -40,6 +40,7 @@ _FUNNEL = [
     *(f"funnel-planar-{size}" for size in FUNNEL_SIZES),
     *(f"funnel-frictionless-{size}" for size in FUNNEL_SIZES),
     *(f"pile-{size}" for size in PILE_SIZES),
+    "pile-100-rolling",
 ]
 
 _WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]

@@ -18,8 +18,11 @@ from ..errors import ProblemError
 from .archive import DAMAGES, ArchiveError, read_arrays
 from .atomic_file import replacing
 
-FORMAT = 1
-"""Version of the file format."""
+FORMAT = 2
+"""Newest version of the file format."""
+
+CONTACTS_ONLY = 1
+"""The version that has neither bilateral laws nor rolling friction; problems without are written in it."""
 
 SUFFIX = ".npz"
 
@@ -98,7 +101,7 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
 
 def _arrays(problem: ContactProblem) -> dict[str, Any]:
     about = {
-        "format": FORMAT,
+        "format": CONTACTS_ONLY if problem.layout.has_contacts_only else FORMAT,
         "name": problem.name,
         "provenance": dict(problem.provenance),
         "digest": problem.digest,
@@ -144,8 +147,8 @@ def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
         isinstance(about, dict) and isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)
     ):
         raise ValueError("it does not say what it is")
-    if about["format"] != FORMAT:
-        raise ProblemError(f"{name} has format {about['format']}, this version reads format {FORMAT}.")
+    if about["format"] not in (CONTACTS_ONLY, FORMAT):
+        raise ProblemError(f"{name} has format {about['format']}, this version reads formats up to {FORMAT}.")
     laws = Laws(*(content[key] for key in _OF_LAWS))
     attributes = {
         "name": about["name"],

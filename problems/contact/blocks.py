@@ -1,8 +1,9 @@
 """The contacts of a problem as blocks of equal width, the layout that kernels run over.
 
-A block is a unilateral law with the friction law it bounds, or one law alone. Its lanes are N, T1, T2, cut to the width
-of the widest block: 1 (no friction anywhere), 2 (planar) or 3 (spatial). A lane that a block does not use has a zero
-row and column in G and c, and stays at Λ = 0 under every projection, so kernels need no case distinctions.
+A block is a unilateral law with the friction laws it bounds, or one law alone. Its lanes are N, T1, T2, R1, R2, R3, cut
+to what some block uses: no T (no friction anywhere), T1 (planar) or both, and as many R as there are axes of rolling. A
+lane that a block does not use has a zero row and column in G and c, and stays at Λ = 0 under every projection, so
+kernels need no case distinctions.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray, read_only
 from .laws import Laws
@@ -20,35 +22,62 @@ from .laws import Laws
 class BlockLayout:
     """Where each row of a problem stands in the padded blocks, and each block's friction bound.
 
-    The bound of the tangential lanes is fixed_bound + friction_coefficient · max(Λ_N of block ``partner``, 0).
+    The bound of the tangential lanes is fixed_bound + friction_coefficient · max(Λ_N of block ``partner``, 0), that of
+    the rolling lanes rolling_bound + rolling_coefficient · max(Λ_N, 0) with the block's own Λ_N.
 
     Attributes:
-        width: lanes per block, 1, 2 or 3.
+        width: lanes per block, 1 + ``sliding`` + the rolling ones.
+        sliding: tangential lanes per block, 0, 1 or 2.
         slot: padded index (block · width + lane) of each row, shape (n_rows,).
-        normal_law: index of the block's unilateral law, −1 for none, shape (n_blocks,).
-        friction_law: index of the block's friction law, −1 for none, shape (n_blocks,).
+        normal_law: index of the block's unilateral or bilateral law, −1 for none, shape (n_blocks,).
+        friction_law: index of the block's law of sliding friction, −1 for none, shape (n_blocks,).
+        rolling_law: index of the block's law of rolling friction, −1 for none, shape (n_blocks,).
         friction_coefficient: μ, shape (n_blocks,).
         fixed_bound: a [N s], shape (n_blocks,).
+        rolling_coefficient: μ_r [m], shape (n_blocks,).
+        rolling_bound: a of the rolling friction [N m s], shape (n_blocks,).
         partner: block whose normal impulse bounds the friction; the block itself where there is none, (n_blocks,).
+        is_bilateral: whether the block is a bilateral law, shape (n_blocks,).
     """
 
     width: int
+    sliding: int
     slot: IntArray
     normal_law: IntArray
     friction_law: IntArray
+    rolling_law: IntArray
     friction_coefficient: FloatArray
     fixed_bound: FloatArray
+    rolling_coefficient: FloatArray
+    rolling_bound: FloatArray
     partner: IntArray
+    is_bilateral: NDArray[np.bool_]
 
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
-        width = 1 + int(laws.kind.max(initial=0))
+        last = int(laws.kind.max(initial=0))
+        sliding = last if last <= 2 else int(laws.kind[laws.kind <= 2].max(initial=0))
+        width = 1 + sliding + max(last - 3, 0)
         slot, owners, bounds, partner = _lay_out(
-            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, width, laws.n_rows
+            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, width, sliding, laws.n_rows
         )
-        read_only(slot, owners, bounds, partner)
-        return BlockLayout(width, slot, owners[0], owners[1], bounds[0], bounds[1], partner)
+        is_bilateral = laws.is_bilateral[owners[0]] if last > 2 else np.zeros(len(partner), dtype=np.bool_)
+        read_only(slot, owners, bounds, partner, is_bilateral)
+        return BlockLayout(
+            width=width,
+            sliding=sliding,
+            slot=slot,
+            normal_law=owners[0],
+            friction_law=owners[1],
+            rolling_law=owners[2],
+            friction_coefficient=bounds[0],
+            fixed_bound=bounds[1],
+            rolling_coefficient=bounds[2],
+            rolling_bound=bounds[3],
+            partner=partner,
+            is_bilateral=is_bilateral,
+        )
 
     @property
     def n_blocks(self) -> int:
@@ -64,6 +93,16 @@ class BlockLayout:
     def is_dense(self) -> bool:
         """Whether every lane is a row, so that padded and plain vectors are the same numbers."""
         return len(self.slot) == self.n_blocks * self.width
+
+    @property
+    def rolling(self) -> int:
+        """Rolling lanes per block, 0 to 3."""
+        return self.width - 1 - self.sliding
+
+    @cached_property
+    def has_contacts_only(self) -> bool:
+        """Whether all laws are contacts and sliding friction, so that each block's Λ_N ≥ 0 and Λ_T have their cone."""
+        return self.rolling == 0 and not self.is_bilateral.any()
 
     @cached_property
     def bounds_are_own(self) -> bool:
@@ -96,30 +135,32 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 @njit(cache=True)
-def _lay_out(kind, partner_law, mu, fixed, width, n_rows):  # type: ignore[no-untyped-def]
-    """Return slots of the rows, normal and friction law, μ and a, and partner of each block."""
+def _lay_out(kind, partner_law, mu, fixed, width, sliding, n_rows):  # type: ignore[no-untyped-def]
+    """Return slots of the rows; normal, friction and rolling law, μ, a, μ_r and a of rolling, and partner of blocks."""
     block, n_blocks = np.empty(len(kind), dtype=np.int64), 0
-    for law in range(len(kind)):  # friction right behind its partner shares its block
-        if law == 0 or kind[law] == 0 or partner_law[law] != law - 1:
+    for law in range(len(kind)):  # friction right behind its partner shares its block, and so does rolling friction
+        if law == 0 or kind[law] == 0 or (kind[law] < 4 and partner_law[law] != law - 1):
             n_blocks += 1
         block[law] = n_blocks - 1
     slot = np.empty(n_rows, dtype=np.int64)
-    owners = np.full((2, n_blocks), -1, dtype=np.int64)
-    bounds = np.zeros((2, n_blocks))
+    owners = np.full((3, n_blocks), -1, dtype=np.int64)
+    bounds = np.zeros((4, n_blocks))
     partner = np.arange(n_blocks)
     row = 0
     for law in range(len(kind)):
         b = block[law]
-        if kind[law] == 0:
+        if kind[law] == 0 or kind[law] == 3:
             owners[0, b] = law
             slot[row] = width * b
             row += 1
             continue
-        owners[1, b] = law
-        bounds[0, b], bounds[1, b] = mu[law], fixed[law]
-        if partner_law[law] >= 0:
+        rolls = 1 if kind[law] > 3 else 0
+        owners[1 + rolls, b] = law
+        bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed[law]
+        if rolls == 0 and partner_law[law] >= 0:
             partner[b] = block[partner_law[law]]
-        for lane in range(kind[law]):
-            slot[row] = width * b + 1 + lane
+        first = 1 + sliding if rolls == 1 else 1
+        for lane in range(kind[law] - 3 * rolls):
+            slot[row] = width * b + first + lane
             row += 1
     return slot, owners, bounds, partner

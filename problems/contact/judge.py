@@ -10,6 +10,13 @@ choice of tangents, not on the number of contacts, and not on what else stands i
 ratios, where an impulse error relative to max|Λ| does not. A component whose free velocity is zero, or rounding of that
 of the others, counts against the whole.
 
+Rolling friction has angular velocities [rad/s] in its rows. They count as velocities at the distance
+
+    ℓ_i = √(α_N/α_i)      (1 for all other laws),
+
+from the axis, with α_N of the contact's unilateral law: for a single body a radius of gyration. Its violation is
+ℓ_i α_i ‖R_i‖ and its free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of length either.
+
 A unilateral law whose own α is zero moves nothing, but the friction that it bounds may: it takes the largest α of those
 friction laws, so that Λ_N > 0 at an opening contact is a violation as soon as it buys friction.
 """
@@ -26,8 +33,8 @@ from .answer import ratio
 from .coupling import largest_around
 from .model import Model
 from .problem import ContactProblem
-from .projections import onto_friction_cone
-from .residual import ROUNDING, Residual, friction_bounds, in_units, tangents, violations
+from .projections import onto_contact_cones
+from .residual import ROUNDING, Residual, friction_bounds, friction_norms, in_units, violations
 
 JUDGE = 2
 """Version of the judge: residuals of other versions do not compare. The first did not tell components apart."""
@@ -48,14 +55,15 @@ class Verdict:
         local_q90: their 90 % quantile.
         local_q99: their 99 % quantile.
         energy_residual: max_i √α_i ‖R_i‖ over max_i ‖c_i‖/√α_i, the same violation in the scale of energy.
-        natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + μ‖ξ_T‖ e_N (De Saxcé) and ρ = 1.
+        natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N (De Saxcé), ρ = 1.
         natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), as Siconos relates it.
         penetration_velocity: max_i (−ξ_N)₊ [m/s].
-        cone_violation: how far Λ lies outside its bounds, max of (−Λ_N)₊ and (‖Λ_T‖ − b)₊ [N s].
+        cone_violation: how far Λ lies outside its bounds, max of (−Λ_N)₊, (‖Λ_T‖ − b)₊ and (‖Λ_R‖ − b)₊/ℓ [N s].
         complementarity: largest absolute Λ_N ξ_N [J].
         dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], what the impulses take from the free motion; exact for ε = 0.
         velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ where the problem knows ξ*, else None.
-        infeasible: a unilateral law with α_i = 0 and c_i < 0, which no impulse can satisfy.
+        infeasible: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0, which no
+            impulse can satisfy.
         model: the model that the residuals hold the impulses to.
         component_residuals: the residual of each connected component, in the order of their first contacts.
     """
@@ -104,12 +112,12 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         return _in_usual_units(judge(in_units(problem, residual.unit), residual.unit * given, model), residual.unit)
     velocity = problem.relative_velocity(given)
     violation = violations(problem, residual, given, velocity, model)
-    root = np.sqrt(residual.alpha)
+    root = residual.lengths * np.sqrt(residual.alpha)
     energy, energy_scale = _largest_ratio(violation, root), _largest_ratio(residual.speeds, root)
     natural_map = _natural_map(problem, given, velocity)
     norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
     error = None if known is None else ratio(float(np.abs(velocity - known).max(initial=0.0)), residual.scale)
-    infeasible, normal = residual.infeasible, problem.laws.first_row[~problem.laws.is_friction]
+    infeasible, normal = residual.infeasible, problem.laws.first_row[problem.laws.is_unilateral]
     components = _of_components(residual, np.where(np.arange(len(violation)) == residual.stuck_law, inf, violation))
     local = _local(problem, residual, violation)
     median, q90, q99 = _quantiles(local, (0.5, 0.9, 0.99))
@@ -123,7 +131,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         natural_map_q=ratio(natural_map, norms[0]),
         natural_map_max=ratio(natural_map, max(norms)),
         penetration_velocity=float((-velocity[normal]).max(initial=0.0)),
-        cone_violation=_cone_violation(problem, given),
+        cone_violation=_cone_violation(problem, residual, given),
         complementarity=float(np.abs(given[normal] * velocity[normal]).max(initial=0.0)),
         dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
         velocity_error=error,
@@ -198,22 +206,29 @@ def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
 
 
 def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> float:
-    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + μ‖ξ_T‖ e_N; a friction law apart from its partner keeps its present bound."""
+    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N.
+
+    A friction law apart from its partner keeps its present bound.
+    """
     layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
     own = layout.partner == np.arange(layout.n_blocks)
     remote_bound = layout.friction_coefficient * np.maximum(lanes[layout.partner, 0], 0.0)
     friction = np.where(own, layout.friction_coefficient, 0.0)
     fixed = layout.fixed_bound + np.where(own, 0.0, remote_bound)
-    lifted = moved[:, 0] + friction * np.sqrt((moved[:, 1:] ** 2).sum(axis=1))
-    normal, tangent = onto_friction_cone(lanes[:, 0] - lifted, lanes[:, 1:] - moved[:, 1:], friction, fixed)
-    return float(np.sqrt(((lanes[:, 0] - normal) ** 2).sum() + ((lanes[:, 1:] - tangent) ** 2).sum()))
+    tangent, rolling = moved[:, 1 : 1 + layout.sliding], moved[:, 1 + layout.sliding :]
+    lift = friction * np.sqrt((tangent**2).sum(axis=1))
+    if layout.rolling:
+        lift += layout.rolling_coefficient * np.sqrt((rolling**2).sum(axis=1))
+    moved[:, 0] += lift
+    difference = lanes - onto_contact_cones(layout, lanes - moved, friction, fixed, np.ones(layout.n_blocks))
+    return float(np.sqrt((difference[:, 0] ** 2).sum() + (difference[:, 1:] ** 2).sum()))
 
 
-def _cone_violation(problem: ContactProblem, impulses: FloatArray) -> float:
+def _cone_violation(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
     laws = problem.laws
-    pulling = (-impulses[laws.first_row[~laws.is_friction]]).max(initial=0.0)
-    tangent = np.sqrt((tangents(problem, impulses) ** 2).sum(axis=1))
-    return float(max(pulling, (tangent - friction_bounds(problem, impulses)[laws.is_friction]).max(initial=0.0)))
+    pulling = (-impulses[laws.first_row[laws.is_unilateral]]).max(initial=0.0)
+    excess = friction_norms(problem, impulses) - friction_bounds(problem, impulses)[laws.is_friction]
+    return float(max(pulling, (excess / residual.lengths[laws.is_friction]).max(initial=0.0)))
 
 
 def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:

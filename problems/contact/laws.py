@@ -5,11 +5,20 @@ Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) w
     unilateral contact   C = R₀⁺                     1 row
     planar friction      C = [−b, b]                 1 row
     spatial friction     C = {x ∈ R² : ‖x‖ ≤ b}      2 rows
+    bilateral            C = R                       1 row
+    rolling friction     C = {x ∈ Rᵏ : ‖x‖ ≤ b}      k = 1, 2 or 3 rows
 
 and the friction bound b = a + μ max(Λ_partner, 0): a fixed part a (a joint with dry friction) and a Coulomb part
-that belongs to a unilateral law, the partner.
+that belongs to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free.
+
+Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact with an impulsive moment
+Λ_R [N m s], about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and spinning
+under one bound). Its μ is a length [m]. It shares the normal impulse of its contact with the sliding friction, so that
+Λ lies in both cones, ‖Λ_T‖ ≤ μ Λ_N and ‖Λ_R‖ ≤ μ_r Λ_N (Acary & Bourrier, Coulomb friction with rolling resistance as a
+cone complementarity problem, 2021).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property, lru_cache
@@ -28,10 +37,16 @@ class LawKind(IntEnum):
     UNILATERAL = 0
     PLANAR_FRICTION = 1
     SPATIAL_FRICTION = 2
+    BILATERAL = 3
+    PLANAR_ROLLING = 4
+    SPATIAL_ROLLING = 5
+    ROLLING_AND_SPINNING = 6
 
 
-ROWS_OF_KIND = np.array([1, 1, 2], dtype=np.int64)
+ROWS_OF_KIND = np.array([1, 1, 2, 1, 1, 2, 3], dtype=np.int64)
 """Number of rows of each kind of law."""
+
+_ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +56,10 @@ class Laws:
     Attributes:
         kind: ``LawKind`` of each law, shape (n_laws,).
         first_row: first row of each law in c, Λ and ξ, shape (n_laws,). The laws tile the rows without gaps.
-        friction_coefficient: μ ≥ 0 of each friction law, 0 for unilateral ones, shape (n_laws,).
-        fixed_bound: a ≥ 0 [N s] of each friction law, 0 for unilateral ones, shape (n_laws,).
+        friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
+        fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
+            Rolling friction always has one, and stands behind it and its sliding friction.
 
     Raises:
         ProblemError: if the arrays contradict each other; the message names the field, the law and the value.
@@ -72,26 +88,54 @@ class Laws:
         self._check()
 
     def _check(self) -> None:
-        _require((self.kind >= 0) & (self.kind <= 2), "kind", self.kind, "0 (unilateral), 1 (planar) or 2 (spatial)")
+        known = ", ".join(f"{kind.value} ({kind.name.lower().replace('_', ' ')})" for kind in LawKind)
+        _require((self.kind >= 0) & (self.kind < len(LawKind)), "kind", self.kind, f"one of {known}")
         rows = np.zeros(len(self.kind), dtype=np.int64)
         np.cumsum(ROWS_OF_KIND[self.kind[:-1]], out=rows[1:])
         _require(self.first_row == rows, "first_row", self.first_row, "the row after the law before it")
         for name in ("friction_coefficient", "fixed_bound"):
             values = getattr(self, name)
             _require(np.isfinite(values) & (values >= 0), name, values, "finite and not negative")
-            _require((values == 0) | self.is_friction, name, values, "0 for a unilateral law")
+            _require((values == 0) | self.is_friction, name, values, "0 for a law without friction")
         in_range = (self.partner >= -1) & (self.partner < len(self.kind))
         _require(in_range, "partner", self.partner, "the index of a law, or -1")
-        _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a unilateral law")
+        _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a law without friction")
         is_unilateral = np.append(self.kind == LawKind.UNILATERAL, True)  # the last entry answers for partner −1
         _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
         has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
         _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
+        if self.is_rolling.any():
+            self._check_rolling()
+
+    def _check_rolling(self) -> None:
+        law, partner = np.arange(len(self.kind)), self.partner
+        slides_before = self.is_friction & ~self.is_rolling & (partner == law - 1) & (partner >= 0)
+        follows = (partner == law - 1) | ((partner == law - 2) & np.append(False, slides_before[:-1]))
+        wanted = "the unilateral law right before it, or before the sliding friction between them"
+        _require(~self.is_rolling | ((partner >= 0) & follows), "partner", partner, wanted)
 
     @cached_property
     def is_friction(self) -> NDArray[np.bool_]:
-        """True for friction laws, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind != LawKind.UNILATERAL
+        """True for friction laws, sliding and rolling, shape (n_laws,)."""
+        mask: NDArray[np.bool_] = (self.kind != LawKind.UNILATERAL) & (self.kind != LawKind.BILATERAL)
+        return mask
+
+    @cached_property
+    def is_rolling(self) -> NDArray[np.bool_]:
+        """True for rolling friction, shape (n_laws,)."""
+        mask: NDArray[np.bool_] = self.kind >= LawKind.PLANAR_ROLLING
+        return mask
+
+    @cached_property
+    def is_unilateral(self) -> NDArray[np.bool_]:
+        """True for unilateral laws, shape (n_laws,)."""
+        mask: NDArray[np.bool_] = self.kind == LawKind.UNILATERAL
+        return mask
+
+    @cached_property
+    def is_bilateral(self) -> NDArray[np.bool_]:
+        """True for bilateral laws, shape (n_laws,)."""
+        mask: NDArray[np.bool_] = self.kind == LawKind.BILATERAL
         return mask
 
     @property
@@ -134,6 +178,50 @@ class Laws:
         if np.ndim(friction) == 0:
             return _equal_laws(float(np.asarray(friction)), dim, n_contacts)
         return _laws_of_contacts(coefficient, dim)
+
+    @staticmethod
+    def joints(n_rows: int) -> "Laws":
+        """Return ``n_rows`` bilateral laws, one for each row of the joints."""
+        zeros = np.zeros(n_rows)
+        return Laws.in_order(np.full(n_rows, LawKind.BILATERAL), zeros, zeros, np.full(n_rows, -1))
+
+    @staticmethod
+    def together(parts: Sequence["Laws"]) -> "Laws":
+        """Return the laws of all parts, one part after the other."""
+        first = np.cumsum([0, *(part.n_laws for part in parts)])
+        partners = [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first, strict=False)]
+        return Laws.in_order(
+            np.concatenate([part.kind for part in parts]),
+            np.concatenate([part.friction_coefficient for part in parts]),
+            np.concatenate([part.fixed_bound for part in parts]),
+            np.concatenate(partners),
+        )
+
+    def with_rolling(self, friction: ArrayLike, n_rows: int) -> "Laws":
+        """Return these laws with rolling friction behind each contact, whose rows follow the rows of the contact.
+
+        Args:
+            friction: μ_r [m], one number or one for each unilateral law.
+            n_rows: axes of rolling: 1, 2 or 3.
+
+        Raises:
+            ProblemError: for another number of axes, or where the laws have rolling friction already.
+        """
+        if n_rows not in (1, 2, 3):
+            raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
+        if self.is_rolling.any():
+            raise ProblemError("the laws have rolling friction already; add it to laws without.")
+        normal = np.flatnonzero(self.is_unilateral)
+        follower = np.append(self.partner[1:], -1)[normal] == normal
+        behind = normal + 1 + follower  # where each rolling law is inserted
+        place = np.arange(self.n_laws) + np.searchsorted(behind, np.arange(self.n_laws), side="right")
+        coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (len(normal),))
+        return Laws.in_order(
+            np.insert(self.kind, behind, _ROLLING_OF_ROWS[n_rows - 1]),
+            np.insert(self.friction_coefficient, behind, coefficient),
+            np.insert(self.fixed_bound, behind, 0.0),
+            np.insert(np.where(self.partner >= 0, place[self.partner], -1), behind, place[normal]),
+        )
 
 
 def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:

@@ -1,7 +1,7 @@
 """How far impulses violate the laws of a contact problem, law by law, under Coulomb's law and under other models.
 
-With α_i and R_i as in ``judge``, the violation of law i is the velocity α_i ‖R_i‖ [m/s]. Solvers stop on the largest of
-them, relative to the free velocity of its component, which ``Residual`` prepares once for many impulses.
+With α_i, R_i and ℓ_i as in ``judge``, the violation of law i is the velocity ℓ_i α_i ‖R_i‖ [m/s]. Solvers stop on the
+largest of them, relative to the free velocity of its component, which ``Residual`` prepares once for many impulses.
 """
 
 from dataclasses import replace
@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit, uint64
+from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
@@ -17,11 +18,13 @@ from .coupling import components
 from .laws import ROWS_OF_KIND, LawKind, Laws
 from .model import Model
 from .problem import FREE_FALL, ContactProblem
-from .projections import onto_friction_cone, onto_polygon
+from .projections import onto_contact_cones, onto_polygon
 
 ROUNDING = 2.0**-40
 """Free velocities of this part of the largest one are rounding of it."""
 
+LawArrays = tuple[NDArray[np.int8], IntArray, FloatArray, FloatArray, IntArray, FloatArray]
+"""Kind, first row, μ, a, partner and α of laws, in the order of the kernels."""
 
 LEAST_SQUARED, LARGEST_SQUARED = 1e-100, 1e100
 """Velocities [m/s] between these are squared as they are."""
@@ -32,11 +35,13 @@ class Residual:
 
     Attributes:
         alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
-        speeds: ‖c_i‖ of each law [m/s], shape (n_laws,).
+        lengths: ℓ_i, which makes a velocity of a rolling law's angular one, √(α_N/α_i) [m], and is 1 for all others,
+            shape (n_laws,).
+        speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
         scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
         components: the connected component of each law, shape (n_laws,).
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
-        stuck_law: a unilateral law with α_i = 0 and c_i < 0, −1 if there is none.
+        stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
         infeasible: whether there is one.
         unit: power of two that impulses and velocities are multiplied by where their squares would leave the range of
             double precision; 1 elsewhere.
@@ -45,8 +50,9 @@ class Residual:
     def __init__(self, problem: ContactProblem) -> None:
         laws, layout = problem.laws, problem.layout
         self.alpha: FloatArray
+        self.lengths: FloatArray
         self.speeds: FloatArray
-        self.alpha, self.speeds, self.stuck_law = _scales(
+        self.alpha, self.lengths, self.speeds, self.stuck_law = _scales(
             laws.kind, laws.first_row, laws.partner, problem.delassus_diagonal, problem.free_velocity
         )
         self.scale = float(self.speeds.max(initial=0.0))
@@ -56,12 +62,14 @@ class Residual:
         self.unit = _unit(self.scale)
         self._squares = np.empty(laws.n_laws)
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
-        self._arguments = laws.kind, laws.first_row, laws.friction_coefficient, fixed, laws.partner, self.alpha
+        bounds = laws.friction_coefficient, fixed, laws.partner
+        self._arguments = laws.kind, laws.first_row, *bounds, self.alpha
+        self._has_contacts_only = layout.has_contacts_only
 
     @cached_property
     def row_ratios(self) -> FloatArray:
-        """``ratios`` of the law of each row, shape (n_rows,)."""
-        return np.repeat(self.ratios, ROWS_OF_KIND[self._arguments[0]])
+        """``ratios`` times ``lengths`` of the law of each row, shape (n_rows,)."""
+        return np.repeat(self.ratios * self.lengths, ROWS_OF_KIND[self._arguments[0]])
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
@@ -69,8 +77,17 @@ class Residual:
             return np.inf
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
-        largest = _squared_violations(*self._arguments, impulses, velocity, self.ratios, self._squares)
+        largest = self.square(self._arguments, impulses, velocity, self._squares)
         return ratio(largest, self.unit * self.scale)
+
+    def square(self, laws: LawArrays, impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
+        """Write the squared violation of each law, given by its arrays up to α; return the largest one with its ratio.
+
+        The square is one of velocities [m²/s²], what is returned a velocity [m/s].
+        """
+        if self._has_contacts_only:
+            return float(_squared_violations(*laws, impulses, velocity, self.ratios, squares))
+        return float(_squared_violations_of_any(*laws, self.lengths, impulses, velocity, self.ratios, squares))
 
 
 class ModelResidual(Residual):
@@ -168,32 +185,70 @@ def _squared_violations(  # type: ignore[no-untyped-def]
     return np.sqrt(largest)
 
 
+@njit(cache=True)
+def _squared_violations_of_any(  # type: ignore[no-untyped-def]
+    kind, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
+):
+    """Do the same with joints and rolling friction among the laws: a bilateral law is violated by ξ."""
+    largest = 0.0
+    for law in range(len(kind)):
+        row, a = first_row[law], alpha[law]
+        if kind[law] == 0:
+            held = a * impulses[row]
+            square = (held - max(held - velocity[row], 0.0)) ** 2
+        elif kind[law] == 3:
+            square = velocity[row] ** 2
+        else:
+            bound = fixed[law]
+            if partner[law] >= 0:
+                bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
+            count = kind[law] if kind[law] < 3 else kind[law] - 3
+            square = lengths[law] ** 2 * _outside_ball(row, count, a, a * bound, impulses, velocity)
+        squares[law] = square
+        square *= ratios[law] * ratios[law]
+        largest = square if square > largest or square != square else largest
+    return np.sqrt(largest)
+
+
+@njit(cache=True)
+def _outside_ball(row, count, a, bound, impulses, velocity):  # type: ignore[no-untyped-def]
+    """Return ‖αΛ − prox(αΛ − ξ)‖² over ``count`` rows from ``row`` on, the prox onto a ball of radius ``bound``."""
+    squared = 0.0
+    for k in range(row, row + count):
+        squared += (a * impulses[k] - velocity[k]) ** 2
+    scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+    total = 0.0
+    for k in range(row, row + count):
+        held = a * impulses[k]
+        total += (held - scale * (held - velocity[k])) ** 2
+    return total
+
+
 def violations(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, velocity: FloatArray, model: Model
 ) -> FloatArray:
-    """Return α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,)."""
+    """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,)."""
     laws = problem.laws
     if model.kind == "convex":
-        return _convex_violations(problem, residual.alpha, impulses, velocity)
+        return _convex_violations(problem, residual, impulses, velocity)
     if model.kind == "pyramid":
         return _pyramid_violations(problem, residual, impulses, velocity, model.sides)
     weight = 0.0 if model.kind == "frictionless" else 1.0
     mu, fixed = weight * laws.friction_coefficient, weight * laws.fixed_bound
     found = _coulomb_violations(laws, mu, fixed, residual, impulses, velocity)
     if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is required
-        tangent = tangents(problem, impulses)
         friction = laws.is_friction
-        found[friction] = residual.alpha[friction] * np.sqrt((tangent**2).sum(axis=1))
+        found[friction] = (residual.lengths * residual.alpha)[friction] * friction_norms(problem, impulses)
     return found
 
 
 def _coulomb_violations(
     laws: Laws, mu: FloatArray, fixed: FloatArray, residual: Residual, impulses: FloatArray, velocity: FloatArray
 ) -> FloatArray:
-    """Return α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, shape (n_laws,)."""
+    """Return ℓ_i α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, (n_laws,)."""
     squares = np.empty(laws.n_laws)
-    given = laws.kind, laws.first_row, mu, fixed, laws.partner, residual.alpha, impulses, velocity, residual.ratios
-    _squared_violations(*given, squares)
+    given = laws.kind, laws.first_row, mu, fixed, laws.partner, residual.alpha
+    residual.square(given, impulses, velocity, squares)
     return np.sqrt(squares)
 
 
@@ -208,23 +263,38 @@ def convex_obstacle(problem: ContactProblem) -> str | None:
 
 
 def _convex_violations(
-    problem: ContactProblem, alpha: FloatArray, impulses: FloatArray, velocity: FloatArray
+    problem: ContactProblem, residual: Residual, impulses: FloatArray, velocity: FloatArray
 ) -> FloatArray:
-    """Violation of −ξ ∈ N_K(Λ) with K the whole set {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N} of a contact, α its largest."""
+    """Violation of −ξ ∈ N_K(Λ) with K the whole set {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N, …} of a contact, α its largest.
+
+    Rolling rows count in the lengths of their laws: ℓξ_R, Λ_R/ℓ, μ_r/ℓ.
+    """
     obstacle = convex_obstacle(problem)
     if obstacle:
         raise ProblemError(f"the convex model does not apply to {problem.name!r}: {obstacle}.")
-    layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
-    with_none = np.append(alpha, 0.0)  # the last entry answers for law −1
+    layout = problem.layout
+    unit = block_lengths(problem, residual)
+    lanes, moved = layout.pad(impulses), layout.pad(velocity)
+    lanes[:, 1 + layout.sliding :] /= unit[:, None]
+    moved[:, 1 + layout.sliding :] *= unit[:, None]
+    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # the last entry answers for law −1
     block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
     step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
     target = lanes - step[:, None] * moved
-    normal, tangent = onto_friction_cone(target[:, 0], target[:, 1:], layout.friction_coefficient, layout.fixed_bound)
-    violation = block_alpha * np.sqrt((lanes[:, 0] - normal) ** 2 + ((lanes[:, 1:] - tangent) ** 2).sum(axis=1))
+    projected = onto_contact_cones(layout, target, layout.friction_coefficient, layout.fixed_bound, unit)
+    difference = lanes - projected
+    violation = block_alpha * np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
+    violation[layout.is_bilateral] = np.abs(moved[layout.is_bilateral, 0])
     of_law = np.zeros(problem.laws.n_laws)
     owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
     of_law[owner] = violation
     return of_law
+
+
+def block_lengths(problem: ContactProblem, residual: Residual) -> FloatArray:
+    """Return the length of each block's rolling friction [m], 1 where there is none, shape (n_blocks,)."""
+    lengths: FloatArray = np.append(residual.lengths, 1.0)[problem.layout.rolling_law]
+    return lengths
 
 
 def _pyramid_violations(
@@ -251,29 +321,45 @@ def friction_bounds(problem: ContactProblem, impulses: FloatArray) -> FloatArray
     return bounds
 
 
-def tangents(problem: ContactProblem, rows: FloatArray) -> FloatArray:
-    """Both tangential entries of every friction law, the second 0 for planar ones, shape (n_friction_laws, 2)."""
+def row_lengths(problem: ContactProblem) -> FloatArray:
+    """Return ℓ_i of the law of each row, see ``Residual``, shape (n_rows,)."""
     laws = problem.laws
-    first = laws.first_row[laws.is_friction]
-    second = np.where(laws.kind[laws.is_friction] == LawKind.SPATIAL_FRICTION, first + 1, 0)
-    return np.column_stack([rows[first], np.where(second > 0, rows[second], 0.0)])
+    numbers = problem.delassus_diagonal, problem.free_velocity
+    return np.repeat(_scales(laws.kind, laws.first_row, laws.partner, *numbers)[1], ROWS_OF_KIND[laws.kind])
+
+
+def friction_norms(problem: ContactProblem, rows: FloatArray) -> FloatArray:
+    """Return the norm over the rows of every friction law, sliding and rolling, shape (n_friction_laws,)."""
+    laws = problem.laws
+    first, count = laws.first_row[laws.is_friction], ROWS_OF_KIND[laws.kind[laws.is_friction]]
+    squares = rows[first] ** 2
+    for row in range(1, int(count.max(initial=1))):
+        has_row = count > row
+        squares[has_row] += rows[first[has_row] + row] ** 2
+    return np.sqrt(squares)
 
 
 @njit(cache=True)
 def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[no-untyped-def]
-    """Return α_i and ‖c_i‖ of every law, and a unilateral law with α_i = 0 and c_i < 0, −1 if there is none."""
-    alpha, speeds = np.empty(len(kind)), np.empty(len(kind))
+    """Return α_i, ℓ_i and ℓ_i ‖c_i‖ of every law, and a law that no impulse can satisfy, −1 if there is none."""
+    alpha, lengths, speeds = np.empty(len(kind)), np.ones(len(kind)), np.empty(len(kind))
     stuck = -1
     for law in range(len(kind)):
         row = first_row[law]
         alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
-        if kind[law] == 2:
-            alpha[law] = max(alpha[law], diagonal[row + 1])
-            speeds[law] = np.hypot(speeds[law], free_velocity[row + 1])
+        for k in range(row + 1, row + (2 if kind[law] == 2 else kind[law] - 3)):
+            alpha[law] = max(alpha[law], diagonal[k])
+            speeds[law] = np.hypot(speeds[law], free_velocity[k])
         if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
+            stuck = law
+        if kind[law] == 3 and alpha[law] == 0.0 and free_velocity[row] != 0.0:
             stuck = law
     for law in range(len(kind)):
         normal = partner[law]
         if normal >= 0 and diagonal[first_row[normal]] == 0.0:
             alpha[normal] = max(alpha[normal], alpha[law])
-    return alpha, speeds, stuck
+    for law in range(len(kind)):
+        if kind[law] > 3 and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
+            lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
+            speeds[law] *= lengths[law]
+    return alpha, lengths, speeds, stuck

@@ -1,5 +1,8 @@
 """What the hard cases share: weight, time step, and how bodies that move freely become a contact problem."""
 
+from itertools import product
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray
@@ -37,3 +40,27 @@ def bodies(
     """
     c = directions.T @ motion
     return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim, free_motion=motion, answer=answer)
+
+
+def in_box(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:
+    """Return the impulses of two friction laws of one row and fixed bounds: −(GΛ + c) ∈ N_C(Λ), C = {|Λ_i| ≤ b_i}.
+
+    Each law slips in one direction, in the other, or sticks; G is positive definite, so that one of nine cases fits.
+
+    Args:
+        delassus: G, shape (2, 2).
+        c: the velocity without both impulses, shape (2,).
+        bound: b ≥ 0, shape (2,).
+    """
+    best, least = np.zeros(2), np.inf
+    for sides in product((0.0, 1.0, -1.0), repeat=2):
+        impulses = np.array(sides) * bound
+        sticks = np.array(sides) == 0.0
+        if sticks.any():
+            block = delassus[np.ix_(sticks, sticks)]
+            impulses[sticks] = -np.linalg.solve(block, (delassus @ impulses + c)[sticks])
+        argument = impulses - (delassus @ impulses + c) / delassus.diagonal()
+        violation = float(np.abs(delassus.diagonal() * (impulses - np.clip(argument, -bound, bound))).max())
+        if violation < least:
+            best, least = np.clip(impulses, -bound, bound), violation
+    return best

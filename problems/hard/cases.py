@@ -7,8 +7,17 @@ from itertools import chain
 import numpy as np
 
 from ..contact.problem import ContactProblem
-from . import degenerate, mixed, rods, spheres, stacks, supports, wedges
-from .families import Family, braced, single_precision, with_solution, with_spectrum
+from . import degenerate, joints, mixed, rods, spheres, stacks, supports, wedges
+from .bodies import WEIGHT
+from .families import (
+    Family,
+    LinkedFamily,
+    braced,
+    single_precision,
+    with_linked_solution,
+    with_solution,
+    with_spectrum,
+)
 from .rods import CRITICAL_FRICTION
 from .stacks import bottom_heavy, top_heavy
 from .transformations import in_units
@@ -137,6 +146,34 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-scattered-100": partial(spheres.scattered, 100),
         "hard-scattered-3000": partial(spheres.scattered, 3000),
     },
+    "joints": {
+        "hard-chain-10": partial(joints.chain, np.ones(10)),
+        "hard-chain-10-pulled": partial(joints.chain, np.ones(10), 1.0),
+        "hard-chain-10-bottom-1e4": partial(joints.chain, bottom_heavy(10, 1e4)),
+        "hard-chain-100": partial(joints.chain, np.ones(100)),
+        "hard-chain-100-pulled": partial(joints.chain, np.linspace(1.0, 2.0, 100), 1.0),
+        "hard-four-bar": partial(joints.parallelogram, 2),
+        "hard-four-bar-redundant": partial(joints.parallelogram, 3),
+        "hard-four-bar-redundant-20": partial(joints.parallelogram, 20),
+        "hard-pendulum": partial(joints.pendulum, 1),
+        "hard-pendulum-copies-8": partial(joints.pendulum, 8),
+        **{
+            f"hard-towed-wheel-{word}": partial(joints.towed_wheel, 10, pull * WEIGHT)
+            for word, pull in (("stays", 0.1), ("critical", 0.2), ("rolls", 1.0), ("slides", 5.0))
+        },
+        "hard-immovable-joint": joints.immovable_joint,
+    },
+    "rolling": {
+        **{
+            f"hard-resisting-sphere-{word}": partial(spheres.resisting_sphere, angle) for word, angle in _ANGLES.items()
+        },
+        **{f"hard-resisting-sphere-{axes}-axes": partial(spheres.resisting_sphere, 0.2, axes=axes) for axes in (1, 3)},
+        "hard-resisting-sphere-steep": partial(spheres.resisting_sphere, 1.0),
+        "hard-slowing-sphere-stops": partial(spheres.slowing_sphere, 0.13 * WEIGHT),
+        "hard-slowing-sphere-rolls-on": partial(spheres.slowing_sphere, 0.15 * WEIGHT),
+        **{f"hard-resisting-spheres-{n}": partial(spheres.many_resisting_spheres, n) for n in (30, 300)},
+        "hard-resisting-spheres-3-axes": partial(spheres.many_resisting_spheres, 40, 3),
+    },
     "degenerate": {
         "hard-empty": degenerate.empty,
         "hard-one-row-closed": partial(degenerate.one_row, -1.0),
@@ -188,6 +225,20 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-braced": partial(braced, Family(20, 3, n_dofs=40, friction=0.5), 9),
         "hard-braced-mu10": partial(braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
         "hard-braced-redundant-mu1": partial(braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
+        **{
+            f"hard-linked-{axes}-axes": partial(
+                with_linked_solution,
+                LinkedFamily(6, 3, n_dofs=30, states=("open", "stick", "slip"), n_joints=4, rolling_rows=axes),
+                20 + axes,
+            )
+            for axes in (1, 2, 3)
+        },
+        "hard-linked-planar": partial(
+            with_linked_solution, LinkedFamily(6, 2, n_dofs=20, n_joints=4, rolling_rows=1), 24
+        ),
+        "hard-linked-redundant": partial(
+            with_linked_solution, LinkedFamily(20, 3, n_dofs=30, friction=0.25, n_joints=10, rolling_friction=0.125), 25
+        ),
         "hard-float32": partial(single_precision, Family(10, 3, n_dofs=40, friction=0.25), 12),
         "hard-float32-frictionless-20": partial(single_precision, Family(20, 1, n_dofs=15), 13),
         "hard-float32-assembled-5": partial(

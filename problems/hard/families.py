@@ -14,6 +14,7 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
+from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 
 STATES = ("open", "stick", "slip", "graze", "edge")
@@ -49,12 +50,56 @@ class Family:
 def with_solution(family: Family, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` with a solution built in."""
     rng = np.random.default_rng(seed)
-    directions, inverse_mass = _factors(family, rng)
+    directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
     impulses, velocity = _complementary(family, rng)
     c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
     unique = family.dim == 1 or family.friction == 0.0
     answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
     return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
+
+
+@dataclass(frozen=True)
+class LinkedFamily(Family):
+    """What is chosen of a random problem with joints and rolling friction beside its contacts.
+
+    Attributes:
+        n_joints: number of bilateral rows.
+        rolling_rows: axes of rolling friction of each contact, 0, 1, 2 or 3.
+        rolling_friction: μ_r of all contacts [m], a multiple of 1/8.
+    """
+
+    n_joints: int = 2
+    rolling_rows: int = 2
+    rolling_friction: float = 0.25
+
+
+def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
+    """Return a random problem of ``family`` with a solution built in, its joints behind its contacts.
+
+    A contact that slides or sticks may roll or not, independently.
+    """
+    rng = np.random.default_rng(seed)
+    laws = Laws.contacts(np.full(family.n_contacts, family.friction), family.dim, family.n_contacts)
+    if family.rolling_rows:
+        laws = laws.with_rolling(family.rolling_friction, family.rolling_rows)
+    laws = Laws.together([laws, Laws.joints(family.n_joints)])
+    directions, inverse_mass = _factors(family, rng, laws.n_rows)
+    sliding = [part.reshape(family.n_contacts, -1) for part in _complementary(family, rng)]
+    rolling = [np.zeros((family.n_contacts, family.rolling_rows)) for _ in range(2)]
+    rolls = [state for state in family.states if state in ("stick", "slip", "edge")]
+    for contact in range(family.n_contacts if family.rolling_rows else 0):
+        bound = family.rolling_friction * sliding[0][contact, 0]
+        state = rng.choice(rolls) if bound else "slip"
+        direction = _direction(1 + family.rolling_rows, rng)
+        share = {"stick": 0.5, "slip": 1.0, "edge": 1.0}[state]
+        rolling[0][contact] = -share * bound * direction / 5.0
+        rolling[1][contact] = float(rng.integers(1, 9)) / 8.0 * direction * (state == "slip")
+    joints = [rng.integers(-8, 9, size=family.n_joints) / 8.0, np.zeros(family.n_joints)]
+    impulses, velocity = (np.append(np.column_stack([sliding[k], rolling[k]]).ravel(), joints[k]) for k in range(2))
+    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
+    unique = family.dim == 1 and family.rolling_rows == 0
+    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
+    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, answer=answer)
 
 
 def braced(family: Family, seed: int) -> ContactProblem:
@@ -64,7 +109,7 @@ def braced(family: Family, seed: int) -> ContactProblem:
     and nothing can be wedged. The states of the family are not looked at.
     """
     rng = np.random.default_rng(seed)
-    directions, inverse_mass = _factors(family, rng)
+    directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
     bearing = np.zeros((family.n_contacts, family.dim))
     bearing[:, 0] = rng.integers(1, 17, size=family.n_contacts) / 8.0
     impulses = bearing.ravel()
@@ -107,9 +152,8 @@ def single_precision(family: Family, seed: int, assembled: bool = False) -> Cont
     return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim=family.dim, answer=whole.answer)
 
 
-def _factors(family: Family, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _factors(family: Family, rng: np.random.Generator, n_rows: int) -> tuple[FloatArray, FloatArray]:
     """Return W, entries multiples of 1/16 in [−1, 1], and the diagonal of M⁻¹, powers of two."""
-    n_rows = family.n_contacts * family.dim
     shape = (family.n_dofs, n_rows)
     directions = rng.integers(-16, 17, size=shape) / 16.0 * (rng.random(shape) < family.density)
     lonely = np.flatnonzero(~directions.any(axis=0))
@@ -142,5 +186,8 @@ def _direction(dim: int, rng: np.random.Generator) -> FloatArray:
     """Return a tangential vector of length 5 with whole entries, shape (dim − 1,)."""
     if dim == 1:
         return np.zeros(0)
+    if dim == 4:
+        spatial: FloatArray = rng.choice([-1.0, 1.0], size=3) * rng.permutation([0.0, 3.0, 4.0])
+        return spatial
     sign = rng.choice([-1.0, 1.0], size=2)
     return sign[:1] * 5.0 if dim == 2 else sign * rng.permutation([3.0, 4.0])

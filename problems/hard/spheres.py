@@ -2,6 +2,10 @@
 
 G of a sphere's contact is diag(1, 7/2, 7/2)/m and that of a block without rotation diag(1, 1, 1)/m, so that the normal
 impulse comes first, Λ_N = m max(−c_N, 0), and bounds the tangential one, Λ_T = −m_T c_T cut to the length μ Λ_N.
+
+With rolling friction the normal impulse still comes first, and bounds what acts on a sphere that moves in one
+direction, |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N. On a slope it stays where tan θ ≤ μ_r/r, and gains
+5/7 g (sin θ − μ_r/r cos θ) Δt where it rolls.
 """
 
 import numpy as np
@@ -9,8 +13,13 @@ import scipy.sparse as sp
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
+from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT
+from ..errors import ProblemError
+from .bodies import WEIGHT, in_box
+
+RADIUS = 0.1
+"""Of the spheres that resist rolling [m]."""
 
 
 def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3.5) -> ContactProblem:
@@ -74,3 +83,108 @@ def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) ->
     slope = np.arctan(friction * compliance) + excess
     c = WEIGHT * np.column_stack([-np.cos(slope), np.sin(slope), np.zeros(len(slope))])
     return separate_contacts(c, friction, compliance)
+
+
+def resisting_spheres(
+    motion: FloatArray, friction: FloatArray, rolling_friction: FloatArray, heading: FloatArray, axes: int = 2
+) -> ContactProblem:
+    """Return spheres of 1 kg on the ground that slide and roll in one direction each, against both frictions.
+
+    Rows N, T1, T2, then the angular velocities about T1 and T2, and about N for three ``axes``; about T2 alone for one,
+    and then the heading must be 0. q = (v, ω) of each sphere.
+
+    Args:
+        motion: free velocity into the ground and along the heading [m/s], and free angular velocity of rolling that way
+            [rad/s], shape (n, 3).
+        friction: μ, shape (n,).
+        rolling_friction: μ_r [m], shape (n,).
+        heading: angle of the direction to T1 [rad], shape (n,).
+        axes: of rolling friction, 1, 2 or 3.
+    """
+    n, inertia = len(motion), 0.4 * RADIUS**2
+    reduced = np.array([[1.0 + RADIUS**2 / inertia, -RADIUS / inertia], [-RADIUS / inertia, 1.0 / inertia]])
+    normal, along, impulses = motion[:, 0], np.column_stack([np.cos(heading), np.sin(heading)]), np.zeros((n, 6))
+    for k, (_, speed, spin) in enumerate(motion):
+        bound = normal[k] * np.array([friction[k], rolling_friction[k]])
+        held = in_box(reduced, np.array([speed - RADIUS * spin, spin]), bound)
+        impulses[k] = normal[k], *(held[0] * along[k]), -held[1] * along[k, 1], held[1] * along[k, 0], 0.0
+    # ξ = (v_z, v_x − r ω_y, v_y + r ω_x, ω_x, ω_y, ω_z)
+    whole = np.zeros((6, 6))
+    whole[[2, 0, 1], [0, 1, 2]] = 1.0
+    whole[4, 1], whole[3, 2] = -RADIUS, RADIUS
+    whole[[3, 4, 5], [3, 4, 5]] = 1.0
+    kept = {1: [0, 1, 2, 4], 2: [0, 1, 2, 3, 4], 3: [0, 1, 2, 3, 4, 5]}[axes]
+    free = np.zeros((n, 6))
+    free[:, :2], free[:, 2] = motion[:, 1:2] * along, -normal
+    free[:, 3], free[:, 4] = -motion[:, 2] * along[:, 1], motion[:, 2] * along[:, 0]
+    directions = sp.csc_array(sp.block_diag([whole[:, kept]] * n))
+    inverse_mass = np.tile([1.0, 1.0, 1.0, *[1.0 / inertia] * 3], n)
+    known, c = impulses[:, kept].ravel(), directions.T @ free.ravel()
+    return ContactProblem.from_factors(
+        directions,
+        inverse_mass,
+        c,
+        laws=Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes),
+        free_motion=free.ravel(),
+        answer=Answer(impulses=(known,), velocity=directions.T @ (inverse_mass * (directions @ known)) + c),
+    )
+
+
+def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:
+    """Return a sphere at rest on a slope ``excess`` [rad] beyond tan θ = μ_r/r = ``share``, up to which it stays."""
+    slope = np.arctan(share) + excess
+    motion = WEIGHT * np.array([[np.cos(slope), np.sin(slope), 0.0]])
+    return resisting_spheres(motion, np.array([friction]), np.array([share * RADIUS]), np.zeros(1), axes)
+
+
+def slowing_sphere(speed: float, share: float = 0.2) -> ContactProblem:
+    """Return a sphere that rolls at ``speed`` [m/s] on the level, and stops up to 5/7 g Δt μ_r/r."""
+    motion = np.array([[WEIGHT, speed, speed / RADIUS]])
+    return resisting_spheres(motion, np.array([0.5]), np.array([share * RADIUS]), np.zeros(1))
+
+
+def many_resisting_spheres(n: int, axes: int = 2) -> ContactProblem:
+    """Return ``n`` spheres that slide, roll, do both or stay, of all friction and in all directions."""
+    rng = np.random.default_rng(n)
+    motion = np.column_stack([rng.random(n), rng.normal(size=n), rng.normal(size=n) / RADIUS])
+    motion[::4, 1:] *= 0.01
+    friction, rolling = rng.random(n), 0.5 * RADIUS * rng.random(n)
+    return resisting_spheres(motion, friction, rolling, 2.0 * np.pi * rng.random(n) * (axes > 1), axes)
+
+
+def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes: int = 2) -> ContactProblem:
+    """Return contacts between balls with rolling friction added: a pile of the library that resists rolling.
+
+    Args:
+        problem: spatial contacts in factor form, with the velocity and the angular velocity of each ball as degrees of
+            freedom, and the free motion known.
+        rolling_friction: μ_r of all contacts [m].
+        axes: 2 for rolling, 3 for rolling and spinning.
+
+    Raises:
+        ProblemError: if the problem has not this form.
+    """
+    factors = problem.factors
+    is_spatial = problem.layout.width == 3 and problem.layout.is_dense and problem.layout.bounds_are_own
+    if factors is None or factors.free_motion is None or factors.n_dofs % 6 or not is_spatial or axes not in (2, 3):
+        raise ProblemError(
+            f"{problem.name!r} cannot be given rolling friction: it takes spatial contacts of balls in factor form "
+            "with their free motion, and 2 or 3 axes."
+        )
+    n = problem.n_contacts
+    # a direction of a force on a ball is also the axis of a moment: T1, T2 and N, three degrees of freedom further on
+    shift = sp.csr_array(sp.block_diag([np.eye(6, k=-3)] * (factors.n_dofs // 6)))
+    moments = sp.csc_array(shift @ factors.force_directions)
+    order = np.arange(n)[:, None]
+    columns = np.hstack([3 * order + np.arange(3), 3 * n + 3 * order + np.array([1, 2, 0])[:axes]]).ravel()
+    directions = sp.csc_array(sp.hstack([factors.force_directions, moments], format="csc")[:, columns])
+    c = np.hstack([problem.free_velocity, moments.T @ factors.free_motion])[columns]
+    return ContactProblem.from_factors(
+        directions,
+        factors.inverse_mass,
+        c,
+        laws=problem.laws.with_rolling(rolling_friction, axes),
+        free_motion=factors.free_motion,
+        name=f"{problem.name} that resists rolling",
+        provenance=problem.provenance,
+    )

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..arrays import FloatArray, IntArray
 from ..contact.answer import Answer
 from ..contact.factors import Factors
-from ..contact.laws import ROWS_OF_KIND, LawKind, Laws
+from ..contact.laws import ROWS_OF_KIND, Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
 
@@ -59,10 +59,13 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
 
 
 def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
-    """Return the problem with the tangents of each spatial friction law turned by an angle [rad], shape (n_laws,)."""
+    """Return the problem with the first two axes of each friction law turned by an angle [rad], shape (n_laws,).
+
+    Those are the tangents of spatial friction, and the axes of rolling about two or three.
+    """
     turn = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
     back = sp.lil_array(sp.eye_array(problem.n_rows))
-    for law in np.flatnonzero(problem.laws.kind == LawKind.SPATIAL_FRICTION):
+    for law in np.flatnonzero(ROWS_OF_KIND[problem.laws.kind] > 1):
         row, cos, sin = int(problem.laws.first_row[law]), np.cos(turn[law]), np.sin(turn[law])
         back[row, row], back[row, row + 1] = cos, -sin
         back[row + 1, row], back[row + 1, row + 1] = sin, cos
@@ -97,8 +100,16 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
 def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> Transformed:
     """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], its answer included.
 
-    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ.
+    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
+    angular velocities and moments: in their place c → c · time and Λ → Λ · time/(mass · length²), μ_r → μ_r/length.
     """
+    if problem.laws.is_rolling.any():
+        return _in_length(problem, mass, length, time)
+    return _in_plain_units(problem, mass, length, time)
+
+
+def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
+    """Return the problem in other units, each row a velocity in the direction of a force."""
     speed, impulse = time / length, time / (mass * length)
     answer, factors, matrix = problem.answer, problem.factors, problem.matrix
     if answer is not None:
@@ -125,6 +136,30 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
     return Transformed(made, sp.csr_array(sp.eye_array(problem.n_rows) / impulse))
 
 
+def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
+    """Return the same with rolling friction: its rows times ``length``, then all rows in the other units."""
+    laws = problem.laws
+    rolls = np.repeat(laws.is_rolling, ROWS_OF_KIND[laws.kind])
+    scale = np.where(rolls, length, 1.0)
+    of_law = np.where(laws.is_rolling, 1.0 / length, 1.0)
+    coefficient, fixed = of_law * laws.friction_coefficient, of_law * laws.fixed_bound
+    scaled = _congruent(
+        problem,
+        sp.csr_array(sp.diags_array(scale)),
+        replace(laws, friction_coefficient=coefficient, fixed_bound=fixed),
+        "in other units",
+    )
+    answer, known = problem.answer, scaled.problem.answer
+    if answer is not None and known is not None:
+        known = replace(
+            known,
+            impulses=tuple(one / scale for one in answer.impulses),
+            witness=None if answer.witness is None else answer.witness / scale,
+        )
+    others = _in_plain_units(replace(scaled.problem, answer=known), mass, length, time)
+    return Transformed(replace(others.problem, name=f"{problem.name} in other units"), scaled.back @ others.back)
+
+
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
     """Return problems side by side as one in Delassus form, none of which influences another, with their answers.
 
@@ -132,16 +167,7 @@ def united(problems: Sequence[ContactProblem]) -> ContactProblem:
     """
     matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
     c = np.concatenate([problem.free_velocity for problem in problems])
-    parts = [problem.laws for problem in problems]
-    first = np.cumsum([0, *(part.n_laws for part in parts)])
-    laws = Laws.in_order(
-        np.concatenate([part.kind for part in parts]),
-        np.concatenate([part.friction_coefficient for part in parts]),
-        np.concatenate([part.fixed_bound for part in parts]),
-        np.concatenate(
-            [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first[:-1], strict=True)]
-        ),
-    )
+    laws = Laws.together([problem.laws for problem in problems])
     return ContactProblem.from_delassus(matrix, c, laws=laws, answer=_united_answer(problems))
 
 
@@ -205,8 +231,8 @@ def _selection(problem: ContactProblem, rows: IntArray) -> sp.csr_array:
 def _laws_of_contacts(problem: ContactProblem) -> list[IntArray]:
     """Return the laws of each contact, its unilateral one first."""
     layout = problem.layout
-    pairs = np.column_stack([layout.normal_law, layout.friction_law])
-    return [pair[pair >= 0] for pair in pairs]
+    owners = np.column_stack([layout.normal_law, layout.friction_law, layout.rolling_law])
+    return [owner[owner >= 0] for owner in owners]
 
 
 def _rows_of_laws(laws: Laws, chosen: IntArray) -> IntArray:

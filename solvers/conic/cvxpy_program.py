@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..interface import SolverError
-from .programs import ConicResult, Ended, Scaling
+from .programs import ConicResult, Ended, Scaling, friction_parts
 
 _OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "CLARABEL": (("tol_gap_abs", "tol_gap_rel", "tol_feas"), "max_iter", "time_limit"),
@@ -142,26 +142,23 @@ def _root(problem: ContactProblem) -> Any:
 
 
 def _constraints(problem: ContactProblem, scaling: Scaling, impulses: Any) -> list[Any]:
-    """Return y_N ≥ 0 for all contacts, and the friction discs, those of equally many tangents together."""
+    """Return y_N ≥ 0 for all contacts, and the friction discs, those of equally many rows together."""
     cp = cvxpy()
-    layout, lanes = problem.layout, scaling.lanes
+    layout, normal = problem.layout, scaling.lanes[:, 0]
     constraints = []
-    has_normal = lanes[:, 0] >= 0
-    if has_normal.any():
-        constraints.append(impulses[lanes[has_normal, 0]] >= 0.0)
-    for tangents in (1, 2):
-        blocks = np.flatnonzero((lanes[:, 1:] >= 0).sum(axis=1) == tangents)
-        if not len(blocks):
-            continue
-        mu, fixed = layout.friction_coefficient[blocks], layout.fixed_bound[blocks] / scaling.block_impulse[blocks]
-        normal = lanes[blocks, 0]
-        pick = sp.csr_array(
-            (mu[normal >= 0], (np.flatnonzero(normal >= 0), normal[normal >= 0])), shape=(len(blocks), problem.n_rows)
-        )
-        bound = pick @ impulses + fixed
-        rows = lanes[blocks, 1 : 1 + tangents]
-        if tangents == 1:
-            constraints.append(cp.abs(impulses[rows[:, 0]]) <= bound)
-        else:
-            constraints.append(cp.SOC(bound, cp.vstack([impulses[rows[:, 0]], impulses[rows[:, 1]]]), axis=0))
+    unilateral = normal[(normal >= 0) & ~layout.is_bilateral]
+    if len(unilateral):
+        constraints.append(impulses[unilateral] >= 0.0)
+    for lanes, coefficients, bounds in friction_parts(problem, scaling):
+        for count in range(1, 1 + lanes.shape[1]):
+            blocks = np.flatnonzero((lanes >= 0).sum(axis=1) == count)
+            if not len(blocks):
+                continue
+            mu, own, held = coefficients[blocks], normal[blocks], normal[blocks] >= 0
+            pick = sp.csr_array((mu[held], (np.flatnonzero(held), own[held])), shape=(len(blocks), problem.n_rows))
+            bound, rows = pick @ impulses + bounds[blocks], lanes[blocks, :count]
+            if count == 1:
+                constraints.append(cp.abs(impulses[rows[:, 0]]) <= bound)
+            else:
+                constraints.append(cp.SOC(bound, cp.vstack([impulses[row] for row in rows.T]), axis=0))
     return constraints

@@ -7,7 +7,7 @@ solvers by name, at the price of compiling.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...problems.contact.laws import LawKind
+from ...problems.contact.laws import ROWS_OF_KIND, LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from .convex import ConvexMethod
@@ -77,8 +77,8 @@ class CvxpyCoulomb(FixedPointMethod):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any() and not takes_cones(self.solver):
-            return f"it has spatial friction, and {self.solver} does not take second-order cones"
+        if (ROWS_OF_KIND[problem.laws.kind] > 1).any() and not takes_cones(self.solver):
+            return f"it has {_discs(problem)}, and {self.solver} does not take second-order cones"
         return _obstacle(problem)
 
     def program(self, problem: ContactProblem) -> CvxpyProgram:
@@ -109,10 +109,16 @@ class CvxpyQP(ConvexMethod):
         laws = problem.laws
         if laws.friction_coefficient.any():
             return "it has Coulomb friction, whose complementarity problem is not convex"
-        if (laws.kind == LawKind.SPATIAL_FRICTION).any():
-            return "it has spatial friction, whose disc is no set of a quadratic program"
+        if (ROWS_OF_KIND[laws.kind] > 1).any():
+            return f"it has {_discs(problem)}, whose disc is no set of a quadratic program"
         return _obstacle(problem)
 
     def program(self, problem: ContactProblem) -> CvxpyProgram:
         """Return the program, compiled."""
         return CvxpyProgram(problem, self.solver)
+
+
+def _discs(problem: ContactProblem) -> str:
+    """Return what messages call the friction of ``problem`` that has two directions or more."""
+    is_spatial = (problem.laws.kind == LawKind.SPATIAL_FRICTION).any()
+    return "spatial friction" if is_spatial else "rolling friction about several axes"

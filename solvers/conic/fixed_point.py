@@ -1,6 +1,7 @@
 """Coulomb friction by De Saxcé's fixed point over cone programs (De Saxcé & Feng 1998; Acary & Cadoux 2013).
 
-Coulomb's law is the associated law for the velocity whose normal part is raised by s = μ‖ξ_T‖,
+Coulomb's law is the associated law for the velocity whose normal part is raised by s = μ‖ξ_T‖ (and by μ_r‖ξ_R‖ more
+where there is rolling friction),
 
     −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact,
 
@@ -30,7 +31,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
+from ...problems.contact.residual import Residual, row_lengths
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
@@ -132,9 +133,12 @@ class PreparedFixedPoint:
 
 
 def lift(problem: ContactProblem, velocity: FloatArray) -> FloatArray:
-    """Return s = μ‖ξ_T‖ [m/s] of each block, shape (n_blocks,), from ξ over rows."""
-    lanes = problem.layout.pad(velocity)
-    lifted: FloatArray = problem.layout.friction_coefficient * np.sqrt((lanes[:, 1:] ** 2).sum(axis=1))
+    """Return s = μ‖ξ_T‖ + μ_r‖ξ_R‖ [m/s] of each block, shape (n_blocks,), from ξ over rows."""
+    layout, lanes = problem.layout, problem.layout.pad(velocity)
+    first = 1 + layout.sliding
+    lifted: FloatArray = layout.friction_coefficient * np.sqrt((lanes[:, 1:first] ** 2).sum(axis=1))
+    if layout.rolling:
+        lifted += layout.rolling_coefficient * np.sqrt((lanes[:, first:] ** 2).sum(axis=1))
     return lifted
 
 
@@ -237,4 +241,5 @@ class _Outer:
 
 def _alpha(problem: ContactProblem) -> FloatArray:
     """Return the largest diagonal entry of each row's block of G [1/kg], that of all where it has none."""
-    return problem.layout.unpad(np.repeat(largest_curvatures(problem), problem.layout.width))
+    alpha = problem.layout.unpad(np.repeat(largest_curvatures(problem), problem.layout.width))
+    return alpha / row_lengths(problem) ** 2 if problem.layout.rolling else alpha

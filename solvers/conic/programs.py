@@ -3,6 +3,9 @@
     Delassus    minimise ½ ΛᵀGΛ + cᵀΛ   subject to   Λ ∈ K,            K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact
     factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
 
+Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N; the dual of both cones together, {ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is
+their sum, for which the factor form has no variables. A bilateral law has K = R, and so ξ = 0 in the dual.
+
 The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ its multipliers; it never
 assembles G. Both take another c as an update of their data, without a new set-up.
 
@@ -24,7 +27,7 @@ import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import convex_obstacle
+from ...problems.contact.residual import convex_obstacle, row_lengths
 
 Form = Literal["delassus", "factors"]
 
@@ -98,6 +101,8 @@ def obstacle(problem: ContactProblem, form: Form) -> str | None:
         return reason
     if problem.factors is None:
         return "the problem holds G only, and this form needs the factors W and M⁻¹"
+    if problem.layout.rolling:
+        return "it has rolling friction, whose dual is no second-order cone; form='delassus' takes it"
     if (problem.laws.fixed_bound > 0.0).any():
         law = int(np.argmax(problem.laws.fixed_bound > 0.0))
         return f"friction law {law} has a fixed bound, whose dual is no cone; form='delassus' takes it"
@@ -105,8 +110,14 @@ def obstacle(problem: ContactProblem, form: Form) -> str | None:
 
 
 def largest_curvatures(problem: ContactProblem) -> FloatArray:
-    """Return α of each block [1/kg], its largest diagonal entry of G, that of all where it has none; (n_blocks,)."""
-    largest = problem.layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
+    """Return α of each block [1/kg], its largest diagonal entry of G, that of all where it has none; (n_blocks,).
+
+    Rolling rows count in the lengths ℓ of their laws (``residual``), here and in all units.
+    """
+    diagonal = problem.delassus_diagonal
+    if problem.layout.rolling:
+        diagonal = diagonal * row_lengths(problem) ** 2
+    largest = problem.layout.pad(diagonal).max(axis=1, initial=0.0)
     return np.where(largest > 0.0, largest, largest.max(initial=0.0) or 1.0)
 
 
@@ -115,18 +126,24 @@ class Scaling:
 
     Attributes:
         energy: e [J].
-        impulse: unit of each row's impulse, the same for all rows of a block [N s], shape (n_rows,).
-        block_impulse: the same for each block, shape (n_blocks,).
+        block_impulse: unit of the impulses of each block [N s], shape (n_blocks,).
+        block_moment: unit of their rolling impulses [N m s], shape (n_blocks,).
+        impulse: unit of each row's impulse, shape (n_rows,).
         lanes: row of each lane of each block, shape (n_blocks, width).
     """
 
     def __init__(self, problem: ContactProblem) -> None:
         layout, width = problem.layout, problem.layout.width
         alpha = largest_curvatures(problem)
-        energies = (layout.pad(problem.free_velocity) ** 2).sum(axis=1) / alpha
+        lengths = row_lengths(problem) if layout.rolling else np.ones(problem.n_rows)
+        energies = (layout.pad(lengths * problem.free_velocity) ** 2).sum(axis=1) / alpha
         self.energy = float(energies.max(initial=0.0)) or 1.0
         self.block_impulse: FloatArray = np.sqrt(self.energy / alpha)
-        self.impulse: FloatArray = layout.unpad(np.repeat(self.block_impulse, width))
+        self.block_moment = self.block_impulse
+        if layout.rolling:
+            of_lanes = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 where nothing rolls
+            self.block_moment = self.block_impulse * np.where(of_lanes > 0.0, of_lanes, 1.0)
+        self.impulse: FloatArray = lengths * layout.unpad(np.repeat(self.block_impulse, width))
         row_of_slot = np.full(layout.n_blocks * width, -1)
         row_of_slot[layout.slot] = np.arange(problem.n_rows)
         self.lanes = row_of_slot.reshape(layout.n_blocks, width)
@@ -221,8 +238,8 @@ def _solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatA
 def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
-    Λ_N ≥ 0 is implied by ‖Λ_T‖ ≤ μ Λ_N and is written out only where the cone does not say it; friction without any
-    bound to speak of (a = μ = 0) is the equation Λ_T = 0.
+    Λ_N ≥ 0 is implied by ‖Λ_T‖ ≤ μ Λ_N and is written out only where no cone says it; friction without any bound to
+    speak of (a = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
     """
     layout = problem.layout
     rows, columns, values = [], [], []
@@ -238,26 +255,43 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
         if kind is not None:
             cones.append(kind)
 
-    bounds_of_blocks = layout.fixed_bound / scaling.block_impulse
+    parts = friction_parts(problem, scaling)
     for block in range(layout.n_blocks):
-        normal, tangents = int(scaling.lanes[block, 0]), [int(row) for row in scaling.lanes[block, 1:] if row >= 0]
-        mu, fixed = float(layout.friction_coefficient[block]), float(bounds_of_blocks[block])
-        if normal >= 0 and (fixed > 0.0 or mu == 0.0 or not tangents):
+        normal, says_normal = int(scaling.lanes[block, 0]), bool(layout.is_bilateral[block])
+        for lanes, coefficients, bounds_of_blocks in parts:
+            says_normal |= coefficients[block] > 0.0 and bounds_of_blocks[block] == 0.0 and lanes[block].max() >= 0
+        if normal >= 0 and not says_normal:
             add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
-        if tangents and mu == 0.0 and fixed == 0.0:
-            for row in tangents:
-                add(clarabel.ZeroConeT(1), [(row, 1.0)], 0.0)
-        elif tangents:
-            add(None, [(normal, -mu)] if mu > 0.0 else [], fixed)
-            for row in tangents:
-                add(None, [(row, -1.0)], 0.0)
-            cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
+        for lanes, coefficients, bounds_of_blocks in parts:
+            held = [int(row) for row in lanes[block] if row >= 0]
+            mu, fixed = float(coefficients[block]), float(bounds_of_blocks[block])
+            if held and mu == 0.0 and fixed == 0.0:
+                for row in held:
+                    add(clarabel.ZeroConeT(1), [(row, 1.0)], 0.0)
+            elif held:
+                add(None, [(normal, -mu)] if mu > 0.0 else [], fixed)
+                for row in held:
+                    add(None, [(row, -1.0)], 0.0)
+                cones.append(clarabel.SecondOrderConeT(1 + len(held)))
     constraints = sp.csc_matrix((values, (rows, columns)), shape=(len(bounds), problem.n_rows))
     return constraints, np.array(bounds), cones
 
 
+def friction_parts(problem: ContactProblem, scaling: Scaling) -> list[tuple[Any, FloatArray, FloatArray]]:
+    """Return rows of the lanes, μ and a, in the units of ``scaling``, of sliding friction and of rolling friction."""
+    layout, first = problem.layout, 1 + problem.layout.sliding
+    parts = []
+    if layout.sliding:
+        fixed = layout.fixed_bound / scaling.block_impulse
+        parts.append((scaling.lanes[:, 1:first], layout.friction_coefficient, fixed))
+    if layout.rolling:
+        coefficient = layout.rolling_coefficient * (scaling.block_impulse / scaling.block_moment)
+        parts.append((scaling.lanes[:, first:], coefficient, layout.rolling_bound / scaling.block_moment))
+    return parts
+
+
 def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
-    """Return rows, a factor for each, and the cones in which (factor · ξ)[rows] lies: (ξ_N/μ, ξ_T), or ξ_N alone.
+    """Return rows, a factor for each, and the cones in which (factor · ξ)[rows] lies: (ξ_N/μ, ξ_T), ξ_N alone, or 0.
 
     A row that is in no cone has no impulse: friction with μ = 0.
     """
@@ -272,5 +306,6 @@ def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatAr
             continue
         rows += [normal, *tangents]
         factors += [1.0 / mu if tangents else 1.0, *[1.0] * len(tangents)]
-        cones.append(clarabel.SecondOrderConeT(1 + len(tangents)) if tangents else clarabel.NonnegativeConeT(1))
+        alone = clarabel.ZeroConeT(1) if layout.is_bilateral[block] else clarabel.NonnegativeConeT(1)
+        cones.append(clarabel.SecondOrderConeT(1 + len(tangents)) if tangents else alone)
     return np.array(rows, dtype=np.int64), np.array(factors), cones

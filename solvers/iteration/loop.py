@@ -102,7 +102,11 @@ def looked(
 
 def refuted(problem: ContactProblem) -> Solution:
     """Return the solution of an infeasible problem."""
-    return Solution(np.zeros(problem.n_rows), Status.INFEASIBLE, 0, "a unilateral law has G_ii = 0 and c_i < 0")
+    reason = "a unilateral law has G_ii = 0 and c_i < 0"
+    joints = problem.laws.first_row[problem.laws.is_bilateral]
+    if ((problem.delassus_diagonal[joints] == 0.0) & (problem.free_velocity[joints] != 0.0)).any():
+        reason = "a bilateral law has G_ii = 0 and c_i ≠ 0"
+    return Solution(np.zeros(problem.n_rows), Status.INFEASIBLE, 0, reason)
 
 
 def judged(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:

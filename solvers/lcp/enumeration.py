@@ -19,7 +19,7 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted
-from ..method import Method
+from ..method import Method, beyond_contacts
 
 MOST_CONTACTS = 6
 """Contacts up to which it is a matter of a second."""
@@ -42,6 +42,9 @@ class Enumeration(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
+        reason = beyond_contacts(problem)
+        if reason:
+            return reason
         if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any():
             return "it has spatial friction, whose directions of slip cannot be enumerated"
         if problem.n_contacts > MOST_CONTACTS:

@@ -18,7 +18,7 @@ from ...problems.contact.residual import ModelResidual, Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted
-from ..method import Method
+from ..method import Method, beyond_contacts
 from .formulation import Complementarity, check_sides, complementarity, unknowns_of_laws
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 
@@ -54,6 +54,9 @@ class Lemke(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
+        reason = beyond_contacts(problem)
+        if reason:
+            return reason
         if unknowns_of_laws(problem.laws, self.sides).sum() <= LARGEST_GROUP:
             return None
         matrix = complementarity(problem, Residual(problem), self.sides).matrix

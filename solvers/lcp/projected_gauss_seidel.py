@@ -20,7 +20,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ..iteration.loop import PreparedIteration
-from ..method import Method, check_option
+from ..method import Method, beyond_contacts, check_option
 from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, law_arguments, spatial_velocity
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides
@@ -55,8 +55,13 @@ class PyramidPGS(Method):
         """The pyramid of ``sides`` sides."""
         return Model.pyramid(self.sides)
 
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return beyond_contacts(problem)
+
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G, the segments of every friction law and their step sizes."""
+        self.check_supports(problem)
         if problem.layout.width < 3:  # one segment a contact: the sweep of SORprox, law by law
             sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
             return PreparedIteration(problem, Residual(problem), sweep.begin)

@@ -10,6 +10,7 @@ formulation for frictional contact problems prone to Newton like solution method
     slip    ‖x_T‖ > b       Λ_T = b t,  t = x_T/‖x_T‖
     idle    b = 0           Λ_T = 0
 
+Rolling friction has the states of sliding friction, with its own rows and bound, and a bilateral law is always closed.
 Open and idle rows leave the system. For the others the step δ obeys ξ + Gδ = 0 where the law is closed or sticks, and,
 times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
 
@@ -23,7 +24,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.laws import LawKind
+from ...problems.contact.laws import ROWS_OF_KIND
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
@@ -57,12 +58,10 @@ class Equations:
         laws = problem.laws
         self._delassus, self._free = problem.delassus(), problem.free_velocity
         self.entries = int(self._delassus.nnz)
-        self.row_alpha: FloatArray = np.zeros(problem.n_rows)
-        self.row_alpha[laws.first_row] = residual.alpha
-        spatial = laws.kind == LawKind.SPATIAL_FRICTION
-        self.row_alpha[laws.first_row[spatial] + 1] = residual.alpha[spatial]
+        rows = ROWS_OF_KIND[laws.kind]
+        self.row_alpha: FloatArray = np.repeat(residual.alpha, rows)
         partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
-        self._laws = (laws.kind, laws.first_row, laws.friction_coefficient, laws.fixed_bound, partner_row)
+        self._laws = (laws.kind, laws.first_row, rows, laws.friction_coefficient, laws.fixed_bound, partner_row)
         self._alpha = residual.alpha
 
     def velocity(self, impulses: FloatArray) -> FloatArray:
@@ -95,10 +94,12 @@ class Equations:
 
 @njit(cache=True)
 def _linearise(  # type: ignore[no-untyped-def]
-    kind, first_row, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
+    kind, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
 ):
     """Find the states; write Λ of open and idle rows, and right side and weights (P, and what stands on δ) of slip."""
     for law in range(len(kind)):
+        if kind[law] == 3:
+            is_active[first_row[law]] = alpha[law] > 0.0
         if kind[law] == 0:
             i = first_row[law]
             is_active[i] = alpha[law] * base[i] > velocity[i] and alpha[law] > 0.0
@@ -106,9 +107,9 @@ def _linearise(  # type: ignore[no-untyped-def]
                 base[i] = 0.0
     count = 0
     for law in range(len(kind)):
-        if kind[law] == 0:
+        if kind[law] == 0 or kind[law] == 3:
             continue
-        i, n, width = first_row[law], partner_row[law], 2 if kind[law] == 2 else 1
+        i, n, width = first_row[law], partner_row[law], rows[law]
         mu = friction[law] if n >= 0 and is_active[n] else 0.0
         bound = fixed[law] + (mu * max(base[n], 0.0) if n >= 0 else 0.0)
         if bound <= 0.0 and mu == 0.0:

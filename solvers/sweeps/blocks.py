@@ -4,6 +4,7 @@ One sweep visits the contacts in order and replaces the impulse of each by the s
 newest impulses of all others (``one_contact``); with relaxation ω it moves to Λ + ω(Λ* − Λ), projected onto its cone.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +13,10 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
+from .any_laws import any_laws, into_ball, velocity_of_block
 from .delassus import DelassusState, FlatDelassus, law_arguments, planar_velocity, spatial_velocity
 from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial
+from .rolling_contact import solve_rolling
 from .slip_angle import WORKSPACE
 from .step_size import diagonal_step_sizes
 
@@ -24,13 +27,14 @@ class BlockSweep:
 
     Attributes:
         delassus: G and c.
-        laws: μ of the contact's own normal impulse, μ of another's, a, and the N lane of each block's partner.
-        step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
+        laws: μ of the contact's own normal impulse, μ of another's, a, and the N lane of each block's partner; where
+            there are joints or rolling friction, then the rest of ``AnyLaws``.
+        step_sizes: 1/α for the lanes of each block [kg], as in ``step_size``.
         relaxation: ω.
     """
 
     delassus: FlatDelassus
-    laws: tuple[FloatArray, FloatArray, FloatArray, Any]
+    laws: tuple[Any, ...]
     step_sizes: FloatArray
     relaxation: float
 
@@ -40,7 +44,12 @@ class BlockSweep:
         layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
         own = layout.partner == np.arange(layout.n_blocks)
         own_friction = np.where(own, layout.friction_coefficient, 0.0)
-        laws = (own_friction, layout.friction_coefficient - own_friction, *law_arguments(layout, sizes)[2:])
+        remote = layout.friction_coefficient - own_friction
+        if layout.has_contacts_only:
+            return BlockSweep(
+                FlatDelassus.of(problem), (own_friction, remote, *law_arguments(layout, sizes)[2:]), sizes, relaxation
+            )
+        laws = (own_friction, remote, *any_laws(layout, sizes)[2:])
         return BlockSweep(FlatDelassus.of(problem), laws, sizes, relaxation)
 
 
@@ -48,13 +57,15 @@ class BlockIterates(DelassusState):
     """Λ of a block Gauss–Seidel iteration.
 
     Attributes:
-        step_sizes: 1/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2).
+        step_sizes: 1/α for the lanes of each block [kg], as in ``step_size``.
     """
 
     def __init__(self, sweep: BlockSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
         self._sweep, self.step_sizes = sweep, sweep.step_sizes
-        self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
+        self._kernel: Callable[..., None] = _sweep_any
+        if self.layout.has_contacts_only:
+            self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._work = np.empty(WORKSPACE)
         self._relaxation = np.full(self.layout.n_blocks, float(sweep.relaxation))
 
@@ -127,3 +138,77 @@ def _sweep_spatial(  # type: ignore[no-untyped-def]
                 t *= scale
                 s *= scale
             impulses[k], impulses[k + one], impulses[k + two] = n, t, s
+
+
+@njit(cache=True, error_model="numpy")
+def _sweep_any(  # type: ignore[no-untyped-def]
+    count,
+    relaxation,
+    starts,
+    lanes,
+    values,
+    free,
+    friction,
+    remote,
+    fixed,
+    partner,
+    lowest,
+    rolling,
+    rolling_fixed,
+    axes,
+    sliding,
+    impulses,
+    work,
+):
+    """Sweeps over joints, row by row, and contacts with and without rolling friction."""
+    width = len(axes)
+    xi, old, block = np.empty(width), np.empty(width), np.empty((width, width))
+    for _ in range(count):
+        for i in range(len(friction)):
+            k, own = width * i, width * width * np.int64(starts[i])
+            velocity_of_block(i, 1, axes, starts, lanes, values, free, impulses, xi)
+            held = impulses[k : k + width]
+            old[:] = held
+            if lowest[i] < 0.0:
+                new = -xi[0] / values[own] if values[own] > 0.0 else held[0]
+                held[0] = old[0] + relaxation[i] * (new - old[0])
+                continue
+            for row in range(width):
+                block[row] = values[own + width * row : own + width * (row + 1)]
+            bound = fixed[i]
+            if remote[i] > 0.0:
+                bound += remote[i] * impulses[partner[i]]
+            if rolling[i] > 0.0 or rolling_fixed[i] > 0.0:
+                solve_rolling(block, xi, sliding, friction[i], bound, rolling[i], rolling_fixed[i], held)
+            else:
+                held[1 + sliding :] = 0.0
+                _solve_without_rolling(block, xi, sliding, friction[i], bound, held, work)
+            if relaxation[i] != 1.0:
+                _relax(relaxation[i], sliding, friction[i], bound, rolling[i], rolling_fixed[i], old, held)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_without_rolling(block, xi, sliding, friction, bound, held, work):  # type: ignore[no-untyped-def]
+    """Replace Λ_N and Λ_T by the solution of their contact."""
+    if sliding == 0:
+        held[0] = solve_frictionless(block[0, 0], xi[0])
+    elif sliding == 1:
+        nn, nt, tn, tt = block[0, 0], block[0, 1], block[1, 0], block[1, 1]
+        held[0], held[1] = solve_planar(nn, nt, tn, tt, xi[0], xi[1], friction, bound, held[0], held[1])
+    else:
+        g = np.ascontiguousarray(block[:3, :3]).reshape(-1)
+        held[0], held[1], held[2] = solve_spatial(
+            g, xi[0], xi[1], xi[2], friction, bound, held[0], held[1], held[2], work
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _relax(relaxation, sliding, friction, fixed, rolling, rolling_fixed, old, held):  # type: ignore[no-untyped-def]
+    """Move Λ from ``old`` by the part ``relaxation`` towards ``held``, back onto its bounds."""
+    for k in range(len(held)):
+        held[k] = old[k] + relaxation * (held[k] - old[k])
+    held[0] = max(held[0], 0.0)
+    first = 1 + sliding
+    zeros = np.zeros(len(held))
+    into_ball(0.0, fixed + friction * held[0], 1, zeros, held[1:first], zeros)
+    into_ball(0.0, rolling_fixed + rolling * held[0], first, zeros, held[first:], zeros)

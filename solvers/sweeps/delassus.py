@@ -7,6 +7,7 @@ The kernels address flat arrays with unsigned numbers: numba then needs neither 
 which makes a sweep about a third faster than the same loops over blocks of three axes.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import with_momentum
+from .any_laws import AnyLaws, any_laws, sweep_delassus
 from .one_contact import disc_scale
 
 
@@ -78,16 +80,19 @@ class DelassusSweep:
 
     Attributes:
         delassus: G and c.
-        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner.
+        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner; where there are joints or rolling
+            friction, ``AnyLaws``.
     """
 
     delassus: FlatDelassus
-    laws: tuple[FloatArray, FloatArray, FloatArray, Any]
+    laws: tuple[FloatArray, FloatArray, FloatArray, Any] | AnyLaws
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "DelassusSweep":
-        """Return the sweep of ``problem`` with step sizes of shape (n_blocks, 2)."""
-        return DelassusSweep(FlatDelassus.of(problem), law_arguments(problem.layout, sizes))
+        """Return the sweep of ``problem`` with step sizes as in ``step_size``."""
+        layout = problem.layout
+        laws = law_arguments(layout, sizes) if layout.has_contacts_only else any_laws(layout, sizes)
+        return DelassusSweep(FlatDelassus.of(problem), laws)
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
@@ -98,13 +103,15 @@ class DelassusIterates(DelassusState):
     """Λ of a Gauss–Seidel iteration.
 
     Attributes:
-        step_sizes: r of the N lane and the T lanes of each block [kg], shape (n_blocks, 2).
+        step_sizes: r of the lanes of each block [kg], as in ``step_size``.
     """
 
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
-        self.step_sizes = sweep.laws[0].reshape(-1, 2)
-        self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
+        self._kernel: Callable[..., None] = sweep_delassus
+        self.step_sizes = sweep.laws[0].reshape(-1, 2 if self.layout.has_contacts_only else 3)
+        if self.layout.has_contacts_only:
+            self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._laws = sweep.laws
 
     def sweep(self, count: int) -> None:

@@ -22,6 +22,7 @@ from ...problems.contact.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Accelerated, Iterates
 from ..iteration.momentum import with_momentum
+from .any_laws import any_laws, sweep_factors
 from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, slots_in_batches, sweep_batches
 from .delassus import law_arguments
 from .one_contact import disc_scale
@@ -55,12 +56,17 @@ class FactorSweep:
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
-        """Return the sweep of ``problem``, which holds factors, with step sizes of shape (n_blocks, 2).
+        """Return the sweep of ``problem``, which holds factors, with step sizes as in ``step_size``.
 
         Spatial contacts between two bodies, or one and the ground, have kernels of their own, in batches if these fill.
         """
         layout, pieces = problem.layout, problem.factor_pieces()
-        free, laws = layout.pad(problem.free_velocity).reshape(-1), law_arguments(layout, sizes)
+        free = layout.pad(problem.free_velocity).reshape(-1)
+        if not layout.has_contacts_only:
+            factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
+            given: tuple[Any, ...] = (pieces.starts, pieces.chunks, pieces.values, free, *any_laws(layout, sizes))
+            return FactorSweep(layout, pieces, sweep_factors, given, _product, factor, free, None, len(free))
+        laws = law_arguments(layout, sizes)
         coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
@@ -79,7 +85,8 @@ class FactorSweep:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
         if self.slots is not None:
             return BatchIterates(self, start, momentum)
-        return with_momentum(FactorIterates(self, start), momentum)
+        iterates = FactorIterates if self.layout.has_contacts_only else AnyLawIterates
+        return with_momentum(iterates(self, start), momentum)
 
 
 class FactorIterates:
@@ -114,6 +121,20 @@ class FactorIterates:
         own = self._sweep
         own.product(*own.factor, own.free, self._scaled, self._relative)
         return own.layout.unpad(self._relative)
+
+
+class AnyLawIterates(FactorIterates):
+    """The same with joints or rolling friction: v is computed anew whenever ξ is looked at.
+
+    Nothing bounds the impulses of joints. With momentum, those of redundant ones grow and shrink again by many orders
+    on the way, and the rounding of their largest would stay in v.
+    """
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        pieces = self._sweep.pieces
+        self._scaled[: -pieces.length] = pieces.times(self._held)
+        return super().relative_velocity()
 
 
 class BatchIterates(FactorIterates, Accelerated):

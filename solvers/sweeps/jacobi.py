@@ -8,9 +8,13 @@ except that the friction bound μ Λ_N takes the normal impulse that the same sw
 2005, [41–51]).
 """
 
+from collections.abc import Callable
+from functools import partial
+
 from numba import njit
 
 from ...problems.arrays import FloatArray
+from .any_laws import project_all
 from .delassus import DelassusState, DelassusSweep
 from .one_contact import disc_scale
 
@@ -20,13 +24,16 @@ class JacobiIterates(DelassusState):
 
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
+        self._project: Callable[..., None] = project_all
+        if self.layout.has_contacts_only:
+            self._project = partial(_project, self.layout.width)
         self._laws = sweep.laws
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         for _ in range(count):
             self._delassus.relative_velocity(self.padded, self._velocity)
-            _project(self.layout.width, *self._laws, self._velocity, self.padded)
+            self._project(*self._laws, self._velocity, self.padded)
 
 
 @njit(cache=True)

@@ -62,8 +62,9 @@ class SafeguardedIterates:
             count -= step
             if step == left:
                 self._since_look, self._looks_since_cut = 0, self._looks_since_cut + 1
-                width = self._iterates.layout.width
-                if _cut_where_opposed(width, self._before, self._previous, newest, sizes, self._fraction):
+                layout, groups = self._iterates.layout, self._iterates.step_sizes.shape[1]
+                lanes = (layout.width, layout.sliding, groups)
+                if _cut_where_opposed(*lanes, self._before, self._previous, newest, sizes, self._fraction):
                     self._looks_since_cut = 0
                     self._iterates.scale_steps(self._fraction)
 
@@ -82,15 +83,15 @@ class SafeguardedIterates:
 
 
 @njit(cache=True)
-def _cut_where_opposed(width, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
+def _cut_where_opposed(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
     """Cut the step of every contact whose last two increments are opposed and do not shrink; return whether any was."""
-    one, two, lanes = uint64(1), uint64(2), uint64(width)
+    lanes, groups = uint64(width), uint64(groups)
     was_cut = False
     for i in range(uint64(len(fraction))):
         k = lanes * i
         product, older, newer, impulse = 0.0, 0.0, 0.0, 0.0
         for lane in range(lanes):
-            r = step_sizes[two * i + (one if lane > 0 else uint64(0))]
+            r = step_sizes[groups * i + uint64(0 if lane == 0 else (1 if lane <= sliding else 2))]
             weight = 1.0 / r if r > 0.0 else 0.0
             a = previous[k + lane] - before[k + lane]
             b = newest[k + lane] - previous[k + lane]

@@ -1,5 +1,8 @@
 """The step sizes r of the projected iterations, one for each law.
 
+They come as an array with one row a block: r of its N lane, of its T lanes, and, where a problem has joints or rolling
+friction, of its R lanes, shape (n_blocks, 2) or (n_blocks, 3). In the formulas
+
     diagonal [52]:   r_i = ω / α_i,      α_i = largest diagonal entry of the law's block of G
     row sum [53]:    r_i = ω / max_h Σ_k |G_hk|,      h over the rows of law i
 
@@ -15,6 +18,7 @@ from numba import njit
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import row_lengths
 from ..method import check_option
 
 StepSize = Literal["diagonal", "row_sum"]
@@ -35,7 +39,7 @@ def check_relaxation(relaxation: float) -> None:
 def step_sizes(
     problem: ContactProblem, step_size: StepSize, relaxation: float, row_sums: Callable[[ContactProblem], FloatArray]
 ) -> FloatArray:
-    """Return r for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2), by one of both rules.
+    """Return r for the lanes of each block [kg], see the module, by one of both rules.
 
     ``row_sums`` returns Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), for the second.
     """
@@ -45,12 +49,16 @@ def step_sizes(
 
 
 def diagonal_step_sizes(problem: ContactProblem, relaxation: float) -> FloatArray:
-    """Return ω/α for the N lane and for the T lanes of each block [kg], shape (n_blocks, 2)."""
+    """Return ω/α for the lanes of each block [kg], see the module."""
     return _per_law(problem, problem.delassus_diagonal, relaxation)
 
 
 def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> FloatArray:
-    padded = problem.layout.pad(of_row)
+    layout = problem.layout
+    padded = layout.pad(of_row)
+    if not layout.has_contacts_only:
+        parts = np.split(padded, [1, 1 + layout.sliding], axis=1)
+        return inverse(np.column_stack([part.max(axis=1, initial=0.0) for part in parts]), relaxation)
     sizes = np.zeros((len(padded), 2))
     sizes[:, 0] = padded[:, 0]
     if padded.shape[1] > 1:
@@ -64,7 +72,13 @@ def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
 
 
 def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
-    """Return Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), from the assembled matrix."""
+    """Return Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), from the assembled matrix.
+
+    Rolling rows count in the lengths ℓ of their laws (``residual``): Σ_k |G_hk| ℓ_k/ℓ_h.
+    """
+    if problem.layout.rolling:
+        length = row_lengths(problem)
+        return np.asarray(abs(problem.delassus()) @ length / length)
     blocks = problem.delassus_blocks()
     within = np.abs(blocks.values).sum(axis=2)
     sums = np.add.reduceat(within, blocks.starts[:-1], axis=0) if len(within) else within
@@ -72,13 +86,16 @@ def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
 
 
 def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
-    """Return Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), one row of G at a time and none kept."""
+    """Return the same, one row of G at a time and none kept."""
     assert problem.factors is not None
-    by_row = problem.factors.scaled_directions
+    by_row, length = problem.factors.scaled_directions, None
+    if problem.layout.rolling:
+        length = row_lengths(problem)
+        by_row = sp.csc_array(by_row @ sp.diags_array(length))
     by_dof = sp.csr_array(by_row)
     pattern = (by_row.indptr, by_row.indices, by_row.data, by_dof.indptr, by_dof.indices, by_dof.data)
     sums: FloatArray = _row_sums(*pattern, problem.n_rows)
-    return sums
+    return sums if length is None else sums / length**2
 
 
 @njit(cache=True)

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench.generate import RECIPES, generate, remade
+from proxbench.bench.generate import RECIPES, RollingRecipe, generate, remade
 from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.catalog.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
+from proxbench.problems.hard.spheres import with_rolling_friction
 
 SMALL = ["funnel-30-early", "funnel-30", "woodpecker-beak-impact"]
 
@@ -30,6 +31,21 @@ def difference(first: ContactProblem, second: ContactProblem) -> float:
 
 def test_every_problem_that_is_not_a_formula_has_a_recipe() -> None:
     assert set(RECIPES) == set(SUITES["all"]) - set(HARD_CASES)
+
+
+def test_the_pile_that_resists_rolling_is_the_frozen_pile_with_another_law() -> None:
+    recipe = RECIPES["pile-100-rolling"]
+    assert isinstance(recipe, RollingRecipe)
+    resisting = with_rolling_friction(load(recipe.of), recipe.rolling_friction)
+    assert load("pile-100-rolling").digest == resisting.digest
+
+
+def test_a_recipe_that_adds_a_law_remakes_what_it_is_added_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(RECIPES, "rolling", RollingRecipe("funnel-30-early", 0.002))
+    plain, resisting = remade(["funnel-30-early"]), remade(["rolling"])
+    for one, other in zip(plain, resisting, strict=True):
+        assert (other.name, other.provenance["rolling_friction"]) == ("rolling", 0.002)
+        assert other.digest == with_rolling_friction(one, 0.002).digest
 
 
 def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:

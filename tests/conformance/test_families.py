@@ -12,7 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, tried
 from proxbench.problems import ContactProblem, judge
-from proxbench.problems.hard.families import STATES, Family, braced, with_solution, with_spectrum
+from proxbench.problems.hard.families import (
+    STATES,
+    Family,
+    LinkedFamily,
+    braced,
+    with_linked_solution,
+    with_solution,
+    with_spectrum,
+)
 from proxbench.problems.hard.transformations import Transformed, duplicated, in_units, permuted, rotated
 from proxbench.solvers import Solver, Status, Stop, available, create
 
@@ -37,6 +45,16 @@ def families(draw: Any) -> Family:
 
 
 @st.composite
+def linked_families(draw: Any) -> LinkedFamily:
+    return LinkedFamily(
+        **vars(draw(families())),
+        n_joints=draw(st.integers(0, 4)),
+        rolling_rows=draw(st.integers(0, 3)),
+        rolling_friction=draw(st.sampled_from([0.0, 0.125, 1.0])),
+    )
+
+
+@st.composite
 def spectral_problems(draw: Any) -> ContactProblem:
     dim, n_contacts = draw(st.integers(1, 3)), draw(st.integers(1, 5))
     exponents = draw(st.lists(st.integers(-6, 3), min_size=dim * n_contacts, max_size=dim * n_contacts))
@@ -47,7 +65,10 @@ def spectral_problems(draw: Any) -> ContactProblem:
 
 seeds = st.integers(0, 2**32 - 1)
 problems = st.one_of(
-    st.builds(with_solution, families(), seeds), st.builds(braced, families(), seeds), spectral_problems()
+    st.builds(with_solution, families(), seeds),
+    st.builds(braced, families(), seeds),
+    spectral_problems(),
+    st.builds(with_linked_solution, linked_families(), seeds),
 )
 solvers = st.sampled_from([create(name) for name in available()])
 

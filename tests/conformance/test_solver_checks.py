@@ -28,7 +28,7 @@ def _forgotten() -> Iterator[None]:
     ("fault", "check", "words"),
     [
         ("no solve", "interface", "returned an int, which has no method solve(stop, start=None, observe=None)"),
-        ("supports nothing", "useful", "refuses all 20 small problems, the first because it is Monday"),
+        ("supports nothing", "useful", "refuses all 25 small problems, the first because it is Monday"),
         ("supports True", "supports", "its supports returned True"),
         ("supports without words", "supports", "its supports returned ' '; return None"),
         ("supports at random", "supports", "answers otherwise the second time"),
@@ -42,7 +42,7 @@ def _forgotten() -> Iterator[None]:
         ("forgetful", "deterministic", "on the same prepared problem"),
         ("remembers", "first solve", "keep no answers of one solve for another"),
         ("lies", "truthful", "to 0.0001, but the judge of its model (coulomb) reads"),
-        ("gives up", "useful", "solves none of 20 problems to 0.001"),
+        ("gives up", "useful", "solves none of 25 problems to 0.001"),
         ("zero", "useful", "its best residual is 9.8e-03"),
         ("blind to infeasibility", "infeasible", "ends as iteration limit"),
         ("never zero", "at rest", "up to 1.0e-15 N s"),
@@ -71,6 +71,8 @@ def _forgotten() -> Iterator[None]:
         ("lies on hard-grazing-10", "hard degenerate", "claims to have solved hard-grazing-10"),
         ("lies on hard-disconnected-parts", "hard mixed", "claims to have solved hard-disconnected-parts"),
         ("lies on hard-braced-mu10", "hard random", "claims to have solved hard-braced-mu10"),
+        ("lies on hard-pendulum", "hard joints", "claims to have solved hard-pendulum"),
+        ("lies on hard-slowing-sphere-stops", "hard rolling", "claims to have solved hard-slowing-sphere-stops"),
         ("list", "finite", "impulses of type list, not a plain numpy array"),
         ("masked", "finite", "impulses of type MaskedArray, not a plain numpy array"),
         ("negative count", "finite", "a number of iterations that is negative"),
@@ -143,6 +145,8 @@ ALONE = {
     "lies on hard-grazing-10": {"hard degenerate"},
     "lies on hard-disconnected-parts": {"hard mixed"},
     "lies on hard-braced-mu10": {"hard random"},
+    "lies on hard-pendulum": {"hard joints"},
+    "lies on hard-slowing-sphere-stops": {"hard rolling"},
 }
 """Faults that few checks notice, and those checks."""
 

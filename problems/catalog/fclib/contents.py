@@ -6,11 +6,15 @@
     /solution        v, u, r, l
     /guesses         number_of_guesses
 
-Source: Acary et al., *FCLIB: a collection of discrete 3D frictional contact problems*, Inria RT-444 (2014).
+V, R and s, or G and b, are there where the problem has joints. A contact has ``spacedim`` rows: N and T, or N, T1 and
+T2; with rolling friction N, T and R, or N, T1, T2, R1 and R2.
+
+Sources: Acary et al., *FCLIB: a collection of discrete 3D frictional contact problems*, Inria RT-444 (2014); of rolling
+friction what Siconos writes, ``globalRollingFrictionContact_fclib_write``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +37,9 @@ It stands twice, beside the title and beside the vectors, so that damage to one 
 TEXTS = ("title", "description", "math_info")
 """What is said of a problem."""
 
+ROWS_OF_CONTACTS = (2, 3, 5)
+"""Rows that a contact may have, 5 with rolling friction alone."""
+
 MOST_GUESSES = 10_000
 """Guesses that a file may say it has."""
 
@@ -42,20 +49,18 @@ class Contents:
     """What both forms have.
 
     Attributes:
-        dimension: rows of a contact, 2 or 3, the normal one first.
+        dimension: rows of a contact, the normal one first: 2 or 3, with rolling friction 3 or 5.
         friction: μ, shape (n_contacts,).
-        bilateral: rows of V, R or G, which hold relative velocities at zero.
-        rolling: whether there is rolling friction.
+        rolling_friction: μ_r [m], shape (n_contacts,); ``None`` without rolling friction.
         about: texts by name: title, description, math_info.
         digest: that of the problem, in files that were written here; else empty.
-        solution: the impulses r [N s] that are stored as the solution, shape (n_rows,), if any were written.
+        solution: the impulses r and λ [N s] that are stored as the solution, shape (n_rows,), if any were written.
         guesses: how many guesses there are.
     """
 
     dimension: int
     friction: FloatArray
-    bilateral: int = 0
-    rolling: bool = False
+    rolling_friction: FloatArray | None = None
     about: Mapping[str, str] = field(default_factory=dict)
     digest: str = ""
     solution: FloatArray | None = None
@@ -67,17 +72,28 @@ class LocalContents(Contents):
     """A problem by its Delassus matrix.
 
     Attributes:
-        W: [1/kg], shape (n_rows, n_rows).
-        q: [m/s], shape (n_rows,).
+        W: between contacts [1/kg], shape (n_contact_rows, n_contact_rows).
+        V: between contacts and joints, shape (n_contact_rows, n_joints).
+        R: between joints, shape (n_joints, n_joints).
+        q: free velocity of the contacts [m/s], shape (n_contact_rows,).
+        s: free velocity of the joints, shape (n_joints,).
     """
 
     W: sp.csr_array[Any] = field(kw_only=True)
+    V: sp.csr_array[Any] = field(kw_only=True)
+    R: sp.csr_array[Any] = field(kw_only=True)
     q: FloatArray = field(kw_only=True)
+    s: FloatArray = field(kw_only=True)
 
     @property
-    def n_rows(self) -> int:
-        """Number of rows."""
+    def n_contact_rows(self) -> int:
+        """Number of rows of contacts."""
         return len(self.q)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of rows of joints."""
+        return len(self.s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,20 +102,29 @@ class GlobalContents(Contents):
 
     Attributes:
         M: mass matrix, shape (n_dofs, n_dofs).
-        H: force directions, shape (n_dofs, n_rows).
+        H: force directions of the contacts, shape (n_dofs, n_contact_rows).
+        G: force directions of the joints, shape (n_dofs, n_joints).
         f: impulse of all other forces, with the momentum before, shape (n_dofs,).
-        w: the part of the relative velocity that does not move with v [m/s], shape (n_rows,).
+        w: the part of the contacts' relative velocity that does not move with v [m/s], shape (n_contact_rows,).
+        b: that of the joints, shape (n_joints,).
     """
 
     M: sp.csr_array[Any] = field(kw_only=True)
     H: sp.csc_array[Any] = field(kw_only=True)
+    G: sp.csc_array[Any] = field(kw_only=True)
     f: FloatArray = field(kw_only=True)
     w: FloatArray = field(kw_only=True)
+    b: FloatArray = field(kw_only=True)
 
     @property
-    def n_rows(self) -> int:
-        """Number of rows."""
+    def n_contact_rows(self) -> int:
+        """Number of rows of contacts."""
         return len(self.w)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of rows of joints."""
+        return len(self.b)
 
 
 def read_contents(file: Group) -> LocalContents | GlobalContents:
@@ -117,38 +142,56 @@ def read_contents(file: Group) -> LocalContents | GlobalContents:
     common: dict[str, Any] = {
         "dimension": root.integer("spacedim"),
         "friction": vectors.floats("mu"),
-        "rolling": roots[0] == ROLLING,
+        "rolling_friction": vectors.floats("mu_r") if roots[0] == ROLLING else None,
         "about": {name: root.group("info").text(name) for name in TEXTS} if "info" in root else {},
         "digest": _digest(root),
         "guesses": _guesses(file),
     }
-    found: LocalContents | GlobalContents
-    if roots[0] == LOCAL:
-        q = vectors.floats("q")
-        matrix = sp.csr_array(read_matrix(root.group("W"), (len(q), len(q))))
-        common |= {"bilateral": _columns(root, "V", "R"), "solution": _solution(file, len(q))}
-        found = LocalContents(W=matrix, q=q, **common)
-    else:
-        f, w = vectors.floats("f"), vectors.floats("w")
-        mass = sp.csr_array(read_matrix(root.group("M"), (len(f), len(f))))
-        directions = sp.csc_array(read_matrix(root.group("H"), (len(f), len(w))))
-        common |= {"bilateral": _columns(root, "G"), "solution": _solution(file, len(w))}
-        found = GlobalContents(M=mass, H=directions, f=f, w=w, **common)
+    found = (_local if roots[0] == LOCAL else _global)(root, vectors, common)
     _check_contacts(found, root.path)
-    return found
+    return replace(found, solution=_solution(file, found.n_contact_rows, found.n_joints))
+
+
+def _local(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents | GlobalContents:
+    q, s = vectors.floats("q"), _free_joints(root, vectors, "s", ("V", "R"))
+    coupling, joints = sp.csr_array((len(q), len(s))), sp.csr_array((len(s), len(s)))
+    matrix = sp.csr_array(read_matrix(root.group("W"), (len(q), len(q))))
+    if len(s):
+        coupling = sp.csr_array(read_matrix(root.group("V"), coupling.shape))
+        joints = sp.csr_array(read_matrix(root.group("R"), joints.shape))
+    return LocalContents(W=matrix, V=coupling, R=joints, q=q, s=s, **common)
+
+
+def _global(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents | GlobalContents:
+    f, w, b = vectors.floats("f"), vectors.floats("w"), _free_joints(root, vectors, "b", ("G",))
+    mass = sp.csr_array(read_matrix(root.group("M"), (len(f), len(f))))
+    directions = sp.csc_array(read_matrix(root.group("H"), (len(f), len(w))))
+    joints = sp.csc_array((len(f), len(b)))
+    if len(b):
+        joints = sp.csc_array(read_matrix(root.group("G"), joints.shape))
+    return GlobalContents(M=mass, H=directions, G=joints, f=f, w=w, b=b, **common)
 
 
 def stored_contents(contents: LocalContents | GlobalContents) -> dict[str, NDArray[Any] | bytes]:
     """Return the data sets of a file by their paths, without a solution; local matrices in rows, global in triplets."""
-    vectors: dict[str, FloatArray]
+    vectors: dict[str, FloatArray] = {"mu": contents.friction}
+    matrices: dict[str, Any]
     if isinstance(contents, LocalContents):
-        root, matrices, vectors = LOCAL, {"W": stored_matrix(contents.W, ROWS)}, {"q": contents.q}
+        root, kind, matrices, vectors["q"] = LOCAL, ROWS, {"W": contents.W}, contents.q
+        if contents.n_joints:
+            matrices |= {"V": contents.V, "R": contents.R}
+            vectors["s"] = contents.s
     else:
-        mass, directions = (stored_matrix(matrix, TRIPLETS) for matrix in (contents.M, contents.H))
-        root, matrices, vectors = GLOBAL, {"M": mass, "H": directions}, {"f": contents.f, "w": contents.w}
+        root, kind, matrices = GLOBAL, TRIPLETS, {"M": contents.M, "H": contents.H}
+        vectors |= {"f": contents.f, "w": contents.w}
+        if contents.n_joints:
+            matrices["G"], vectors["b"] = contents.G, contents.b
+        if contents.rolling_friction is not None:
+            root, vectors["mu_r"] = ROLLING, contents.rolling_friction
     data: dict[str, NDArray[Any] | bytes] = {f"{root}/spacedim": np.array([contents.dimension], dtype=np.int32)}
-    data |= {f"{root}/{name}/{part}": array for name, parts in matrices.items() for part, array in parts.items()}
-    data |= {f"{root}/vectors/{name}": vector for name, vector in {**vectors, "mu": contents.friction}.items()}
+    for name, matrix in matrices.items():
+        data |= {f"{root}/{name}/{part}": array for part, array in stored_matrix(matrix, kind).items()}
+    data |= {f"{root}/vectors/{name}": vector for name, vector in vectors.items()}
     data |= {f"{root}/info/{name}": text.encode() for name, text in contents.about.items() if text}
     digests = {f"{root}/{group}/{DIGEST}": contents.digest.encode() for group in ("info", "vectors")}
     return data | (digests if contents.digest else {})
@@ -164,19 +207,26 @@ def _digest(root: Group) -> str:
     return written[0]
 
 
-def _columns(root: Group, *names: str) -> int:
-    """Return how many bilateral rows the matrices ``names`` stand for."""
-    return max((root.group(name).integer("n") for name in names if name in root), default=0)
+def _free_joints(root: Group, vectors: Group, name: str, matrices: tuple[str, ...]) -> FloatArray:
+    """Return the vector of the joints; nothing where none of their matrices has columns."""
+    if any(matrix in root and root.group(matrix).integer("n") for matrix in matrices):
+        return vectors.floats(name)
+    if vectors.is_written(name) and len(vectors.floats(name)):
+        raise ContainerError(f"{vectors.path}/{name} is there, and {' and '.join(matrices)} that go with it are not")
+    return np.zeros(0)
 
 
-def _solution(file: Group, n_rows: int) -> FloatArray | None:
-    """Return the impulses of the solution; None where they were never written, or are zeros that stand for that."""
-    if "solution" not in file or not file.group("solution").is_written("r"):
+def _solution(file: Group, n_contact_rows: int, n_joints: int) -> FloatArray | None:
+    """Return r and λ of the solution; None where they were never written, or are zeros that stand for that."""
+    parts = [(name, count) for name, count in (("r", n_contact_rows), ("l", n_joints)) if count]
+    if "solution" not in file or not all(file.group("solution").is_written(name) for name, _ in parts):
         return None
-    impulses = file.group("solution").floats("r")
-    if impulses.shape != (n_rows,):
-        raise ContainerError(f"/solution/r must have {n_rows} entries, and has {len(impulses)}")
-    return impulses if impulses.any() else None
+    impulses = [file.group("solution").floats(name) for name, _ in parts]
+    for (name, count), found in zip(parts, impulses, strict=True):
+        if len(found) != count:
+            raise ContainerError(f"/solution/{name} must have {count} entries, and has {len(found)}")
+    together = np.concatenate([np.zeros(0), *impulses])
+    return together if together.any() else None
 
 
 def _guesses(file: Group) -> int:
@@ -186,8 +236,11 @@ def _guesses(file: Group) -> int:
 
 
 def _check_contacts(contents: LocalContents | GlobalContents, path: str) -> None:
-    contacts, dimension = len(contents.friction), contents.dimension
-    if dimension in (2, 3) and contents.n_rows != dimension * contacts:
+    contacts, rolling = len(contents.friction), contents.rolling_friction
+    if rolling is not None and len(rolling) != contacts:
+        raise ContainerError(f"{path}/vectors/mu_r must have {contacts} entries as mu has, and has {len(rolling)}")
+    if contents.dimension in ROWS_OF_CONTACTS and contents.n_contact_rows != contents.dimension * contacts:
         raise ContainerError(
-            f"{path} has {contents.n_rows} rows, and mu and spacedim mean {contacts} contacts of {dimension} rows each"
+            f"{path} has {contents.n_contact_rows} rows, and mu and spacedim mean {contacts} contacts of "
+            f"{contents.dimension} rows each"
         )

@@ -1,11 +1,13 @@
 """FCLIB's problems as contact problems, and back.
 
 FCLIB asks for the relative velocities u and impulses r of contacts with C*_μ ∋ u + μ‖u_T‖ e_N ⟂ r ∈ C_μ, De Saxcé's
-form of −u_N ∈ N_{R₀⁺}(r_N), −u_T ∈ N_{S(μ r_N)}(r_T). So the signs are those of ``laws``, and with our letters on the
-left sides::
+form of −u_N ∈ N_{R₀⁺}(r_N), −u_T ∈ N_{S(μ r_N)}(r_T); with rolling friction the cone is ‖r_T‖ ≤ μ r_N, ‖r_R‖ ≤ μ_r r_N,
+and u is lifted by μ_r‖u_R‖ too. Joints have zero on the left side of their rows and impulses λ without bounds. So the
+signs are those of ``laws``, and with our letters on the left sides::
 
-    local    ξ = u,  Λ = r,  G = W,  c = q
-    global   ξ = u,  Λ = r,  W = H,  c = Hᵀ M⁻¹ f + w,  free motion M⁻¹ f,  velocity after the step v = M⁻¹ (f + H r)
+    local    ξ = (u, 0),  Λ = (r, λ),  G = [[W, V], [Vᵀ, R]],  c = (q, s)
+    global   ξ = (u, 0),  Λ = (r, λ),  W = [H, G],  c = (Hᵀ M⁻¹ f + w, Gᵀ M⁻¹ f + b),
+             free motion M⁻¹ f,  velocity after the step v = M⁻¹ (f + H r + G λ)
 
 Whatever the contacts' own velocities before the step add, as by Newton's impact law, is in q or w already: u is
 γ_E + ε γ_B, as ξ is.
@@ -19,13 +21,13 @@ import scipy.sparse as sp
 
 from ...arrays import FloatArray
 from ...contact.answer import Answer
-from ...contact.factors import InverseMass
+from ...contact.factors import Factors, InverseMass
 from ...contact.judge import judge
 from ...contact.problem import SYMMETRY_TOLERANCE, ContactProblem
 from ...errors import ProblemError
 from ...spelling import either
 from .contents import TEXTS, GlobalContents, LocalContents
-from .laws import contacts_of, laws_of
+from .laws import contacts_of, laws_of, rows_in_order
 from .matrices import asymmetry
 
 Asymmetry = Literal["symmetrise", "keep", "refuse"]
@@ -60,12 +62,14 @@ def problem_of(
     if isinstance(contents, LocalContents):
         problem = _local(contents, treatment, {"name": name, "provenance": provenance})
     else:
-        inverse = InverseMass.of_mass(contents.M)
+        inverse, directions, w = InverseMass.of_mass(contents.M), contents.H, contents.w
+        if contents.n_joints:
+            directions, w = sp.hstack([directions, contents.G], format="csc"), np.append(w, contents.b)
         motion = inverse.times(contents.f)
         problem = ContactProblem.from_factors(
-            contents.H,
+            directions,
             inverse,
-            contents.H.T @ motion + contents.w,
+            directions.T @ motion + w,
             laws=laws_of(contents),
             free_motion=motion if contents.f.any() else None,  # zeros stand for a motion that is not known
             name=name,
@@ -77,22 +81,27 @@ def problem_of(
 def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
     """Return what a file of ``problem`` holds: of factors a global problem, of a Delassus matrix a local one.
 
-    It has a digest where the same numbers are found from it bit by bit. A free motion is left out where c could
-    not be found again with it. M is the one that M⁻¹ was computed from, or else computed from M⁻¹.
+    It has a digest where the same numbers are found from it bit by bit, which needs the joints behind the contacts. A
+    free motion is left out where c could not be found again with it. M is the one that M⁻¹ was computed from, or else
+    computed from M⁻¹.
 
     Raises:
-        ProblemError: if FCLIB has no such laws.
+        ProblemError: if FCLIB has no such laws, or a G that is not symmetric couples contacts and joints.
     """
-    dimension, friction = contacts_of(problem)
-    common: dict[str, Any] = {"dimension": dimension, "friction": friction, "about": _about(problem)}
+    laws, order = contacts_of(problem), rows_in_order(problem)
+    n = len(order) - int(problem.laws.is_bilateral.sum())  # rows of contacts
+    common: dict[str, Any] = {**vars(laws), "about": _about(problem)}
     contents: LocalContents | GlobalContents
     if problem.factors is None:
-        contents = LocalContents(W=problem.delassus(), q=problem.free_velocity, **common)
+        matrix, c = problem.delassus()[order][:, order], problem.free_velocity[order]
+        _check_coupling(matrix[:n, n:] - matrix[n:, :n].T, problem)
+        contents = LocalContents(W=matrix[:n, :n], V=matrix[:n, n:], R=matrix[n:, n:], q=c[:n], s=c[n:], **common)
     else:
-        inverse, directions = problem.factors.inverse_mass, problem.factors.force_directions
+        inverse, directions = problem.factors.inverse_mass, problem.factors.force_directions[:, order]
         mass = InverseMass.of_mass(inverse.matrix).matrix if inverse.mass is None else inverse.mass
-        f, w = _without_contacts(problem, mass)
-        contents = GlobalContents(M=mass, H=directions, f=f, w=w, **common)
+        f, w = _without_contacts(problem.factors, directions, problem.free_velocity[order], mass)
+        parts: dict[str, Any] = {"H": directions[:, :n], "G": directions[:, n:], "w": w[:n], "b": w[n:]}
+        contents = GlobalContents(M=mass, f=f, **parts, **common)
     if problem_of(contents, problem.name, "keep").digest == problem.digest:
         contents = replace(contents, digest=problem.digest)
     return contents
@@ -110,9 +119,13 @@ def digest_obstacle(
 
 
 def _local(contents: LocalContents, treatment: Asymmetry, attributes: dict[str, Any]) -> ContactProblem:
-    matrix, off = contents.W, asymmetry(contents.W)
+    off, name = max((asymmetry(contents.W), "W"), (asymmetry(contents.R), "R"))
+    matrix, c = contents.W, contents.q
+    if contents.n_joints:
+        matrix = sp.block_array([[matrix, contents.V], [contents.V.T, contents.R]], format="csr")
+        c = np.append(c, contents.s)
     if off > SYMMETRY_TOLERANCE:
-        misses = f"W misses symmetry by {off:.1e} of its largest entry"
+        misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
         if treatment == "refuse" or (treatment == "symmetrise" and not off <= LARGEST_ASYMMETRY):
             keep = either("proxbench fclib import --asymmetry keep", "read_fclib(path, asymmetry='keep')")
             raise ProblemError(f"{misses}; correct it, or read it as it is: {keep}")
@@ -122,8 +135,16 @@ def _local(contents: LocalContents, treatment: Asymmetry, attributes: dict[str, 
             attributes["provenance"]["matrix"] = f"{misses}, and is kept so"
         else:
             matrix = sp.csr_array(0.5 * (matrix + matrix.T))
-            attributes["provenance"]["matrix"] = f"{misses}; G = (W + Wᵀ)/2"
-    return ContactProblem(contents.q, laws_of(contents), matrix=matrix, **attributes)
+            attributes["provenance"]["matrix"] = f"{misses}, and is replaced by ({name} + {name}ᵀ)/2"
+    return ContactProblem(c, laws_of(contents), matrix=matrix, **attributes)
+
+
+def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> None:
+    """Refuse a G whose part between contacts and joints is not that between joints and contacts, transposed."""
+    if problem.allow_asymmetric and difference.count_nonzero():
+        raise ProblemError(
+            f"G of {problem.name!r} is not symmetric between contacts and joints, and FCLIB stores that part once."
+        )
 
 
 def _with_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:
@@ -133,18 +154,19 @@ def _with_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProb
     return replace(problem, answer=known, provenance={**problem.provenance, "stored_solution_residual": residual})
 
 
-def _without_contacts(problem: ContactProblem, mass: sp.csr_array[Any]) -> tuple[FloatArray, FloatArray]:
+def _without_contacts(
+    factors: Factors, directions: sp.csc_array[Any], c: FloatArray, mass: sp.csr_array[Any]
+) -> tuple[FloatArray, FloatArray]:
     """Return f and w, f zero where c could not be found again with it.
 
     What a reader adds to w is computed here as it will be there, and w corrected by what is missing in the sum.
     """
-    assert problem.factors is not None
-    c, motion = problem.free_velocity, problem.factors.free_motion
-    nothing = np.zeros(problem.factors.n_dofs), c
+    motion = factors.free_motion
+    nothing = np.zeros(factors.n_dofs), c
     if motion is None:
         return nothing
     f = mass @ motion
-    moved = problem.factors.force_directions.T @ InverseMass.of_mass(mass).times(f)
+    moved = directions.T @ InverseMass.of_mass(mass).times(f)
     w = c - moved
     for _ in range(CORRECTIONS):
         w += c - (moved + w)

@@ -12,6 +12,7 @@ from ..storage import write_whole
 from .container import ContainerError, opened
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
 from .conversion import Asymmetry, contents_of, digest_obstacle, problem_of
+from .laws import rows_in_order
 
 SUFFIXES = (".hdf5", ".h5")
 """Endings of FCLIB files."""
@@ -35,8 +36,7 @@ def read_fclib(path: Path | str, asymmetry: Asymmetry = "symmetrise") -> Contact
             it. How much it misses is in the provenance.
 
     Raises:
-        ProblemError: if the file is missing, damaged or no FCLIB file, has laws that are not treated (bilateral rows,
-            rolling friction), or numbers that make no problem.
+        ProblemError: if the file is missing, damaged or no FCLIB file, or has numbers that make no problem.
     """
     path = Path(path)
     contents = fclib_contents(path)
@@ -68,12 +68,14 @@ def fclib_contents(path: Path) -> LocalContents | GlobalContents:
 def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike | None = None) -> None:
     """Write a problem as an FCLIB file, as a whole or not at all.
 
-    A problem of factors becomes a global one, of a Delassus matrix a local one. W, H, M, μ and q of a problem that came
-    from an FCLIB file are written with every bit. Where M⁻¹ alone is known and has blocks of more than one degree of
-    freedom, M is its inverse to rounding, and what is read again has another digest.
+    A problem of factors becomes a global one, of a Delassus matrix a local one. The matrices, μ, μ_r, q and s of a
+    problem that came from an FCLIB file are written with every bit. Where M⁻¹ alone is known and has blocks of more
+    than one degree of freedom, M is its inverse to rounding, and what is read again has another digest. So it has where
+    joints stand before or between contacts: FCLIB has them behind.
 
     Args:
-        problem: contacts with Coulomb friction, all planar or all spatial.
+        problem: contacts with Coulomb friction, all planar or all spatial, and joints beside them. With rolling
+            friction, about the axis of the plane or both tangents, it must hold its factors.
         path: the file, ending in .hdf5 or .h5; its folder is made.
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known one of the problem if None.
 
@@ -92,15 +94,18 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
 def _solution(
     problem: ContactProblem, contents: LocalContents | GlobalContents, given: ArrayLike | None
 ) -> dict[str, FloatArray]:
-    """Return r, u and, of a global problem, v = M⁻¹ (f + H r) by their paths; nothing without impulses."""
+    """Return r, u, λ of joints and, of a global problem, v, by their paths; nothing without impulses."""
     if given is None:
         return {}
     impulses = np.asarray(real_numbers(given, "impulses"), dtype=np.float64)
     if impulses.shape != (problem.n_rows,) or not np.isfinite(impulses).all():
         raise ProblemError(f"impulses must be {problem.n_rows} finite numbers, got shape {impulses.shape}.")
-    solution = {"solution/r": impulses, "solution/u": problem.relative_velocity(impulses)}
+    order, n = rows_in_order(problem), contents.n_contact_rows
+    r, joints, u = impulses[order[:n]], impulses[order[n:]], problem.relative_velocity(impulses)[order[:n]]
+    solution = {"solution/r": r, "solution/u": u} | ({"solution/l": joints} if len(joints) else {})
     if isinstance(contents, GlobalContents) and problem.factors is not None:
-        solution["solution/v"] = problem.factors.inverse_mass.times(contents.f + contents.H @ impulses)
+        forces = contents.f + contents.H @ r + contents.G @ joints
+        solution["solution/v"] = problem.factors.inverse_mass.times(forces)
     return solution
 
 

@@ -1,55 +1,130 @@
 """Which force laws the rows of an FCLIB problem stand for, and what is not treated.
 
 Contacts come first, all with ``spacedim`` rows, the normal one first: a unilateral law and the Coulomb friction that it
-bounds. Bilateral rows (V, R or G; relative velocity zero) would follow them, and rolling friction would widen them.
+bounds, with rolling friction behind it where there is μ_r. Joints follow, a bilateral law for each column of V or G.
+
+    spacedim 2    N, T                 planar
+    spacedim 3    N, T1, T2            spatial
+    spacedim 3    N, T, R              planar, with rolling friction
+    spacedim 5    N, T1, T2, R1, R2    spatial, with rolling friction
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import FloatArray
-from ...contact.laws import Laws
+from ...arrays import FloatArray, IntArray
+from ...contact.laws import ROWS_OF_KIND, LawKind, Laws
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
-from .contents import Contents
+from .contents import Contents, GlobalContents, LocalContents
 
 
-def laws_of(contents: Contents) -> Laws:
+@dataclass(frozen=True)
+class ContactLaws:
+    """The laws of equal contacts.
+
+    Attributes:
+        dimension: rows of a contact, 2 or 3, with rolling friction 3 or 5.
+        friction: μ, shape (n_contacts,).
+        rolling_friction: μ_r [m], shape (n_contacts,); ``None`` without rolling friction.
+    """
+
+    dimension: int
+    friction: FloatArray
+    rolling_friction: FloatArray | None = None
+
+
+_KINDS = {
+    (LawKind.UNILATERAL, LawKind.PLANAR_FRICTION): 2,
+    (LawKind.UNILATERAL, LawKind.SPATIAL_FRICTION): 3,
+    (LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_ROLLING): 3,
+    (LawKind.UNILATERAL, LawKind.SPATIAL_FRICTION, LawKind.SPATIAL_ROLLING): 5,
+}
+"""Rows of a contact by the kinds of its laws."""
+
+
+def laws_of(contents: LocalContents | GlobalContents) -> Laws:
     """Return the laws of a problem, in the order of its rows.
 
     Raises:
-        ProblemError: for laws that are not treated, or a friction coefficient that is negative or not finite.
+        ProblemError: for another ``spacedim``, or a friction coefficient that is negative or not finite.
     """
-    if contents.rolling:
-        raise ProblemError("rolling friction (fclib_global_rolling) is not treated yet; there is no such law here.")
-    if contents.bilateral:
-        raise ProblemError(
-            f"bilateral rows are not treated yet, and there are {contents.bilateral} of them (V and R, or G); "
-            "eliminate them before writing."
-        )
-    if contents.dimension not in (2, 3):
-        raise ProblemError(f"spacedim = {contents.dimension} must be 2 or 3, the rows of a contact.")
-    return Laws.contacts(contents.friction, contents.dimension, len(contents.friction))
+    contacts = _laws_of_contacts(contents)
+    return Laws.together([contacts, Laws.joints(contents.n_joints)]) if contents.n_joints else contacts
 
 
-def contacts_of(problem: ContactProblem) -> tuple[int, FloatArray]:
-    """Return the rows of a contact, 2 or 3, and μ of each contact, shape (n_contacts,).
+def _laws_of_contacts(contents: Contents) -> Laws:
+    rolling, rows, count = contents.rolling_friction, contents.dimension, len(contents.friction)
+    if rolling is None:
+        if rows not in (2, 3):
+            raise ProblemError(f"spacedim = {rows} must be 2 or 3, the rows of a contact.")
+        return Laws.contacts(contents.friction, rows, count)
+    if rows not in (3, 5):
+        raise ProblemError(f"spacedim = {rows} must be 3 or 5, the rows of a contact with rolling friction.")
+    bad = np.flatnonzero(~(np.isfinite(rolling) & (rolling >= 0.0)))
+    if len(bad):
+        raise ProblemError(f"mu_r[{bad[0]}] = {rolling[bad[0]]} must be finite and not negative.")
+    axes = rows // 2
+    return Laws.contacts(contents.friction, rows - axes, count).with_rolling(rolling, axes)
+
+
+def rows_in_order(problem: ContactProblem) -> IntArray:
+    """Return the rows of a problem in the order of FCLIB: those of contacts, then those of joints, shape (n_rows,)."""
+    is_joint = np.repeat(problem.laws.is_bilateral, ROWS_OF_KIND[problem.laws.kind])
+    return np.argsort(is_joint, kind="stable")
+
+
+def contacts_of(problem: ContactProblem) -> ContactLaws:
+    """Return the laws of the contacts of a problem.
 
     Raises:
-        ProblemError: if the laws are not those of equal contacts with Coulomb friction, which FCLIB alone has.
+        ProblemError: if FCLIB has no such laws: it has equal contacts with Coulomb friction, and joints beside them.
     """
     laws, name = problem.laws, problem.name
     if not problem.n_rows:
         raise ProblemError(f"{name!r} has no contacts, so that there is nothing to write.")
-    if not laws.is_friction.any():
-        raise ProblemError(f"{name!r} has no friction, and contacts of FCLIB have it; give them a coefficient of zero.")
     if laws.fixed_bound.any():
         law = int(np.argmax(laws.fixed_bound > 0))
         raise ProblemError(f"law {law} of {name!r} has a fixed friction bound, and FCLIB has Coulomb friction only.")
-    friction, dimension = laws.friction_coefficient[1::2], 1 + int(laws.kind.max())
-    if laws.n_laws == 2 * len(friction):
-        equal = Laws.contacts(friction, dimension, len(friction))
-        if np.array_equal(laws.kind, equal.kind) and np.array_equal(laws.partner, equal.partner):
-            return dimension, friction
-    raise ProblemError(
-        f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law with its friction behind it."
-    )
+    count = int(laws.is_unilateral.sum())
+    if count and not laws.is_friction.any():
+        raise ProblemError(f"{name!r} has no friction, and contacts of FCLIB have it; give them a coefficient of zero.")
+    rolling = np.flatnonzero(laws.is_rolling)
+    axes, slides = (ROWS_OF_KIND[laws.kind[at]] for at in (rolling, np.maximum(rolling - 1, 0)))
+    if (axes != slides).any():
+        k = int(np.argmax(axes != slides))
+        about = "1 axis" if axes[k] == 1 else f"{axes[k]} axes"
+        raise ProblemError(
+            f"{name!r} resists rolling about {about}, and contacts of FCLIB about as many as the directions they "
+            f"slide in, {slides[k]}."
+        )
+    if laws.is_rolling.any() and problem.factors is None:
+        raise ProblemError(
+            f"{name!r} has rolling friction and a Delassus matrix, and FCLIB has rolling friction in global problems "
+            "only; give its factors."
+        )
+    found = _equal_contacts(laws, count)
+    if found is None:
+        raise ProblemError(
+            f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law with its friction "
+            "behind it."
+        )
+    return found
+
+
+def _equal_contacts(laws: Laws, count: int) -> ContactLaws | None:
+    """Return the laws of ``count`` contacts between which joints may stand; None if they are not equal."""
+    if not count and not laws.is_friction.any():
+        return ContactLaws(3, np.zeros(0))
+    at = np.flatnonzero(~laws.is_bilateral)
+    if not count or len(at) % count:
+        return None
+    members = at.reshape(count, -1)  # the laws of each contact
+    kinds = laws.kind[members]
+    dimension = _KINDS.get(tuple(LawKind(kind) for kind in kinds[0]))
+    is_equal = (kinds == kinds[0]).all() and np.array_equal(laws.partner[members[:, 1]], members[:, 0])
+    if dimension is None or not is_equal:
+        return None
+    friction = laws.friction_coefficient[members]
+    return ContactLaws(dimension, friction[:, 1], friction[:, 2] if members.shape[1] == 3 else None)

@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 
 from ...arrays import FloatArray
 from ...contact.problem import ContactProblem
+from ...contact.residual import row_lengths
 from ...errors import ProblemError
 from .contents import LocalContents
 from .conversion import LARGEST_ASYMMETRY, Asymmetry, problem_of
@@ -33,11 +34,13 @@ class Survey:
         title: what it calls its problem.
         form: "local" or "global".
         contacts: number of contacts.
-        rows: number of rows, 2 or 3 a contact.
+        joints: number of bilateral rows.
+        rows: number of rows, 2, 3 or 5 a contact, and the bilateral ones.
         dofs: degrees of freedom; ``None`` for a local problem.
         rank: estimated rank of G; ``None`` where that is not affordable.
         friction: least and largest μ, 0 without contacts.
-        asymmetry: max |W − Wᵀ| / max |W|, 0 for a global problem.
+        rolling_friction: least and largest μ_r [m]; ``None`` without rolling friction.
+        asymmetry: max |W − Wᵀ| / max |W|, or that of R if it is larger; 0 for a global problem.
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: how many guesses are stored.
         solution: judged residual of the stored solution; ``None`` if none was written.
@@ -47,10 +50,12 @@ class Survey:
     title: str
     form: str
     contacts: int
+    joints: int
     rows: int
     dofs: int | None
     rank: int | None
     friction: tuple[float, float]
+    rolling_friction: tuple[float, float] | None
     asymmetry: float
     conditioning: float
     guesses: int
@@ -65,27 +70,33 @@ def survey(path: Path) -> Survey:
     """
     contents = fclib_contents(path)
     is_local = isinstance(contents, LocalContents)
-    off = asymmetry(contents.W) if isinstance(contents, LocalContents) else 0.0
+    off = max(asymmetry(contents.W), asymmetry(contents.R)) if isinstance(contents, LocalContents) else 0.0
     treatment: Asymmetry = "symmetrise" if off <= LARGEST_ASYMMETRY else "keep"
     try:
         problem = problem_of(contents, path.stem, treatment)
     except ProblemError as error:
         raise ProblemError(f"{path}: {error.sentence}") from None
-    friction, residual = contents.friction, problem.provenance.get("stored_solution_residual")
+    rolling, residual = contents.rolling_friction, problem.provenance.get("stored_solution_residual")
     return Survey(
         file=str(path),
         title=contents.about.get("title", ""),
         form="local" if is_local else "global",
-        contacts=problem.n_contacts,
+        contacts=len(contents.friction),
+        joints=contents.n_joints,
         rows=problem.n_rows,
         dofs=None if problem.factors is None else problem.factors.n_dofs,
         rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
-        friction=(float(friction.min()), float(friction.max())) if len(friction) else (0.0, 0.0),
+        friction=_range(contents.friction),
+        rolling_friction=None if rolling is None else _range(rolling),
         asymmetry=off,
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
         guesses=contents.guesses,
         solution=None if residual is None else float(residual),
     )
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
 
 
 def fclib_files(path: Path) -> Iterator[Path]:
@@ -128,8 +139,12 @@ def estimated_rank(problem: ContactProblem) -> int | None:
 
 
 def block_conditioning(problem: ContactProblem) -> FloatArray:
-    """Return the condition number of the diagonal block of G of each contact, shape (n_contacts,); inf for singular."""
-    blocks = problem.delassus_blocks()
-    diagonal = blocks.values[blocks.starts[:-1]]
+    """Return the condition number of the diagonal block of G of each contact, shape (n_contacts,); inf for singular.
+
+    Rows of rolling friction count in the judge's unit, which is a velocity; joints are left out.
+    """
+    blocks, layout = problem.delassus_blocks(), problem.layout
+    lengths = layout.pad(row_lengths(problem))
+    diagonal = (blocks.values[blocks.starts[:-1]] * lengths[:, :, None] * lengths[:, None, :])[~layout.is_bilateral]
     found: FloatArray = np.linalg.cond(diagonal) if len(diagonal) else np.zeros(0)
     return np.where(np.isfinite(found), found, np.inf)

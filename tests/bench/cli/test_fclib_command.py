@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from handmade_fclib import W, local_data, write_data
+from handmade_fclib import W, local_data, rolling_data, write_data
 from proxbench.bench.cli.main import run_command
 from proxbench.problems import load, read_fclib, save_problem
 
@@ -30,14 +30,20 @@ def test_info_shows_a_line_for_each_file_and_a_reason_for_each_broken_one(folder
     assert run_command(["fclib", "info", str(folder)]) == 1
     printed = capsys.readouterr()
     lines = printed.out.splitlines()
-    assert lines[0].split() == ["form", "contacts", "rows", "rank", "μ", "asymmetry", "cond.", "file"]
-    assert lines[1].split()[:7] == ["global", "2", "6", "6", "0.25…0.5", "0", "1"]
-    assert lines[2].split()[:7] == ["local", "2", "6", "6", "0.25…0.5", "0", "1"]
+    heads = ["form", "contacts", "joints", "rows", "rank", "μ", "μ_r", "[m]", "asymmetry", "cond.", "file"]
+    assert lines[0].split() == heads
+    assert lines[1].split()[:9] == ["global", "2", "0", "6", "6", "0.25…0.5", "–", "0", "1"]
+    assert lines[2].split()[:9] == ["local", "2", "0", "6", "6", "0.25…0.5", "–", "0", "1"]
     assert [line.startswith("proxbench: ") for line in printed.err.splitlines()] == [True, True]
     assert "cut.hdf5 is damaged or no FCLIB file" in printed.err
     assert run_command(["fclib", "info", "--json", str(SHIPPED / "global-rows.hdf5")]) == 0
     (row,) = json.loads(capsys.readouterr().out)["files"]
     assert (row["contacts"], row["dofs"], row["rank"], row["friction"]) == (2, 6, 6, [0.25, 0.5])
+
+
+def test_info_counts_joints_and_shows_rolling_friction(tmp_path: Path, capsys: Capture) -> None:
+    assert run_command(["fclib", "info", str(write_data(tmp_path / "p.hdf5", rolling_data()))]) == 0
+    assert capsys.readouterr().out.splitlines()[1].split()[:7] == ["global", "2", "1", "11", "10", "0.5", "0.125…0.25"]
 
 
 def test_json_has_no_infinity_for_a_singular_block(tmp_path: Path, capsys: Capture) -> None:

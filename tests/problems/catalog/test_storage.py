@@ -1,6 +1,7 @@
 """Problem files: what is written is what is read, and damage is noticed."""
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from proxbench.problems import ContactProblem, ProblemError, load, save_problem
 from proxbench.problems.catalog.storage import problem_bytes, read_problem
 from proxbench.problems.hard import HARD_CASES
+from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 
 
 @pytest.mark.parametrize("name", [*HARD_CASES, "funnel-100", "woodpecker-beak-impact"])
@@ -91,3 +93,41 @@ def test_a_failed_write_leaves_the_old_file_and_no_stray_one(tmp_path: Path, mon
         save_problem(ContactProblem.from_delassus(np.eye(1), (1.0,), dim=1), tmp_path / "p.npz")
     assert (tmp_path / "p.npz").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def linked(rolling_rows: int = 2) -> ContactProblem:
+    return with_linked_solution(LinkedFamily(3, 3, rolling_rows=rolling_rows), 0)
+
+
+def with_format(path: Path, number: int) -> Path:
+    """The file with another number of its format."""
+    with np.load(path) as arrays:
+        content = dict(arrays)
+    about = json.loads(content["about"].tobytes().decode()) | {"format": number}
+    np.savez(path, **{**content, "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)})
+    return path
+
+
+@pytest.mark.parametrize("rolling_rows", [0, 1, 2, 3])
+def test_joints_and_rolling_friction_survive_the_file(rolling_rows: int, tmp_path: Path) -> None:
+    problem = linked(rolling_rows)
+    save_problem(problem, tmp_path / "p.npz")
+    read = read_problem(tmp_path / "p.npz")
+    assert read.digest == problem.digest
+    assert read.laws.kind.tolist() == problem.laws.kind.tolist()
+    assert np.array_equal(read.answer.witness, problem.answer.witness)  # type: ignore[union-attr, arg-type]
+
+
+@pytest.mark.parametrize(("problem", "number"), [(load("hard-groove"), 1), (linked(0), 2), (linked(), 2)])
+def test_contacts_alone_keep_the_format_that_older_versions_read(
+    problem: ContactProblem, number: int, tmp_path: Path
+) -> None:
+    save_problem(problem, tmp_path / "p.npz")
+    with np.load(tmp_path / "p.npz") as arrays:
+        assert json.loads(arrays["about"].tobytes().decode())["format"] == number
+
+
+def test_a_newer_format_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    save_problem(load("hard-groove"), tmp_path / "p.npz")
+    with pytest.raises(ProblemError, match="has format 3, this version reads formats up to 2"):
+        read_problem(with_format(tmp_path / "p.npz", 3))

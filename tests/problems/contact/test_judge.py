@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
-from proxbench.problems.contact.residual import ModelResidual
+from proxbench.problems.contact.projections import onto_rolling_cone
+from proxbench.problems.contact.residual import ModelResidual, Residual
+from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 
 MIXED = Laws(
     np.array([0, 0, 1, 0, 2, 1, 2]),
@@ -233,3 +235,94 @@ def test_the_residual_that_solvers_stop_on_is_the_one_of_the_verdict(model: Mode
     impulses = rng.normal(size=12)
     residual = ModelResidual(problem, model)(impulses, problem.relative_velocity(impulses))
     assert residual == judge(problem, impulses, model).residual
+
+
+def rolling_contact(c: tuple[float, ...]) -> ContactProblem:
+    """N, T, R with G = diag(2, 2, 50): a velocity of rolling counts at √(2/50) = 0.2 m from the axis."""
+    laws = Laws.contacts(np.array([0.5]), 2, 1).with_rolling(0.01, 1)
+    return ContactProblem.from_delassus(np.diag([2.0, 2.0, 50.0]), c, laws=laws)
+
+
+@pytest.mark.parametrize(
+    ("c", "impulses", "violation"),
+    [
+        ((-1.0, 0.0, 0.2), (0.5, 0.0, -0.004), 0.0),  # at rest within ‖Λ_R‖ ≤ 0.005
+        ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.005), 0.0),  # rolls against Λ_R at its bound
+        ((-1.0, 0.0, 2.0), (0.5, 0.0, 0.0), 0.05),  # rolls without resistance: the whole bound is missing
+        ((-1.0, 0.0, 0.2), (0.5, 0.0, 0.0), 0.04),  # 0.2 rad/s where there should be none
+        ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.006), 0.01),  # outside the bound by 0.001
+        ((-1.0, 3.0, 2.0), (0.5, -0.25, -0.005), 0.0),  # slides and rolls at once
+    ],
+)
+def test_rolling_friction_by_hand(c: tuple[float, ...], impulses: tuple[float, ...], violation: float) -> None:
+    expected = violation / max(1.0, abs(c[1]), 0.2 * abs(c[2]))
+    assert judge(rolling_contact(c), impulses).residual == pytest.approx(expected, abs=1e-15)
+    cone = max(abs(impulses[2]) - 0.005, 0.0) / 0.2
+    assert judge(rolling_contact(c), impulses).cone_violation == pytest.approx(cone, abs=1e-15)
+
+
+def test_the_natural_map_of_rolling_friction_is_that_of_both_cones() -> None:
+    """‖Λ − P_K(Λ − ū)‖ with ū_N = ξ_N + μ‖ξ_T‖ + μ_r‖ξ_R‖, at a point that P_K moves onto both bounds."""
+    problem, impulses = rolling_contact((-1.0, 3.0, 2.0)), np.array([0.5, 0.5, 0.2])
+    velocity = problem.relative_velocity(impulses)
+    velocity[0] += 0.5 * abs(velocity[1]) + 0.01 * abs(velocity[2])
+    point = impulses - velocity
+    (n, t, r) = point
+    normal = (n + 0.5 * abs(t) + 0.01 * abs(r)) / (1 + 0.5**2 + 0.01**2)
+    projected = max(normal, 0.0) * np.array([1.0, 0.5 * np.sign(t), 0.01 * np.sign(r)])
+    error = np.linalg.norm(impulses - projected) / np.linalg.norm([1.0, 3.0, 2.0])
+    assert judge(problem, impulses).natural_map_q == pytest.approx(error, rel=1e-12)
+
+
+@pytest.mark.parametrize(("impulse", "residual"), [(-0.5, 0.0), (0.0, 1.0), (-0.25, 0.5), (1.0, 3.0)])
+def test_a_joint_is_violated_by_its_velocity_whatever_the_sign_of_its_impulse(impulse: float, residual: float) -> None:
+    problem = ContactProblem.from_delassus(np.array([[2.0]]), (1.0,), laws=Laws.joints(1))
+    for model in (Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS, Model.pyramid(4)):
+        assert judge(problem, (impulse,), model).residual == residual
+    verdict = judge(problem, (impulse,))
+    assert verdict.natural_map_q == residual
+    assert (verdict.cone_violation, verdict.penetration_velocity, verdict.complementarity) == (0.0, 0.0, 0.0)
+
+
+def test_a_joint_that_nothing_moves_is_infeasible_unless_it_is_at_rest() -> None:
+    for c, infeasible in ((-1.0, True), (1.0, True), (0.0, False)):
+        problem = ContactProblem.from_delassus(np.diag([1.0, 0.0]), (1.0, c), laws=Laws.joints(2))
+        assert judge(problem, np.zeros(2)).infeasible is infeasible
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), dim=st.integers(1, 3), joints=st.integers(0, 3), rolling=st.integers(0, 3))
+def test_a_built_in_solution_with_joints_and_rolling_has_no_residual(
+    seed: int, dim: int, joints: int, rolling: int
+) -> None:
+    problem = with_linked_solution(LinkedFamily(4, dim, n_joints=joints, rolling_rows=rolling), seed)
+    assert problem.answer is not None
+    verdict = judge(problem, problem.answer.witness)  # type: ignore[arg-type]
+    for field in ("residual", "local_residual", "energy_residual", "natural_map_max", "cone_violation"):
+        assert getattr(verdict, field) <= 1e-13, field
+
+
+@pytest.mark.parametrize("model", [Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS, Model.pyramid(5)], ids=str)
+@pytest.mark.parametrize("seed", range(3))
+def test_with_joints_and_rolling_the_residual_that_solvers_stop_on_is_the_one_of_the_verdict(
+    model: Model, seed: int
+) -> None:
+    problem = with_linked_solution(LinkedFamily(4, 3, rolling_rows=1 + seed), seed)
+    impulses = np.random.default_rng(seed).normal(size=problem.n_rows)
+    residual = ModelResidual(problem, model)(impulses, problem.relative_velocity(impulses))
+    assert residual == judge(problem, impulses, model).residual
+    if model == Model.COULOMB:
+        assert Residual(problem)(impulses, problem.relative_velocity(impulses)) == pytest.approx(residual, rel=1e-14)
+
+
+def test_the_convex_model_of_rolling_friction_is_the_nearest_point_of_both_cones() -> None:
+    """With G = I and unit lengths the convex answer is the projection of −c."""
+    rng = np.random.default_rng(5)
+    laws = Laws.contacts(np.array([0.5]), 3, 1).with_rolling(0.25, 2)
+    for _ in range(20):
+        c = rng.normal(size=5)
+        parts = -c[None, 1:3], -c[None, 3:]
+        friction, none = (np.array([0.5]), np.array([0.25])), (np.zeros(1), np.zeros(1))
+        impulses = np.concatenate([part.ravel() for part in onto_rolling_cone(-c[:1], parts, friction, none)])
+        problem = ContactProblem.from_delassus(np.eye(5), c, laws=laws)
+        assert judge(problem, impulses, Model.CONVEX).residual <= 1e-14

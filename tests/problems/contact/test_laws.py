@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from proxbench.problems import Laws, ProblemError
+from proxbench.problems import LawKind, Laws, ProblemError
+from proxbench.problems.contact.blocks import layout_of
 
 
 def planar_contact(**changes: object) -> Laws:
@@ -19,7 +20,7 @@ def planar_contact(**changes: object) -> Laws:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"kind": [0, 3]}, r"laws.kind\[1\] = 3"),
+        ({"kind": [0, 7]}, r"laws.kind\[1\] = 7"),
         ({"first_row": [0, 2]}, r"laws.first_row\[1\] = 2"),
         ({"friction_coefficient": [0.0, -0.3]}, r"friction_coefficient\[1\] = -0.3"),
         ({"friction_coefficient": [0.0, np.nan]}, r"friction_coefficient\[1\] = nan"),
@@ -63,3 +64,57 @@ def test_equal_contacts_check_their_arguments(friction: object, dim: int, words:
         return
     with pytest.raises(ProblemError, match=words):
         Laws.contacts(friction, dim, 3)  # type: ignore[arg-type]
+
+
+def rolling_contact(**changes: object) -> Laws:
+    arrays = {
+        "kind": [LawKind.UNILATERAL, LawKind.SPATIAL_FRICTION, LawKind.SPATIAL_ROLLING],
+        "first_row": [0, 1, 3],
+        "friction_coefficient": [0.0, 0.3, 0.01],
+        "fixed_bound": [0.0, 0.0, 0.0],
+        "partner": [-1, 0, 0],
+    }
+    return Laws(**{name: np.array(value) for name, value in {**arrays, **changes}.items()})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"partner": [-1, 0, -1], "friction_coefficient": [0.0, 0.3, 0.0]},
+            r"partner\[2\] = -1 must be the unilateral",
+        ),
+        ({"partner": [-1, -1, 0], "friction_coefficient": [0.0, 0.0, 0.1]}, r"partner\[2\] = 0 must be the unilateral"),
+        ({"kind": [0, 3, 5], "first_row": [0, 1, 2]}, r"friction_coefficient\[1\] = 0.3 must be 0 for a law without"),
+        ({"kind": [3, 2, 5]}, r"partner\[1\] = 0 must be the index of a unilateral law"),
+    ],
+)
+def test_rolling_friction_stands_behind_its_own_contact(changes: dict[str, object], words: str) -> None:
+    assert rolling_contact().n_rows == 5
+    with pytest.raises(ProblemError, match=words):
+        rolling_contact(**changes)
+
+
+def test_rolling_friction_is_added_behind_each_contact_and_nothing_else_changes() -> None:
+    contacts = Laws.together([Laws.contacts([0.1, 0.2], 3, 2), Laws.joints(2), Laws.contacts(0.0, 1, 1)])
+    made = contacts.with_rolling([0.01, 0.02, 0.03], 3)
+    assert made.kind.tolist() == [0, 2, 6, 0, 2, 6, 3, 3, 0, 6]
+    assert made.partner.tolist() == [-1, 0, 0, -1, 3, 3, -1, -1, -1, 8]
+    assert made.friction_coefficient.tolist() == [0, 0.1, 0.01, 0, 0.2, 0.02, 0, 0, 0, 0.03]
+    assert made.n_rows == contacts.n_rows + 9
+    with pytest.raises(ProblemError, match="already"):
+        made.with_rolling(0.1, 1)
+    with pytest.raises(ProblemError, match="1, 2 or 3 rows"):
+        contacts.with_rolling(0.1, 4)
+
+
+def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
+    laws = Laws.together([Laws.contacts([0.3], 2, 1), Laws.joints(1), Laws.contacts([0.1], 3, 1).with_rolling(0.01, 2)])
+    layout = layout_of(laws)
+    assert (layout.width, layout.sliding, layout.rolling) == (5, 2, 2)
+    assert layout.slot.tolist() == [0, 1, 5, 10, 11, 12, 13, 14]
+    assert layout.is_bilateral.tolist() == [False, True, False]
+    assert layout.rolling_coefficient.tolist() == [0.0, 0.0, 0.01]
+    assert layout.rolling_law.tolist() == [-1, -1, 5]
+    assert not layout.has_contacts_only
+    assert layout_of(Laws.contacts([0.3], 2, 1)).has_contacts_only

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import judge, load, project
-from proxbench.problems.contact.projections import onto_friction_cone, onto_polygon
+from proxbench.problems import Laws, judge, load, project
+from proxbench.problems.contact.projections import onto_friction_cone, onto_polygon, onto_rolling_cone
 
 numbers = st.floats(-5.0, 5.0)
 
@@ -82,3 +82,53 @@ def test_a_solution_is_a_fixed_point_of_the_projected_gradient_step(name: str) -
     for step in (0.1, 1.0):
         moved = project(problem.laws, solution - step * problem.relative_velocity(solution))
         assert np.abs(moved - solution).max() <= 1e-12
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    n=numbers,
+    parts=st.tuples(numbers, numbers, numbers, numbers, numbers),
+    friction=st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0)),
+    fixed=st.tuples(st.sampled_from([0.0, 0.5]), st.sampled_from([0.0, 0.5])),
+    seed=st.integers(0, 9999),
+)
+def test_the_projection_onto_both_cones_satisfies_the_variational_inequality(
+    n: float,
+    parts: tuple[float, ...],
+    friction: tuple[float, float],
+    fixed: tuple[float, float],
+    seed: int,
+) -> None:
+    tangent, rolling = np.array([parts[:2]]), np.array([parts[2:]])
+    mu, a = tuple(np.array([x]) for x in friction), tuple(np.array([x]) for x in fixed)
+    normal, t, r = onto_rolling_cone(np.array([n]), (tangent, rolling), mu, a)  # type: ignore[arg-type]
+    projected = np.array([normal[0], *t[0], *r[0]])
+    assert projected[0] >= 0.0
+    assert np.linalg.norm(t) <= fixed[0] + friction[0] * normal[0] + 1e-12
+    assert np.linalg.norm(r) <= fixed[1] + friction[1] * normal[0] + 1e-12
+    point, rng = np.array([n, *parts]), np.random.default_rng(seed)
+    for _ in range(20):
+        other = rng.uniform(-5.0, 5.0, size=6)
+        other[0] = rng.choice([0.0, rng.uniform(0.0, 5.0)])
+        for rows, mu_of, a_of in ((slice(1, 3), friction[0], fixed[0]), (slice(3, 6), friction[1], fixed[1])):
+            other[rows] *= rng.uniform(0, 1) * (a_of + mu_of * other[0]) / np.linalg.norm(other[rows])
+        assert (point - projected) @ (other - projected) <= 1e-10
+
+
+def test_without_rolling_rows_both_cones_are_the_friction_cone() -> None:
+    rng = np.random.default_rng(0)
+    normal, tangent, friction = rng.normal(size=50), rng.normal(size=(50, 2)), rng.uniform(0, 2, 50)
+    fixed, none = rng.choice([0.0, 0.3], 50), np.zeros(50)
+    expected = onto_friction_cone(normal, tangent, friction, fixed)
+    found = onto_rolling_cone(normal, (tangent, np.zeros((50, 2))), (friction, none), (fixed, none))
+    assert found[0] == pytest.approx(expected[0], abs=1e-15)
+    assert found[1] == pytest.approx(expected[1], abs=1e-15)
+
+
+@pytest.mark.parametrize("rolling_rows", [1, 2, 3])
+def test_impulses_of_joints_stay_and_each_friction_keeps_its_own_bound(rolling_rows: int) -> None:
+    laws = Laws.together([Laws.joints(1), Laws.contacts([0.5], 3, 1).with_rolling(0.1, rolling_rows)])
+    given_impulses = np.array([-7.0, 2.0, 0.3, 0.4, *np.full(rolling_rows, 5.0)])
+    projected = project(laws, given_impulses)
+    assert projected[:4].tolist() == [-7.0, 2.0, 0.3, 0.4]
+    assert projected[4:] == pytest.approx(np.full(rolling_rows, 0.2 / np.sqrt(rolling_rows)))

@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import judge
-from proxbench.problems.hard.families import STATES, Family, braced, single_precision, with_solution, with_spectrum
+from proxbench.problems.hard.families import (
+    STATES,
+    Family,
+    LinkedFamily,
+    braced,
+    single_precision,
+    with_linked_solution,
+    with_solution,
+    with_spectrum,
+)
 
 
 @st.composite
@@ -35,6 +44,25 @@ def test_the_chosen_solution_solves_exactly(family: Family, seed: int, is_braced
     assert velocity.tolist() == [float(value) for value in exact_velocity(problem, answer.witness.tolist())]
     if answer.velocity is not None:
         assert np.array_equal(velocity, answer.velocity)
+
+
+@given(
+    family=families(),
+    joints=st.integers(0, 5),
+    rolling_rows=st.integers(0, 3),
+    rolling=st.sampled_from([0.0, 0.125, 1.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_with_joints_and_rolling_too_the_chosen_solution_solves_exactly(
+    family: Family, joints: int, rolling_rows: int, rolling: float, seed: int
+) -> None:
+    linked = LinkedFamily(**vars(family), n_joints=joints, rolling_rows=rolling_rows, rolling_friction=rolling)
+    problem = with_linked_solution(linked, seed)
+    assert problem.answer is not None
+    assert problem.answer.witness is not None
+    assert judge(problem, problem.answer.witness).residual <= 1e-13
+    velocity = problem.relative_velocity(problem.answer.witness)
+    assert velocity.tolist() == [float(value) for value in exact_velocity(problem, problem.answer.witness.tolist())]
 
 
 def exact_velocity(problem: Any, impulses: list[float]) -> list[Fraction]:

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from proxbench.problems import ContactProblem, ProblemError, judge
+from proxbench.problems import ContactProblem, Laws, ProblemError, judge
 from proxbench.problems.hard import hard_case
-from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.families import Family, LinkedFamily, with_linked_solution, with_solution
 from proxbench.problems.hard.transformations import duplicated, in_units, permuted, rotated, united
 
 NAMES = ["hard-mixed-laws", "hard-sticking-box", "hard-tower-3", "hard-tresca-joint", "hard-remote-partner"]
@@ -94,3 +94,43 @@ def test_what_cannot_be_put_otherwise_is_refused() -> None:
         permuted(hard_case("hard-sticking-box"), [0, 1, 2, 2])
     with pytest.raises(ProblemError, match="bounded by another contact"):
         duplicated(hard_case("hard-remote-partner"), 0)
+
+
+@pytest.mark.parametrize("rolling_rows", [0, 1, 2, 3])
+@pytest.mark.parametrize("how", ["units", "order", "tangents", "copy", "beside"])
+def test_joints_and_rolling_friction_are_transformed_with_their_solution(how: str, rolling_rows: int) -> None:
+    problem = with_linked_solution(LinkedFamily(4, 3, rolling_rows=rolling_rows), 3)
+    assert problem.answer is not None
+    assert problem.answer.witness is not None
+    rng = np.random.default_rng(1)
+    if how == "beside":
+        whole, twice = united([problem, problem]), np.tile(problem.answer.witness, 2)
+        assert judge(whole, twice).residual <= 1e-13
+        assert judge(whole, 1.5 * twice).residual == pytest.approx(
+            judge(problem, 1.5 * problem.answer.witness).residual, rel=1e-12
+        )
+        return
+    other = {
+        "units": in_units(problem, mass=1e-6, length=1e3, time=60.0),
+        "order": permuted(problem, rng.permutation(problem.n_contacts)),
+        "tangents": rotated(problem, rng.uniform(-3, 3, size=problem.laws.n_laws)),
+        "copy": duplicated(problem, 2),
+    }[how]
+    known = np.linalg.pinv(other.back.toarray(), rcond=1e-14) @ problem.answer.witness
+    assert judge(other.problem, known).residual <= 1e-11
+    assert other.impulses(known) == pytest.approx(problem.answer.witness, rel=1e-9, abs=1e-12)
+    if how in ("units", "order"):
+        changed = known * rng.uniform(0.5, 1.5, size=len(known))
+        ours, theirs = judge(other.problem, changed), judge(problem, other.impulses(changed))
+        for field in ("residual", "local_residual", "energy_residual"):
+            assert getattr(ours, field) == pytest.approx(getattr(theirs, field), rel=1e-9), field
+
+
+def test_a_rolling_contact_in_millimetres_by_hand() -> None:
+    laws = Laws.contacts(np.array([0.0]), 1, 1).with_rolling(0.01, 1)
+    problem = ContactProblem.from_delassus(np.diag([0.5, 20.0]), (-3.0, 7.0), laws=laws)
+    other = in_units(problem, length=1e-3)
+    assert other.problem.free_velocity == pytest.approx([-3000.0, 7.0])  # mm/s, rad/s
+    assert other.problem.delassus().toarray() == pytest.approx(np.diag([0.5, 20e-6]))  # 1/kg, 1/(kg mm²)
+    assert other.problem.laws.friction_coefficient == pytest.approx([0.0, 10.0])  # mm
+    assert other.impulses(np.array([6000.0, -60e3])) == pytest.approx([6.0, -0.06])  # N s, N m s

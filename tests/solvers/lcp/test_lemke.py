@@ -70,7 +70,7 @@ def test_a_planar_funnel_step_of_unique_motion_is_the_same_by_sweeps() -> None:
     assert speed_difference(problem, found.impulses, swept.impulses) <= 1e-9
 
 
-SMALL = [name for name in HARD_CASES if hard_case(name).n_rows <= 30]
+SMALL = [name for name in HARD_CASES if hard_case(name).n_rows <= 30 and not create("Lemke").supports(hard_case(name))]
 
 ROUNDED = {
     "hard-stack-10-top-1e8",

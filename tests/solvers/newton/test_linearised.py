@@ -5,27 +5,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws
+from proxbench.problems.contact.laws import ROWS_OF_KIND
 from proxbench.problems.contact.residual import Residual
 from proxbench.solvers.newton.linearised import Equations
 
-KIND = np.array([0, 0, 1, 0, 2, 2, 0, 1])
-"""Lone unilateral, planar and spatial contacts, a joint of fixed bound, and friction apart from its partner."""
+KIND = np.array([0, 0, 1, 0, 2, 2, 0, 1, 3, 0, 1, 4, 0, 2, 5, 0, 6])
+"""Lone unilateral, planar and spatial contacts, a joint of fixed bound, and friction apart from its partner; a
+bilateral row, and rolling about one axis, two and three."""
 
-FIRST_ROW = np.array([0, 1, 2, 3, 4, 6, 8, 9])
-PARTNER = np.array([-1, -1, 1, -1, 3, -1, -1, 0])
+PARTNER = np.array([-1, -1, 1, -1, 3, -1, -1, 0, -1, -1, 9, 9, -1, 12, 12, -1, 15])
+FRICTION = np.array([0, 0, 0.4, 0, 0.3, 0, 0, 0.5, 0, 0, 0.4, 0.1, 0, 0.3, 0.1, 0, 0.2])
+FIXED = np.array([0, 0, 0, 0, 0.01, 0.2, 0, 0, 0, 0, 0, 0, 0, 0, 0.01, 0, 0])
+LAWS = Laws.in_order(KIND, FRICTION, FIXED, PARTNER)
+FIRST_ROW, ROWS, N = LAWS.first_row, ROWS_OF_KIND[KIND], LAWS.n_rows
 
 
 def mixed_problem(seed: int, impulses: np.ndarray) -> ContactProblem:
     """Every unilateral law is closed at ``impulses``; friction sticks or slips, by chance."""
     rng = np.random.default_rng(seed)
-    friction = np.array([0, 0, 0.4, 0, 0.3, 0, 0, 0.5])
-    fixed = np.array([0, 0, 0, 0, 0.01, 0.2, 0, 0])
-    laws = Laws(KIND, FIRST_ROW, friction, fixed, PARTNER)
-    root = rng.normal(size=(30, 10))
-    delassus, velocity = root.T @ root, rng.normal(size=10) * np.abs(impulses).max() * rng.choice([3.0, 30.0])
+    root = rng.normal(size=(40, N))
+    delassus, velocity = root.T @ root, rng.normal(size=N) * np.abs(impulses).max() * rng.choice([3.0, 30.0])
     normal = FIRST_ROW[KIND == LawKind.UNILATERAL]
     velocity[normal] = delassus.diagonal()[normal] * impulses[normal] * rng.uniform(-1.0, 0.9, len(normal))
-    return ContactProblem.from_delassus(delassus, velocity - delassus @ impulses, laws=laws)
+    return ContactProblem.from_delassus(delassus, velocity - delassus @ impulses, laws=LAWS)
 
 
 def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) -> np.ndarray:
@@ -33,11 +35,13 @@ def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) 
     laws, velocity = problem.laws, problem.relative_velocity(impulses)
     result = np.empty_like(impulses)
     for law, kind in enumerate(laws.kind):
-        size = 2 if kind == LawKind.SPATIAL_FRICTION else 1
-        rows = slice(laws.first_row[law], laws.first_row[law] + size)
+        rows = slice(laws.first_row[law], laws.first_row[law] + ROWS[law])
         argument = impulses[rows] - velocity[rows] / alpha[law]
         if kind == LawKind.UNILATERAL:
             result[rows] = np.maximum(argument, 0.0)
+            continue
+        if kind == LawKind.BILATERAL:
+            result[rows] = argument
             continue
         bound = laws.fixed_bound[law]
         if laws.partner[law] >= 0:
@@ -50,19 +54,17 @@ def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) 
 @settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]))
 def test_it_is_the_derivative_by_differences(seed: int, size: float) -> None:
-    impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=10) * size
+    impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=N) * size
     problem = mixed_problem(seed, impulses)
     residual = Residual(problem)
     system = Equations(problem, residual).linearised(impulses)
     alpha, base, active = residual.alpha, system.base, system.active
-    row_alpha = np.zeros(10)
-    for law, kind in enumerate(KIND):
-        row_alpha[FIRST_ROW[law] : FIRST_ROW[law] + (2 if kind == 2 else 1)] = alpha[law]
+    row_alpha = np.repeat(alpha, ROWS)
     assert np.array_equal(base, impulses)
-    assert len(active) == 10
+    assert len(active) == N
     step, columns = 1e-7 * size, []
     for row in active:
-        nudge = np.zeros(10)
+        nudge = np.zeros(N)
         nudge[row] = step
         ahead, behind = base + nudge, base - nudge
         difference = (ahead - projected(problem, alpha, ahead)) - (behind - projected(problem, alpha, behind))

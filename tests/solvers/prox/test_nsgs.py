@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws, judge, load
 from proxbench.problems.contact.residual import Residual
+from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 from proxbench.solvers import Prepared, SolverError, Status, Stop, create, solve
 from proxbench.solvers.iteration.loop import PreparedIteration
 from proxbench.solvers.sweeps.blocks import BlockIterates, BlockSweep
@@ -142,3 +143,31 @@ def test_the_safeguard_solves_contacts_that_cycle_among_each_other() -> None:
         plain += unguarded(problem).solve(Stop(1e-9)).status is Status.SOLVED
     assert guarded > plain
     assert guarded >= 36
+
+
+def test_a_joint_is_exact_at_once_and_redundant_joints_come_to_rest() -> None:
+    one = ContactProblem.from_delassus(np.array([[2.0]]), (1.0,), laws=Laws.joints(1))
+    solution = create("NSGS").prepare(one).solve(Stop(1e-300, max_iterations=1))
+    assert solution.impulses.tolist() == [-0.5]
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(4, 7))
+    free = directions.T @ rng.normal(size=4)
+    problem = ContactProblem.from_factors(directions, np.ones(4), free, laws=Laws.joints(7))
+    found = solve(problem, "NSGS", tolerance=1e-12)
+    assert found.status is Status.SOLVED
+    assert np.abs(problem.relative_velocity(found.impulses)).max() <= 1e-12 * np.abs(free).max()
+
+
+@pytest.mark.parametrize("relaxation", [0.7, 1.0, 1.3])
+@pytest.mark.parametrize("rolling_rows", [1, 2, 3])
+def test_contacts_that_resist_rolling_are_solved_beside_joints(rolling_rows: int, relaxation: float) -> None:
+    for seed in range(5):
+        problem = with_linked_solution(LinkedFamily(5, 3, 40, rolling_rows=rolling_rows, n_joints=3), seed)
+        cones: list[float] = []
+        solver = create("NSGS", relaxation=relaxation).prepare(problem)
+        solution = solver.solve(
+            Stop(1e-10), observe=lambda _, x, p=problem, cones=cones: cones.append(judge(p, x).cone_violation)
+        )
+        assert solution.status is Status.SOLVED
+        assert judge(problem, solution.impulses).residual <= 1.001e-10
+        assert max(cones) <= 1e-13

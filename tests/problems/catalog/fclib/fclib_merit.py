@@ -1,25 +1,44 @@
 """The merit of FCLIB and Siconos, contact by contact from its formula."""
 
+from itertools import product
+
 import numpy as np
 
 
-def onto_cone(point: np.ndarray, mu: float) -> np.ndarray:
-    """Project (N, T1, T2) onto {‖T‖ ≤ μ N}."""
-    normal, tangent = point[0], point[1:]
-    length = np.linalg.norm(tangent)
-    if length <= mu * normal:
-        return point
-    if mu * length <= -normal:
-        return np.zeros(3)
-    height = (normal + mu * length) / (1 + mu**2)
-    return np.append(height, mu * height * tangent / length)
+def onto_cone(point: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
+    """Return the nearest point of {‖x_k‖ ≤ μ_k N} to (N, x_1, …), the x_k of two rows each, one for each μ_k.
+
+    Among the points that are nearest on one face of the cone each, the nearest that lies in the cone.
+    """
+    normal, parts = point[0], [point[1 + 2 * k : 3 + 2 * k] for k in range(len(coefficients))]
+    lengths = [float(np.linalg.norm(part)) for part in parts]
+    candidates = [np.zeros(len(point))]
+    for bound in product([False, True], repeat=len(parts)):
+        active = [k for k in range(len(parts)) if bound[k]]
+        above = normal + sum(coefficients[k] * lengths[k] for k in active)
+        height = above / (1.0 + sum(coefficients[k] ** 2 for k in active))
+        held = [
+            coefficients[k] * height * parts[k] / lengths[k] if bound[k] and lengths[k] else parts[k]
+            for k in range(len(parts))
+        ]
+        is_inside = all(bound[k] or lengths[k] <= coefficients[k] * height for k in range(len(parts)))
+        if height >= 0.0 and is_inside:
+            candidates.append(np.concatenate([[height], *held]))
+    return min(candidates, key=lambda candidate: float(np.linalg.norm(candidate - point)))
 
 
-def natural_map(velocity: np.ndarray, impulses: np.ndarray, mu: np.ndarray) -> float:
-    """Return ‖r − P_C(r − u − μ‖u_T‖ e_N)‖ over all contacts of three rows."""
-    parts = []
-    for k, coefficient in enumerate(mu):
-        u, r = velocity[3 * k : 3 * k + 3], impulses[3 * k : 3 * k + 3]
-        lifted = u + np.array([coefficient * np.linalg.norm(u[1:]), 0.0, 0.0])
-        parts.append(r - onto_cone(r - lifted, coefficient))
+def natural_map(velocity: np.ndarray, impulses: np.ndarray, *friction: np.ndarray) -> float:
+    """Return ‖r − P_C(r − u − Σ μ_k‖u_k‖ e_N)‖ over all contacts: N, two sliding rows and, with μ_r, two rolling ones.
+
+    Args:
+        velocity: u, shape (n_rows,).
+        impulses: r, shape (n_rows,).
+        friction: μ, and μ_r if there is rolling friction, each of shape (n_contacts,).
+    """
+    rows, parts = 1 + 2 * len(friction), []
+    for contact, coefficients in enumerate(zip(*friction, strict=True)):
+        u, r = (vector[rows * contact : rows * (contact + 1)] for vector in (velocity, impulses))
+        lifted = u.copy()
+        lifted[0] += sum(mu * np.linalg.norm(u[1 + 2 * k : 3 + 2 * k]) for k, mu in enumerate(coefficients))
+        parts.append(r - onto_cone(r - lifted, coefficients))
     return float(np.linalg.norm(np.concatenate(parts)))

@@ -3,6 +3,10 @@
 Two point masses stand on each other and on the ground, three degrees of freedom each. Contact 1 is between the ground
 and the lower one, contact 2 between the two. All numbers are sums of few powers of two, so that every form gives the
 same bits. At rest, M v = 0 = H r + f gives r.
+
+With joints, a wall holds the lower mass along T1, and a bar ties the two along T2: M v = 0 = H r + G λ + f gives f.
+With rolling friction, two bodies with M = H = 1 stand apart on the ground: the first slides along (3, 4) and rolls
+about (−4, 3), the second sticks. A joint moves the last degree of freedom at −b, and w takes that from its row.
 """
 
 from pathlib import Path
@@ -18,6 +22,20 @@ W = H.T @ np.linalg.inv(M) @ H
 Q = H.T @ np.linalg.inv(M) @ F
 MU = np.array([0.25, 0.5])
 IMPULSES = np.array([3.0, -0.5, -0.25, 1.0, 0.0, -0.25])
+
+G = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, -1.0]])
+JOINT_IMPULSES = np.array([0.5, -0.25])
+F_JOINTED = -(H @ IMPULSES + G @ JOINT_IMPULSES)
+V, R = H.T @ np.linalg.inv(M) @ G, G.T @ np.linalg.inv(M) @ G
+Q_JOINTED, S = H.T @ np.linalg.inv(M) @ F_JOINTED, G.T @ np.linalg.inv(M) @ F_JOINTED
+
+MU_ROLLING, MU_R = np.array([0.5, 0.5]), np.array([0.25, 0.125])
+G_ROLLING, B = np.eye(10)[:, 9:], np.array([0.5])
+ROLLING_IMPULSES = np.array([10.0, -3.0, -4.0, 2.0, -1.5, 2.0, 0.5, 0.0, 0.125, 0.0])
+ROLLING_VELOCITY = np.array([0.0, 1.5, 2.0, -4.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+ROLLING_JOINT_IMPULSES = np.array([-0.25])
+F_ROLLING = np.append(ROLLING_VELOCITY[:9], -B) - ROLLING_IMPULSES - G_ROLLING @ ROLLING_JOINT_IMPULSES
+W_ROLLING = np.append(np.zeros(9), B)
 
 Data = dict[str, Any]
 
@@ -58,6 +76,36 @@ def global_data(kind: str = "triplets") -> Data:
     }
     vectors = {f"fclib_global/vectors/{name}": value for name, value in {"f": F, "w": np.zeros(6), "mu": MU}.items()}
     return {"fclib_global/spacedim": np.array([3], dtype=np.int32), **parts, **vectors}
+
+
+def jointed_data(kind: str = "rows") -> Data:
+    """Return the data sets of the local problem with joints by their paths."""
+    parts = {
+        f"fclib_local/{label}/{name}": value
+        for label, matrix in (("V", V), ("R", R))
+        for name, value in matrix_data(matrix, "columns" if kind == "packed" else kind).items()
+    }
+    vectors = {"fclib_local/vectors/q": Q_JOINTED, "fclib_local/vectors/s": S}
+    return {**local_data(kind), **parts, **vectors}
+
+
+def global_jointed_data(kind: str = "triplets") -> Data:
+    """Return the data sets of the global problem with joints by their paths."""
+    parts = {f"fclib_global/G/{name}": value for name, value in matrix_data(G, kind).items()}
+    vectors = {"fclib_global/vectors/f": F_JOINTED, "fclib_global/vectors/b": np.zeros(2)}
+    return {**global_data(kind), **parts, **vectors}
+
+
+def rolling_data(kind: str = "triplets") -> Data:
+    """Return the data sets of the problem with rolling friction and a joint by their paths."""
+    parts = {
+        f"fclib_global_rolling/{label}/{name}": value
+        for label, matrix in (("M", np.eye(10)), ("H", np.eye(10)), ("G", G_ROLLING))
+        for name, value in matrix_data(matrix, kind).items()
+    }
+    vectors = {"f": F_ROLLING, "w": W_ROLLING, "b": B, "mu": MU_ROLLING, "mu_r": MU_R}
+    named = {f"fclib_global_rolling/vectors/{name}": value for name, value in vectors.items()}
+    return {"fclib_global_rolling/spacedim": np.array([5], dtype=np.int32), **parts, **named}
 
 
 def write_data(path: Path, data: Data, **changes: Any) -> Path:

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from handmade_fclib import IMPULSES, MU, F, H, M, Q, W, global_data, local_data, matrix_data, write_data
+from handmade_fclib import IMPULSES, MU, F, H, M, Q, W, local_data, matrix_data, write_data
 from proxbench.problems import ContactProblem, Laws, ProblemError, judge, load, read_fclib, save_problem, write_fclib
 from proxbench.problems.catalog.fclib.contents import DIGEST
 from proxbench.problems.hard import hard_case
@@ -170,8 +170,6 @@ def test_a_stored_solution_that_is_none_is_not_taken_for_one(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"fclib_local/V/n": np.array([2])}, "bilateral rows are not treated yet, and there are 2 of them"),
-        ({"fclib_local/R/n": np.array([3])}, "there are 3 of them"),
         ({"fclib_local/spacedim": np.array([4])}, r"spacedim = 4 must be 2 or 3"),
         ({"fclib_local/spacedim": np.array([2])}, "mean 2 contacts of 2 rows each"),
         ({"fclib_local/spacedim": None}, "spacedim is missing"),
@@ -195,25 +193,14 @@ def test_what_is_not_treated_or_makes_no_problem_gets_one_sentence(
     assert "\n" not in str(caught.value)
 
 
-def test_bilateral_matrices_without_columns_are_none(tmp_path: Path) -> None:
-    none = {"fclib_global/G/n": np.array([0])}
-    assert read_fclib(write_data(tmp_path / "p.hdf5", global_data(), **none)).n_contacts == 2
-    with pytest.raises(ProblemError, match="bilateral rows are not treated yet"):
-        read_fclib(write_data(tmp_path / "p.hdf5", global_data(), **{"fclib_global/G/n": np.array([1])}))
-
-
-def test_rolling_friction_is_refused_by_name(tmp_path: Path) -> None:
-    data = {name.replace("fclib_global/", "fclib_global_rolling/"): value for name, value in global_data().items()}
-    with pytest.raises(ProblemError, match=r"rolling friction \(fclib_global_rolling\) is not treated yet"):
-        read_fclib(write_data(tmp_path / "p.hdf5", data))
-
-
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         ("funnel-frictionless-30", "has no friction"),
         ("hard-tresca-joint", "has a fixed friction bound"),
         ("hard-remote-partner", "mixes laws"),
+        ("hard-linked-1-axes", "1 axis, and contacts of FCLIB about as many as the directions they slide in, 2"),
+        ("hard-linked-3-axes", "resists rolling about 3 axes"),
     ],
 )
 def test_laws_that_fclib_does_not_have_are_refused_and_nothing_is_written(

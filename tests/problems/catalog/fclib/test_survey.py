@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from handmade_fclib import IMPULSES, W, global_data, local_data, write_data
-from proxbench.problems import ContactProblem, ProblemError, load, write_fclib
+from handmade_fclib import IMPULSES, W, global_data, jointed_data, local_data, rolling_data, write_data
+from proxbench.problems import ContactProblem, Laws, ProblemError, load, write_fclib
 from proxbench.problems.catalog.fclib.survey import block_conditioning, estimated_rank, fclib_files, survey
+from proxbench.problems.hard.transformations import in_units
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -50,6 +51,22 @@ def test_a_survey_says_what_the_file_holds(tmp_path: Path) -> None:
     assert (factored.form, factored.dofs, factored.rank, factored.asymmetry) == ("global", 6, 6, 0.0)
     assert (factored.solution, factored.guesses) == (0.0, 0)
     assert factored.conditioning == pytest.approx(1.0)
+
+
+def test_a_survey_counts_the_laws(tmp_path: Path) -> None:
+    jointed = survey(write_data(tmp_path / "j.hdf5", jointed_data()))
+    assert (jointed.contacts, jointed.joints, jointed.rows, jointed.rank) == (2, 2, 8, 6)
+    assert (jointed.rolling_friction, jointed.conditioning) == (None, pytest.approx(1.0))
+    rolling = survey(write_data(tmp_path / "r.hdf5", rolling_data()))
+    assert (rolling.contacts, rolling.joints, rolling.rows, rolling.rank) == (2, 1, 11, 10)
+    assert (rolling.friction, rolling.rolling_friction) == ((0.5, 0.5), (0.125, 0.25))
+
+
+def test_the_conditioning_of_a_contact_that_resists_rolling_does_not_depend_on_the_unit_of_length() -> None:
+    laws = Laws.contacts(0.5, 3, 1).with_rolling(0.1, 2)
+    for length in (1.0, 1e3):
+        problem = in_units(ContactProblem.from_delassus(np.eye(5), np.ones(5), laws=laws), length=length).problem
+        assert block_conditioning(problem) == pytest.approx([1.0])
 
 
 def test_a_file_without_contacts_is_surveyed_and_its_problem_not_written(tmp_path: Path) -> None:

@@ -1,0 +1,131 @@
+"""Linked bodies in closed form: hanging and towed chains, loops with more joints than they need, pendulums.
+
+Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 there, and what the joints
+push their bodies with, W Λ = M (u − u_f), is known wherever the motion u is, unique or not as Λ may be.
+"""
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import FloatArray
+from ..contact.answer import Answer
+from ..contact.laws import Laws
+from ..contact.problem import ContactProblem
+from .bodies import WEIGHT, in_box
+
+
+def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
+    """Return a chain that hangs from the ceiling, of slender links of 1 m and these masses [kg] from above.
+
+    The tension at the top of link k is g Δt Σ_{j≥k} m_j + ``pull`` [N s], where ``pull`` acts on the last link. The
+    chain is straight, and nothing acts across it. q = (x, y, φ) of each link; rows (x, y) of each pin.
+    """
+    n = len(masses)
+    directions = sp.lil_array((3 * n, 2 * n))
+    for link in range(n):
+        for pin, sign in ((link, 1.0), (link + 1, -1.0)):
+            if pin < n:  # its upper end moves with ẋ − φ̇/2, its lower one with ẋ + φ̇/2
+                directions[3 * link, 2 * pin], directions[3 * link + 2, 2 * pin] = sign, -0.5
+                directions[3 * link + 1, 2 * pin + 1] = sign
+    inverse_mass = np.column_stack([1.0 / masses, 1.0 / masses, 12.0 / masses]).ravel()
+    motion = np.tile([0.0, -WEIGHT, 0.0], n)
+    motion[-2] -= pull / masses[-1]
+    impulses = np.zeros((n, 2))
+    impulses[:, 1] = WEIGHT * np.cumsum(masses[::-1])[::-1] + pull
+    answer = Answer(impulses=(impulses.ravel(),), velocity=np.zeros(2 * n), sensitivity=10.0 * n * n)
+    return _jointed(directions, inverse_mass, motion, answer)
+
+
+def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
+    """Return parallel cranks between the ground and a coupler, all of 1 kg and 1 m, that fall from rest.
+
+    Two cranks are a four-bar loop. Each more adds four rows for three degrees of freedom, and takes nothing from the
+    motion, which was free to one already: G loses a rank. With the velocities J per angular velocity ω of the cranks,
+    at ``angle`` [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
+    """
+    end = np.array([np.cos(angle), np.sin(angle)])
+    turn = np.array([-end[1], end[0]])
+    n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
+    directions, motion = np.zeros((n_dofs, 4 * cranks)), np.tile([0.0, -WEIGHT, 0.0], cranks + 1)
+    along = np.zeros(n_dofs)
+    places = np.linspace(-0.5, 0.5, cranks)  # of the pins on the coupler, from its centre of mass
+    for crank in range(cranks):
+        own, pins = 3 * crank, 4 * crank
+        for axis in (0, 1):
+            directions[own + axis, pins + axis] = 1.0
+            directions[own + 2, pins + axis] = -0.5 * turn[axis]
+            directions[own + axis, pins + 2 + axis] = 1.0
+            directions[own + 2, pins + 2 + axis] = 0.5 * turn[axis]
+            directions[coupler + axis, pins + 2 + axis] = -1.0
+        directions[coupler + 2, pins + 3] = -places[crank]
+        along[own : own + 3] = 0.5 * turn[0], 0.5 * turn[1], 1.0
+    along[coupler : coupler + 2] = turn
+    mass = np.tile([1.0, 1.0, 1.0 / 12.0], cranks + 1)
+    moved = along * (along @ (mass * motion) / (along @ (mass * along)))
+    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (moved - motion)))
+
+
+def pendulum(copies: int) -> ContactProblem:
+    """Return a horizontal rod of 1 kg and 1 m, let go at rest, whose pin at one end is written ``copies`` times.
+
+    It turns at ω = −3/2 g Δt / 1 m, so that its pin bears a quarter of its weight.
+    """
+    pin = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -0.5]])
+    directions, mass = np.tile(pin, copies), np.array([1.0, 1.0, 1.0 / 12.0])
+    motion, moved = np.array([0.0, -WEIGHT, 0.0]), WEIGHT * np.array([0.0, -0.75, -1.5])
+    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (moved - motion)))
+
+
+def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: float = 0.02) -> ContactProblem:
+    """Return a wheel of 1 kg on the ground, towed from rest by a line of ``n`` bodies of 1/n kg at its axle.
+
+    The first body is pulled with ``pull`` [N s]. The wheel is a disc of radius 0.1 m with rows N, T, R, which slides,
+    rolls, does both or stays; its Λ_N is its weight, which leaves the box |Λ_T| ≤ μ Λ_N, |Λ_R| ≤ μ_r Λ_N. A joint
+    transmits the momentum that what is behind it gains. q = positions of the bodies, then (x, y, φ) of the wheel.
+    """
+    radius, inertia, mass = 0.1, 0.005, 1.0 / n
+    directions = np.zeros((n + 3, n + 3))
+    for joint in range(n):
+        directions[joint, joint], directions[joint + 1, joint] = 1.0, -1.0
+    directions[n + 1, n] = 1.0  # N
+    directions[n, n + 1], directions[n + 2, n + 1], directions[n + 2, n + 2] = 1.0, -radius, 1.0  # T, R
+    motion = np.zeros(n + 3)
+    motion[0], motion[n + 1] = pull / mass, -WEIGHT
+    towed = 2.0  # line and wheel move as one body of 2 kg
+    reduced = np.array([[1.0 / towed + radius**2 / inertia, -radius / inertia], [-radius / inertia, 1.0 / inertia]])
+    held = in_box(reduced, np.array([pull / towed, 0.0]), WEIGHT * np.array([friction, rolling_friction]))
+    speed = (pull + held[0]) / towed
+    behind = 1.0 - mass * np.arange(1, n + 1) + 1.0  # mass behind each joint
+    impulses = np.concatenate([held[0] - behind * speed, [WEIGHT], held])
+    laws = Laws.together([Laws.joints(n), Laws.contacts(np.array([friction]), 2, 1).with_rolling(rolling_friction, 1)])
+    inverse_mass = np.append(np.full(n, 1.0 / mass), [1.0, 1.0, 1.0 / inertia])
+    velocity = directions.T @ (inverse_mass * (directions @ impulses) + motion)
+    velocity[: n + 1] = 0.0
+    return ContactProblem.from_factors(
+        directions,
+        inverse_mass,
+        directions.T @ motion,
+        laws=laws,
+        free_motion=motion,
+        answer=Answer(impulses=(impulses,), velocity=velocity, sensitivity=100.0 * n * n),
+    )
+
+
+def immovable_joint() -> ContactProblem:
+    """Return a joint between two walls that part at 1 m/s, G_ii = 0, beside one that a body can follow."""
+    laws = Laws.joints(2)
+    return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
+
+
+def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
+    """Return the answer of joints that are known to push their bodies with W Λ = ``push``, shape (n_dofs,)."""
+    return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=push)
+
+
+def _jointed(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
+    """Return the problem of joints alone, W as ``given``, dense or sparse, and c = Wᵀ u for the free motion u."""
+    directions = sp.csc_array(given)
+    c, laws = directions.T @ motion, Laws.joints(directions.shape[1])
+    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, free_motion=motion, answer=answer)

@@ -1,0 +1,190 @@
+"""Sweeps over blocks with joints and rolling friction beside contacts, in all forms of the projected iterations.
+
+A block has the lanes N, T and R of ``BlockLayout``, as many as the problem needs. Its laws are updated one after the
+other, with Λ_N of a unilateral law cut at 0 and that of a bilateral law at nothing,
+
+    Λ_N ← max(Λ_N − r_N ξ_N, l),                                l = 0 or −∞,
+    Λ_T ← prox of the disc of radius a + μ Λ_N  of  Λ_T − r_T ξ_T,
+    Λ_R ← prox of the ball of radius a_r + μ_r Λ_N  of  Λ_R − r_R ξ_R.
+
+With the newest Λ_N held, the cone of a rolling contact is the product of a disc and a ball, so that both are projected
+on alone. Problems of contacts with sliding friction alone have kernels of their own, which know their width.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit, uint64
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.blocks import BlockLayout
+
+AnyLaws = tuple[FloatArray, FloatArray, FloatArray, Any, FloatArray, FloatArray, FloatArray, tuple[int, ...], int]
+"""What a kernel reads of the laws: step sizes (of N, T and R in turn), μ, a, N lane of each partner, l, μ_r, a_r, the
+lanes of a block, and how many of them are tangential. The lanes are a tuple, whose length the compiler knows, so that
+it unrolls the loops over them."""
+
+
+def any_laws(layout: BlockLayout, sizes: FloatArray) -> AnyLaws:
+    """Return the laws of ``layout`` as kernels take them, with step sizes [kg] of shape (n_blocks, 3)."""
+    lowest = np.where(layout.is_bilateral, -np.inf, 0.0)
+    partner_lanes = (layout.width * layout.partner).astype(np.int64)
+    sliding = (layout.friction_coefficient, layout.fixed_bound, partner_lanes)
+    rolling = (layout.rolling_coefficient, layout.rolling_bound)
+    return sizes.reshape(-1), *sliding, lowest, *rolling, tuple(range(layout.width)), layout.sliding
+
+
+@njit(cache=True)
+def velocity_of_block(i, first, axes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
+    """Write ξ of the lanes of block i from G in block rows, all but its ``first`` stored blocks counted."""
+    width = uint64(len(axes))
+    for lane in range(width):
+        xi[lane] = free[width * uint64(i) + lane]
+    for p in range(uint64(starts[i]) + uint64(first), uint64(starts[i + 1])):
+        j = uint64(lanes[p])
+        for lane in range(width):
+            v, total = (width * p + lane) * width, 0.0
+            for other in range(width):
+                total += values[v + other] * impulses[j + other]
+            xi[lane] += total
+
+
+@njit(cache=True)
+def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-def]
+    """Move ``held``, lanes from ``begin`` on, along −size ξ into a ball around 0; write the change of these lanes."""
+    squared = 0.0
+    for k in range(len(held)):
+        change[begin + k] = held[k] - size * xi[begin + k]
+        squared += change[begin + k] ** 2
+    scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+    for k in range(len(held)):
+        new = scale * change[begin + k]
+        change[begin + k] = new - held[k]
+        held[k] = new
+
+
+@njit(cache=True)
+def sweep_delassus(  # type: ignore[no-untyped-def]
+    count,
+    starts,
+    lanes,
+    values,
+    free,
+    sizes,
+    friction,
+    fixed,
+    partner,
+    lowest,
+    rolling,
+    rolling_fixed,
+    axes,
+    sliding,
+    impulses,
+):
+    """Gauss–Seidel sweeps over G in block rows."""
+    width = len(axes)
+    xi, change = np.empty(width), np.empty(width)
+    first_rolling = 1 + sliding
+    for _ in range(count):
+        for i in range(len(friction)):
+            k, own = width * i, width * width * np.int64(starts[i])
+            velocity_of_block(i, 0, axes, starts, lanes, values, free, impulses, xi)
+            new = max(impulses[k] - sizes[3 * i] * xi[0], lowest[i])
+            change[0], impulses[k] = new - impulses[k], new
+            if sliding > 0:
+                for lane in range(1, first_rolling):
+                    xi[lane] += values[own + width * lane] * change[0]
+                bound = fixed[i] + friction[i] * impulses[partner[i]]
+                into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+            if first_rolling < width:
+                for lane in range(first_rolling, width):
+                    for other in range(first_rolling):
+                        xi[lane] += values[own + width * lane + other] * change[other]
+                bound = rolling_fixed[i] + rolling[i] * new
+                into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+
+
+@njit(cache=True)
+def project_all(  # type: ignore[no-untyped-def]
+    sizes, friction, fixed, partner, lowest, rolling, rolling_fixed, axes, sliding, velocity, impulses
+):
+    """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
+    width = len(axes)
+    change = np.empty(width)
+    first_rolling = 1 + sliding
+    for i in range(len(friction)):
+        impulses[width * i] = max(impulses[width * i] - sizes[3 * i] * velocity[width * i], lowest[i])
+    for i in range(len(friction)):
+        k = width * i
+        xi = velocity[k : k + width]
+        bound = fixed[i] + friction[i] * impulses[partner[i]]
+        into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+        bound = rolling_fixed[i] + rolling[i] * impulses[k]
+        into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+
+
+@njit(cache=True)
+def _velocity_of_lanes(first, last, begin, end, chunks, pieces, scaled, free, xi):  # type: ignore[no-untyped-def]
+    """Write ξ of the lanes ``first`` to ``last`` of a block, whose pieces are those from ``begin`` to ``end``."""
+    length = pieces.shape[2]
+    for lane in range(first, last):
+        total = free[lane]
+        for p in range(begin, end):
+            chunk = length * np.int64(chunks[p])
+            for a in range(length):
+                total += pieces[p, lane, a] * scaled[chunk + a]
+        xi[lane] = total
+
+
+@njit(cache=True)
+def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ignore[no-untyped-def]
+    """Add W̃ ΔΛ of these lanes to v."""
+    length = pieces.shape[2]
+    for lane in range(first, last):
+        for p in range(begin, end):
+            chunk = length * np.int64(chunks[p])
+            for a in range(length):
+                scaled[chunk + a] += pieces[p, lane, a] * change[lane]
+
+
+@njit(cache=True)
+def sweep_factors(  # type: ignore[no-untyped-def]
+    count,
+    starts,
+    chunks,
+    pieces,
+    free,
+    sizes,
+    friction,
+    fixed,
+    partner,
+    lowest,
+    rolling,
+    rolling_fixed,
+    axes,
+    sliding,
+    impulses,
+    scaled,
+):
+    """Gauss–Seidel sweeps over the pieces of W̃, with v = W̃ Λ kept up to date law by law."""
+    width = len(axes)
+    xi, change = np.empty(width), np.empty(width)
+    first_rolling = 1 + sliding
+    for _ in range(count):
+        for i in range(len(friction)):
+            k, begin, end = width * i, np.int64(starts[i]), np.int64(starts[i + 1])
+            own = free[k : k + width]
+            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, scaled, own, xi)
+            new = max(impulses[k] - sizes[3 * i] * xi[0], lowest[i])
+            change[0], impulses[k] = new - impulses[k], new
+            _push(0, 1, begin, end, chunks, pieces, change, scaled)
+            if sliding > 0:
+                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, scaled, own, xi)
+                bound = fixed[i] + friction[i] * impulses[partner[i]]
+                into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+                _push(1, first_rolling, begin, end, chunks, pieces, change, scaled)
+            if first_rolling < width:
+                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, scaled, own, xi)
+                bound = rolling_fixed[i] + rolling[i] * new
+                into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+                _push(first_rolling, width, begin, end, chunks, pieces, change, scaled)

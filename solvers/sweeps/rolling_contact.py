@@ -1,0 +1,263 @@
+"""One contact with rolling friction and everything else held still, solved to rounding.
+
+A contact of block G and free velocity q, other impulses included, has the laws
+
+    0 ≤ Λ_N ⊥ ξ_N ≥ 0,   −ξ_T ∈ N(Λ_T) of the disc ‖Λ_T‖ ≤ a + μΛ_N,   −ξ_R ∈ N(Λ_R) of the ball ‖Λ_R‖ ≤ a_r + μ_rΛ_N
+
+with ξ = GΛ + q. Two of its laws may slip at once, each in a direction of its own, so there is no list of states to go
+through as without rolling (``one_contact``). Newton's method on the projection equations Λ_i = prox(Λ_i − ξ_i/α_i) with
+a search along its steps finds the solution from the present impulse almost always; where it does not, projected sweeps
+over the three laws lead on, and Newton's method begins again. The answer is the admissible impulse that violates the
+laws least, by the judge's measure; where that is the present one, it stays.
+
+Rolling rows are counted in the length √(α_N/α_R), so that all rows are velocities and all impulses of one unit.
+"""
+
+import numpy as np
+from numba import njit
+
+from .any_laws import into_ball
+
+ROUNDS = 4
+"""Times that Newton's method begins."""
+
+NEWTON_STEPS = 25
+"""Newton steps of one round."""
+
+SWEEPS = 40
+"""Projected sweeps between two rounds."""
+
+PRECISION = 1e-14
+"""A violation below this part of the free velocity is rounding."""
+
+SHORTEST = 1.0 / 64.0
+"""The shortest part of a step that the search takes."""
+
+PIVOT = 1e-13
+"""A pivot below this part of the largest entry of its system is taken for zero."""
+
+
+@njit(cache=True, error_model="numpy")
+def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no-untyped-def]
+    """Replace ``held``, the present Λ, by the solution of its contact.
+
+    ``block`` is G, shape (d, d), ``q`` the velocity without the contact's own impulse, shape (d,), of whose lanes the
+    first is N, the next ``sliding`` are T, and the others R.
+    """
+    d = len(q)
+    first = 1 + sliding
+    largest = 0.0
+    for k in range(first, d):
+        largest = max(largest, block[k, k])
+    length = np.sqrt(block[0, 0] / largest) if block[0, 0] > 0.0 and largest > 0.0 else 1.0
+    g, free, x = np.empty((d, d)), np.empty(d), np.empty(d)
+    for k in range(d):
+        unit = length if k >= first else 1.0
+        free[k], x[k] = unit * q[k], held[k] / unit
+        for j in range(d):
+            g[k, j] = unit * block[k, j] * (length if j >= first else 1.0)
+    laws = (mu, a, mu_r / length, a_r / length)
+    if not (x[0] <= 0.0 and a == 0.0 and a_r == 0.0 and free[0] >= 0.0):
+        _solve(g, free, sliding, laws, x)
+    else:
+        x[:] = 0.0
+    for k in range(d):
+        held[k] = x[k] * (length if k >= first else 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
+    """Replace ``x`` by the solution, all rows velocities of one unit."""
+    d = len(q)
+    alpha = _curvatures(g, sliding)
+    speed = 0.0
+    for k in range(d):
+        speed = max(speed, abs(q[k]))
+    xi, best, trial = np.empty(d), np.empty(d), np.empty(d)
+    system = np.empty((d, d + 1))
+    _admit(sliding, laws, x)
+    best[:] = x
+    least = _violation(g, q, sliding, laws, alpha, x, xi)
+    if x[0] <= 0.0 and g[0, 0] > 0.0:
+        x[0] = max(-q[0] / g[0, 0], 0.0)
+    for attempt in range(ROUNDS):
+        if attempt > 0:
+            x[:] = best
+            _sweep(SWEEPS, g, q, sliding, laws, alpha, x, xi, trial)
+        present = _violation(g, q, sliding, laws, alpha, x, xi)
+        for _ in range(NEWTON_STEPS):
+            if present < least:
+                best[:], least = x, present
+            if least <= PRECISION * speed:
+                break
+            _linearise(g, q, sliding, laws, alpha, x, xi, system)
+            if not _eliminated(system):
+                break
+            part, before = 1.0, present
+            while True:
+                for k in range(d):
+                    trial[k] = x[k] + part * system[k, d]
+                present = _violation(g, q, sliding, laws, alpha, trial, xi)
+                if present < (1.0 - 1e-4 * part) * before or part <= SHORTEST:
+                    break
+                part *= 0.5
+            x[:] = trial
+        _admit(sliding, laws, x)
+        present = _violation(g, q, sliding, laws, alpha, x, xi)
+        if present < least:
+            best[:], least = x, present
+        if least <= PRECISION * speed:
+            break
+    x[:] = best
+    _admit(sliding, laws, x)
+
+
+@njit(cache=True)
+def _curvatures(g, sliding):  # type: ignore[no-untyped-def]
+    """Return α of the normal, sliding and rolling law, as a vector."""
+    alpha = np.zeros(3)
+    for k in range(len(g)):
+        law = 0 if k == 0 else (1 if k <= sliding else 2)
+        alpha[law] = max(alpha[law], g[k, k])
+    return alpha
+
+
+@njit(cache=True)
+def _lanes_of(law, sliding, d):  # type: ignore[no-untyped-def]
+    """Return the first lane of the sliding (1) or rolling (2) law, and the lane after its last one."""
+    return (1, 1 + sliding) if law == 1 else (1 + sliding, d)
+
+
+@njit(cache=True, error_model="numpy")
+def _admit(sliding, laws, x):  # type: ignore[no-untyped-def]
+    """Project Λ onto its bounds, Λ_N first."""
+    x[0] = max(x[0], 0.0)
+    for law in (1, 2):
+        begin, end = _lanes_of(law, sliding, len(x))
+        bound, squared = laws[2 * law - 1] + laws[2 * law - 2] * x[0], 0.0
+        for k in range(begin, end):
+            squared += x[k] ** 2
+        if squared > bound * bound:
+            for k in range(begin, end):
+                x[k] *= bound / np.sqrt(squared)
+
+
+@njit(cache=True, error_model="numpy")
+def _violation(g, q, sliding, laws, alpha, x, xi):  # type: ignore[no-untyped-def]
+    """Write ξ; return the largest violation of the three laws [m/s], as the judge measures it."""
+    d = len(q)
+    for k in range(d):
+        xi[k] = q[k]
+        for j in range(d):
+            xi[k] += g[k, j] * x[j]
+    largest = abs(alpha[0] * x[0] - max(alpha[0] * x[0] - xi[0], 0.0))
+    for law in (1, 2):
+        begin, end = _lanes_of(law, sliding, d)
+        bound, squared = alpha[law] * (laws[2 * law - 1] + laws[2 * law - 2] * max(x[0], 0.0)), 0.0
+        for k in range(begin, end):
+            squared += (alpha[law] * x[k] - xi[k]) ** 2
+        scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+        total = 0.0
+        for k in range(begin, end):
+            total += (alpha[law] * x[k] - scale * (alpha[law] * x[k] - xi[k])) ** 2
+        largest = max(largest, np.sqrt(total))
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
+def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no-untyped-def]
+    """Do projected Gauss–Seidel sweeps over the three laws."""
+    d = len(q)
+    for _ in range(count):
+        for law in range(3):
+            begin, end = (0, 1) if law == 0 else _lanes_of(law, sliding, d)
+            for k in range(begin, end):
+                xi[k] = q[k]
+                for j in range(d):
+                    xi[k] += g[k, j] * x[j]
+            size = 1.0 / alpha[law] if alpha[law] > 0.0 else 0.0
+            if law == 0:
+                x[0] = max(x[0] - size * xi[0], 0.0)
+            else:
+                into_ball(size, laws[2 * law - 1] + laws[2 * law - 2] * x[0], begin, xi, x[begin:end], change)
+
+
+@njit(cache=True, error_model="numpy")
+def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-untyped-def]
+    """Write the equations of the step, and their right side as the last column, from ξ as ``_violation`` left it.
+
+    With x_i = Λ_i − ξ_i/α_i a law is at rest (ξ = 0) where x_i lies in its set. Else Λ_N = 0, or with t = x_i/‖x_i‖,
+    κ = b/‖x_i‖ and P = κ(I − t tᵀ):  P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).
+    """
+    d = len(q)
+    system[:] = 0.0
+    is_closed = alpha[0] * x[0] > xi[0] and alpha[0] > 0.0
+    if is_closed:
+        for j in range(d):
+            system[0, j] = g[0, j]
+        system[0, d] = -xi[0]
+    else:
+        system[0, 0], system[0, d] = 1.0, -x[0]
+    for law in (1, 2):
+        begin, end = _lanes_of(law, sliding, d)
+        mu = laws[2 * law - 2]
+        bound, squared = laws[2 * law - 1] + mu * max(x[0], 0.0), 0.0
+        for k in range(begin, end):
+            squared += (x[k] - xi[k] / alpha[law]) ** 2 if alpha[law] > 0.0 else 0.0
+        length = np.sqrt(squared)
+        for k in range(begin, end):
+            if alpha[law] <= 0.0:  # no impulse of this law moves anything: it stays
+                system[k, k] = 1.0
+                continue
+            if length <= bound and bound > 0.0:
+                for j in range(d):
+                    system[k, j] = g[k, j]
+                system[k, d] = -xi[k]
+                continue
+            along, kappa = (x[k] - xi[k] / alpha[law]) / max(length, 1e-300), bound / max(length, 1e-300)
+            system[k, d] = alpha[law] * (bound * along - x[k])
+            if is_closed:
+                system[k, 0] -= alpha[law] * mu * along
+            for j in range(begin, end):
+                same = 1.0 if j == k else 0.0
+                across = kappa * (same - along * (x[j] - xi[j] / alpha[law]) / max(length, 1e-300))
+                system[k, j] += alpha[law] * (same - across)
+                for m in range(d):
+                    system[k, m] += across * g[j, m]
+
+
+@njit(cache=True, error_model="numpy")
+def _eliminated(system):  # type: ignore[no-untyped-def]
+    """Replace the last column by the solution, by Gaussian elimination with row pivots; return whether there is one.
+
+    Where a column has no pivot its unknown is damped: it hardly moves.
+    """
+    d = len(system)
+    largest = 0.0
+    for k in range(d):
+        for j in range(d):
+            largest = max(largest, abs(system[k, j]))
+    if not 0.0 < largest < np.inf:
+        return False
+    for k in range(d):
+        pivot = k
+        for row in range(k + 1, d):
+            if abs(system[row, k]) > abs(system[pivot, k]):
+                pivot = row
+        if abs(system[pivot, k]) <= PIVOT * largest:
+            system[k, k] += largest
+            pivot = k
+        for j in range(d + 1):
+            system[k, j], system[pivot, j] = system[pivot, j], system[k, j]
+        for row in range(k + 1, d):
+            factor = system[row, k] / system[k, k]
+            if factor != 0.0:
+                for j in range(k, d + 1):
+                    system[row, j] -= factor * system[k, j]
+    for k in range(d - 1, -1, -1):
+        for j in range(k + 1, d):
+            system[k, d] -= system[k, j] * system[j, d]
+        system[k, d] /= system[k, k]
+        if not abs(system[k, d]) < np.inf:
+            return False
+    return True
