@@ -6,8 +6,8 @@ A front of a supernode with pivot columns 1 and rows below 2 is eliminated dense
     ( F₂₁ F₂₂ )
 
 Rows are exchanged inside F₁₁ alone. That is enough for Ĝ + D, whose symmetric part is positive definite or nearly so;
-what rounding it costs, refinement mends. Dense products are those of BLAS, which is why 734 contacts take half the time
-of a factorisation column by column.
+what rounding it costs, refinement mends. Dense products are those of BLAS, which makes a factorisation of 734 contacts,
+3 ms, two to three times as fast as one column by column in the same order, and five times as one in SuperLU's own.
 """
 
 import numpy as np
@@ -59,25 +59,29 @@ class BlockLU:
 
 
 @njit(cache=True)
-def _add_block(front, i, j, block):  # type: ignore[no-untyped-def]
-    for k in range(block.shape[0]):
-        for m in range(block.shape[1]):
-            front[i + k, j + m] += block[k, m]
+def _add_entry(f11, f12, f21, i, j, block):  # type: ignore[no-untyped-def]
+    """Add a block of the matrix to the quarter of the front that (i, j) lies in; none lies in the last one."""
+    pivots, b = f11.shape[0], block.shape[0]
+    for k in range(b):
+        for m in range(b):
+            if i >= pivots:
+                f21[i - pivots + k, j + m] += block[k, m]
+            elif j >= pivots:
+                f12[i + k, j - pivots + m] += block[k, m]
+            else:
+                f11[i + k, j + m] += block[k, m]
 
 
 @njit(cache=True)
-def _add(f11, f12, f21, f22, i, j, block):  # type: ignore[no-untyped-def]
-    """Add a block to the quarter of the front that (i, j) lies in."""
-    pivots = f11.shape[0]
-    if i < pivots:
-        if j < pivots:
-            _add_block(f11, i, j, block)
-        else:
-            _add_block(f12, i, j - pivots, block)
-    elif j < pivots:
-        _add_block(f21, i - pivots, j, block)
-    else:
-        _add_block(f22, i - pivots, j - pivots, block)
+def _add_update(quarter, b, rows, row_shift, columns, column_shift, update, row_from, column_from):  # type: ignore[no-untyped-def]
+    """Add a part of a child's update to a quarter of the front, at block rows and columns counted from the shifts."""
+    for x in range(len(rows)):
+        for k in range(b):
+            i, source = b * (rows[x] - row_shift) + k, b * (row_from + x) + k
+            for y in range(len(columns)):
+                j, source_column = b * (columns[y] - column_shift), b * (column_from + y)
+                for m in range(b):
+                    quarter[i, j + m] += update[source, source_column + m]
 
 
 @njit(cache=True)
@@ -101,16 +105,19 @@ def _factorise(  # type: ignore[no-untyped-def]
         p, q = b * (nodes[s + 1] - nodes[s]), b * (row_starts[s + 1] - row_starts[s])
         f11, f12, f21, f22 = np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, p)), np.zeros((q, q))
         for e in range(entry_starts[s], entry_starts[s + 1]):
-            _add(f11, f12, f21, f22, b * entry_places[0, e], b * entry_places[1, e], blocks[entries[e]])
+            _add_entry(f11, f12, f21, b * entry_places[0, e], b * entry_places[1, e], blocks[entries[e]])
         for c in range(child_starts[s + 1] - 1, child_starts[s] - 1, -1):
-            first, n_rows = row_starts[children[c]], row_starts[children[c] + 1] - row_starts[children[c]]
-            size = b * n_rows
+            places = row_places[row_starts[children[c]] : row_starts[children[c] + 1]]
+            size = b * len(places)
             top -= size * size
             update = stack[top : top + size * size].reshape(size, size)
-            for x in range(n_rows):
-                for y in range(n_rows):
-                    block = update[b * x : b * x + b, b * y : b * y + b]
-                    _add(f11, f12, f21, f22, b * row_places[first + x], b * row_places[first + y], block)
+            width = nodes[s + 1] - nodes[s]
+            cut = np.searchsorted(places, width)
+            head, tail = places[:cut], places[cut:]
+            _add_update(f11, b, head, 0, head, 0, update, 0, 0)
+            _add_update(f12, b, head, 0, tail, width, update, 0, cut)
+            _add_update(f21, b, tail, width, head, 0, update, cut, 0)
+            _add_update(f22, b, tail, width, tail, width, update, cut, cut)
         inverse = np.ascontiguousarray(np.linalg.inv(f11))
         at = b * b * factor_starts[s]
         factors[at : at + p * p] = inverse.reshape(-1)

@@ -9,8 +9,10 @@ converge to, and stands still. So the path is followed by its arc length, in whi
        grown to ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
     3. From there again, until the judged residual reaches the tolerance.
 
-The direction of the tangent is kept from point to point, τ is free to rise. Where the answer is strictly complementary
-the path is analytic at τ = 0 and its end comes fast; where it is not, the residual goes down like √τ.
+The direction of the tangent is kept from point to point, and τ is free to rise. At a turn that is the lowest so far a
+path below it is looked for first: turns are the affair of a few contacts, which may rearrange. Where the answer is
+strictly complementary the path is analytic at τ = 0 and its end comes fast; where it is not, the residual goes down
+like √τ.
 """
 
 from dataclasses import dataclass
@@ -46,6 +48,9 @@ ROUNDING = 1e-14
 FIRST_STEPS, FURTHER_STEPS = 30, 3
 """Newton steps of the first correction, and of those after a series."""
 
+LEAP, LEAP_STEPS = 0.5, 12
+"""Where the path turns, one is looked for at this share of its τ, with so many Newton steps, before it is followed."""
+
 SHORTEST_SEARCH = 1.0 / 32.0
 """The shortest part of a step of the first correction."""
 
@@ -64,7 +69,7 @@ RETURNS, RETURN_SHARE = 6, 0.3
 DROP = 1e-3
 """τ falls by no more than this factor within a series."""
 
-LEAST_TAU, LARGEST_TAU = 1e-15, 1e4
+LEAST_TAU, LARGEST_TAU = 1e-20, 1e4
 """Where the path is followed no further."""
 
 
@@ -160,6 +165,7 @@ class _Path:
         self._heads, self._lifts = np.zeros((n, 4)), np.zeros(n)
         self._p, self._q = np.empty((n, 3)), np.empty((n, 3))
         self._tangent: Direction | None = None
+        self._lowest_turn = np.inf
 
     def begin(self, first: FloatArray) -> None:
         """Find a point of the path from Λ = ``first``, shape (n_rows,)."""
@@ -186,7 +192,12 @@ class _Path:
             return
         if not self._factorised(point):
             return
-        self._tangent = self._oriented(self._solved(self._towards_tau(), point.s * 0.0), point)
+        before, self._tangent = self._tangent, self._oriented(point)
+        if before is not None and before.tau < 0.0 < self._tangent.tau and point.tau < self._lowest_turn:
+            self._lowest_turn = point.tau
+            if self._leapt(point) or not self._factorised(point):
+                return
+            self._tangent = self._oriented(point)
         series = self._series(point, self._tangent)
         reach = self._range(series)
         for _ in range(RETURNS):
@@ -279,8 +290,17 @@ class _Path:
         )
         return float(inner) + x.tau * y.tau
 
-    def _oriented(self, along: Direction, point: _Point) -> Direction:
+    def _leapt(self, point: _Point) -> bool:
+        """Where the path turns, look for one below the turn, and go on from there if there is."""
+        found = self._corrected(_Point(self._scaled, self._system, point.v, LEAP * point.tau), LEAP_STEPS)
+        if not found.is_within(CLOSE):
+            return False
+        self._point, self._tangent = found, None
+        return True
+
+    def _oriented(self, point: _Point) -> Direction:
         """Return the unit tangent that goes on as the last one did, at first towards smaller τ."""
+        along = self._solved(self._towards_tau(), np.zeros_like(point.s))
         tangent = Direction(along.r, along.u, along.s, 1.0)
         length = np.sqrt(max(self._product(tangent, tangent), 1e-300))
         forward = -1.0 if self._tangent is None else self._product(tangent, self._tangent)
@@ -316,9 +336,9 @@ class _Path:
             reach *= SHORTER
         return None
 
-    def _corrected(self, point: _Point) -> _Point:
+    def _corrected(self, point: _Point, most_steps: int = FIRST_STEPS) -> _Point:
         """Return the point after Newton steps at fixed τ, shortened where R_p does not fall."""
-        for _ in range(FIRST_STEPS):
+        for _ in range(most_steps):
             if point.is_within(CLOSE) or self._progress.ended is not None or not self._factorised(point):
                 break
             step = self._solved(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
@@ -343,7 +363,7 @@ class _Path:
             along = self._solved(self._towards_tau(), self._lifts * 0.0)
             along = Direction(along.r, along.u, along.s, 1.0)
             across = self._product(self._tangent, along)
-            share = -self._product(self._tangent, newton) / across if across != 0.0 else 0.0
+            share = -self._product(self._tangent, newton) / across if abs(across) > 0.0 else 0.0
             share = float(np.clip(share, -2.0, 2.0)) if np.isfinite(share) else 0.0
             change = newton.plus(share, along)
             following = _Point(

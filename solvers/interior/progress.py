@@ -12,7 +12,7 @@ from ..iteration.clock import Clock
 from ..iteration.loop import judged, rounding
 
 FLOPS_A_SECOND = 3e9
-"""What a machine does at least in a factorisation; the first that is measured replaces the guess."""
+"""What a machine does at least in a factorisation; the first step that is measured replaces the guess."""
 
 SHORTEST, MOST_SHORT = 1e-9, 5
 """Steps below the first, so many in a row, move nothing any more."""
@@ -48,18 +48,17 @@ class Progress:
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
         self._best, self._latest, self._iteration = first, first, 0
         self.best_residual = judged(problem, residual, first)
-        self._factor_seconds, self._short, self._waited = flops / FLOPS_A_SECOND, 0, 0
+        self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
         self.ended: tuple[Status, str] | None = None
         self._look()
 
     def factorised(self, factorise: Callable[[], bool]) -> bool:
-        """Factorise if that ends in time, and say whether there are factors; if not the solve is over."""
-        if self._factor_seconds > self._clock.left:
+        """Factorise if a step like the last ends in time; say whether there are factors, or the solve is over."""
+        if self._step_seconds > self._clock.left:
             self.end(Status.TIME_LIMIT, f"{self._reached()}; the next step would not end in time")
             return False
-        began = self._clock.used
+        self._began = self._clock.used
         done = factorise()
-        self._factor_seconds = self._clock.used - began
         if not done:
             self.end(Status.STALLED, f"the Newton system is singular at residual {self.best_residual:.1e}")
         return done
@@ -68,6 +67,7 @@ class Progress:
         """Count a step, of which ``part`` was done, to Λ of a judged residual."""
         self._iteration += 1
         self._latest = impulses
+        self._step_seconds = self._clock.used - self._began
         self._clock.show(self._observe, self._iteration, impulses)
         self._waited += 1
         if residual < self.best_residual:

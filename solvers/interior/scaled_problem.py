@@ -2,10 +2,10 @@
 
     û = V ξ + s e_N,      Λ = S r,      û = Ĝ r + ĉ + s e_N,      Ĝ = V G S,  ĉ = V c
 
-V = κ k diag(1, μ, μ) and S = ρ κ⁻¹ k diag(1, μ, μ) of each contact turn its friction cone {‖Λ_T‖ ≤ μΛ_N} and the dual
-one into the second-order cone. κ is one over the largest free velocity of its component, ρ makes the mean diagonal of Ĝ
-one, and k = √(ρ'/α), ρ' the mean of α, makes every contact's own α one: neither units nor masses decide where the path
-begins. Both sides carry k, so Ĝ is symmetric where G is, and r∘û does not depend on k at all.
+V = κ k diag(1, μ, μ) and S = k/(κρ) diag(1, μ, μ) of each contact turn its friction cone {‖Λ_T‖ ≤ μΛ_N} and the dual
+one into the second-order cone. κ is one over the largest free velocity of its component, ρ the mean of α, the largest
+diagonal entry of G of each contact, and k = √(ρ/α): neither units nor masses decide where the path begins. Both sides
+carry k, so Ĝ is symmetric where G is, and r∘û does not depend on k at all.
 """
 
 from typing import Literal
@@ -107,11 +107,11 @@ class ScaledProblem:
         layout = self.layout
         law = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
         speed = (residual.scale if residual.scale > 0.0 else 1.0) / residual.ratios[law]
+        tangential = np.where(self.is_cone, layout.friction_coefficient, 1.0)
+        shape = np.column_stack([np.ones_like(tangential), tangential, tangential]) * self.uses
         alpha = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
         mean = float(alpha[alpha > 0.0].mean()) if (alpha > 0.0).any() else 1.0
         stretch = np.sqrt(mean / np.where(alpha > 0.0, alpha, mean))
-        tangential = np.where(self.is_cone, layout.friction_coefficient, 1.0)
-        shape = np.column_stack([np.ones_like(tangential), tangential, tangential]) * self.uses
         self._bound_scale = speed * stretch / mean
         self.impulse_scale = self._bound_scale[:, None] * shape
         self.velocity_scale = (stretch / speed)[:, None] * shape
