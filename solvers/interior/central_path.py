@@ -69,8 +69,8 @@ RETURNS, RETURN_SHARE = 6, 0.3
 DROP = 1e-3
 """τ falls by no more than this factor within a series."""
 
-LEAST_TAU, LARGEST_TAU = 1e-20, 1e4
-"""Where the path is followed no further."""
+LEAST_TAU, RISE = 1e-20, 100.0
+"""Where the path is followed no further: there, and where τ has risen from its lowest by that factor."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class _Path:
         self._heads, self._lifts = np.zeros((n, 4)), np.zeros(n)
         self._p, self._q = np.empty((n, 3)), np.empty((n, 3))
         self._tangent: Direction | None = None
-        self._lowest_turn = np.inf
+        self._lowest, self._lowest_turn = np.inf, np.inf
 
     def begin(self, first: FloatArray) -> None:
         """Find a point of the path from Λ = ``first``, shape (n_rows,)."""
@@ -184,11 +184,12 @@ class _Path:
     def advance(self) -> None:
         """Follow one series, and come back to the path."""
         point = self._point
-        if not LEAST_TAU < point.tau < LARGEST_TAU:
-            leads_away = point.tau >= LARGEST_TAU
-            status = Status.DIVERGED if leads_away else Status.STALLED
-            where = "leads away from the answer" if leads_away else f"ends at tau = {point.tau:.0e}"
-            self._progress.end(status, f"the path {where}, best residual {self._reached}")
+        self._lowest = min(self._lowest, point.tau)
+        if point.tau > RISE * self._lowest:
+            self._progress.end(Status.DIVERGED, f"the path leads away from the answer, best residual {self._reached}")
+            return
+        if point.tau < LEAST_TAU:
+            self._progress.end(Status.STALLED, f"the path ends at tau = 0, best residual {self._reached}")
             return
         if not self._factorised(point):
             return
