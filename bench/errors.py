@@ -10,6 +10,10 @@ class BenchError(ProxbenchError):
     """A run, its options or its files do not hold together."""
 
 
+class UnwritableError(BenchError):
+    """A file cannot be written where it should be; what it would show can be shown all the same."""
+
+
 class FailedSimulationError(BenchError):
     """A step of a simulation failed; the steps before it are kept."""
 
@@ -19,7 +23,7 @@ class InterruptedWorkError(ProxbenchError):
 
 
 class InterruptedRunError(InterruptedWorkError):
-    """A run was interrupted from outside; what was finished is kept.
+    """A run was interrupted from outside; what was measured is kept, and the sentence says so where there is any.
 
     Attributes:
         run_dir: the folder of the run, from which it can be resumed.
@@ -27,7 +31,9 @@ class InterruptedRunError(InterruptedWorkError):
 
     def __init__(self, run_dir: Path) -> None:
         again = either(f"proxbench run --resume {run_dir}", f"proxbench.bench.resume({str(run_dir)!r})")
-        super().__init__(f"interrupted; finished cases are kept, go on with: {again}")
+        measured = any((run_dir / "cases").glob("*.json"))
+        kept = "; what is measured is kept," if measured else " before anything was measured;"
+        super().__init__(f"interrupted{kept} go on with: {again}")
         self.run_dir = run_dir
 
 

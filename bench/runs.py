@@ -12,13 +12,13 @@ import pandas as pd
 
 from ..problems.contact.problem import ContactProblem
 from ..solvers.interface import Solver
-from .errors import BenchError
-from .measure.plan import Plan, make_plan
+from .errors import BenchError, UnwritableError
+from .measure.plan import PASSES, Plan, make_plan
 from .measure.runner import Event, measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
-from .store.frames import RunFrames, read_frames
+from .store.frames import JUDGED, RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
 
@@ -38,12 +38,14 @@ class Report:
         summary: success and mean time of each solver; in a run over trajectories, its points.
         tables: the files that hold both.
         charts: the files of the charts; none if they were not drawn.
+        unwritten: why files are missing, in one sentence; empty if none is.
     """
 
     results: pd.DataFrame
     summary: pd.DataFrame
     tables: list[Path]
     charts: list[Path]
+    unwritten: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,6 +58,7 @@ class Run(RunFrames, os.PathLike[str]):
             [bytes], and what a failed one left.
         points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
             quartiles, the other numbers of the verdict.
+        rounds: in which points were measured: problem, solver, tolerance, session, number, median times [s].
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories: problem, solver, tolerance, quantity, error, low, high.
         info: plan, machine, plugins, and sessions with drift and load of the machine.
@@ -66,7 +69,12 @@ class Run(RunFrames, os.PathLike[str]):
         return str(self.folder)
 
     def __str__(self) -> str:
-        return str(self.folder)
+        """Return how its cases ended, and where it is stored."""
+        from .report.tables import results_table
+
+        endings = results_table(self)["outcome"].value_counts()
+        counts = ", ".join(f"{number} {outcome}" for outcome, number in endings.items()) or "none"
+        return f"{self.n_finished} of {self.n_planned} cases: {counts}\nstored in {self.folder}"
 
     def __repr__(self) -> str:
         return f"<Run {str(self.folder)!r}: {self.n_finished} of {self.n_planned} cases>"
@@ -76,28 +84,50 @@ class Run(RunFrames, os.PathLike[str]):
 
         return run_page(self)
 
-    def report(self, charts: bool = True) -> Report:
+    def report(self, charts: bool = True, residual: str | None = None) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
+        Files that cannot be written cost nothing but themselves: ``unwritten`` of what is returned says why.
+
+        Args:
+            charts: draw charts.
+            residual: what "reached" is judged by: the "judged" residual, or the "local" one, which relates a violation
+                to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
+
         Raises:
-            BenchError: if they cannot be written.
+            BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
+                no such residuals.
         """
+        from .report.accuracy import summary_table
+        from .report.output_file import refuse_links_out
         from .report.studies import points_table
-        from .report.tables import results_table, summary_table, write_tables
+        from .report.tables import results_table, write_tables
 
-        tables, drawn = write_tables(self, self.folder / "tables"), []
-        if charts:
-            from .report.charts import write_charts  # altair takes a second to import
+        frames = self.judged_by(residual or self.residual)
+        folder = self.folder if frames.residual == JUDGED else self.folder / frames.residual
+        tables, drawn, unwritten = [], [], ""
+        for place in ("tables", "charts"):
+            refuse_links_out(folder / place, self.folder)
+        try:
+            tables = write_tables(frames, folder / "tables")
+            if charts:
+                from .report.charts import write_charts  # altair takes a second to import
 
-            drawn = write_charts(self, self.folder / "charts")
-        summary = points_table(self) if self.is_study else summary_table(self)
-        return Report(results_table(self), summary, tables, drawn)
+                drawn = write_charts(frames, folder / "charts")
+        except UnwritableError as error:
+            unwritten = error.sentence
+        summary = points_table(self) if self.is_study else summary_table(frames)
+        return Report(results_table(frames), summary, tables, drawn, unwritten)
 
     def resume(
-        self, retry_failed: bool = False, on_event: OnEvent = _ignore, plugins: Sequence[Path | str] = ()
+        self,
+        retry_failed: bool = False,
+        on_event: OnEvent = _ignore,
+        plugins: Sequence[Path | str] = (),
+        mix: bool = False,
     ) -> "Run":
         """Measure what is missing, and return the run as it then is; see ``resume``."""
-        return resume(self.folder, retry_failed, on_event, plugins)
+        return resume(self.folder, retry_failed, on_event, plugins, mix)
 
     def problem(self, name: str) -> ContactProblem:
         """Return one of its problems, also where what made it is gone.
@@ -122,12 +152,14 @@ def run(
     solve_seconds: float | None = None,
     case_seconds: float | None = None,
     memory: float | None = None,
+    passes: int = PASSES,
+    seed: int = 0,
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
     Args:
-        problems: names, problem files (.npz) or problems, or one of them; the members of ``suite`` if None. What is
-            missing is generated.
+        problems: names, problem files (.npz, or .hdf5 of FCLIB) or problems, or one of them; the members of ``suite``
+            if None. What is missing is generated.
         solvers: names with options, or solvers, or one of them; the default variants if None.
         suite: a named suite.
         results: the folder in which the folder of the run is made.
@@ -140,10 +172,13 @@ def run(
         case_seconds: limit of everything in a case [s], instead of that of ``limits``.
         memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
             ``limits``.
+        passes: rounds that each point has at least, in as many passes over all problems; with fewer than five, ratios
+            of times have no intervals.
+        seed: of the orders of problems and solvers in each pass.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
-        InterruptedRunError: on Ctrl-C; finished cases are kept.
+        InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
     given = {
@@ -158,6 +193,8 @@ def run(
         suite,
         _several(tolerances),
         msgspec.structs.replace(limits or Limits(), **changed),
+        passes,
+        seed,
     )
     return _measured(plan, results, run_id, on_event)
 
@@ -225,6 +262,7 @@ def resume(
     retry_failed: bool = False,
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
+    mix: bool = False,
 ) -> Run:
     """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
 
@@ -233,16 +271,17 @@ def resume(
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called as the run goes on.
         plugins: the plugin files from which it has its solvers, or one of them; problems of plugins are stored with it.
+        mix: go on also where machine, versions or source differ from those it was begun with; its reports say so.
 
     Returns:
         The run as it then is.
 
     Raises:
-        BenchError: if the folder is no run, its run.json is damaged, or a plugin file of its solvers is not named, is
-            gone or has changed.
+        BenchError: if the folder is no run, its run.json is damaged, a plugin file of its solvers is not named, is gone
+            or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or ())
+    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix)
     return load(run_dir)
 
 

@@ -1,6 +1,7 @@
 """What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
 
 from .catalog.catalog import load, suite
+from .catalog.fclib.files import read_fclib, write_fclib
 from .catalog.storage import save_problem
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge
@@ -23,6 +24,8 @@ __all__ = [
     "judge",
     "load",
     "project",
+    "read_fclib",
     "save_problem",
     "suite",
+    "write_fclib",
 ]

@@ -41,8 +41,10 @@ AT_HOME = {
     "pandas": {
         "bench/report/drawing.py",
         "bench/store/frames.py",
+        "bench/store/certainty.py",
         "bench/runs.py",
         "bench/report/studies.py",
+        "bench/report/accuracy.py",
         "bench/report/tables.py",
         "bench/report/fitting.py",
         "bench/report/matrix.py",
@@ -50,7 +52,8 @@ AT_HOME = {
         "bench/report/summary_charts.py",
         "bench/simulation/chart.py",
     },
-    "typer": {f"bench/cli/{name}.py" for name in ("help", "main", "options", "record", "run", "simulate")},
+    "typer": {f"bench/cli/{name}.py" for name in ("fclib", "help", "main", "options", "record", "run", "simulate")},
+    "h5py": {f"problems/catalog/fclib/{name}.py" for name in ("container", "files")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
 }

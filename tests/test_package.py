@@ -35,7 +35,7 @@ def test_the_installed_version_is_that_of_the_project() -> None:
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [
-        ("proxbench.problems", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
+        ("proxbench.problems", {"h5py", "cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.solvers", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.bench", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
         ("proxbench.bench.cli.main", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),

@@ -1,6 +1,5 @@
 """What there is to run, as plain values and as text."""
 
-import shutil
 import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +15,7 @@ from ...problems.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
-from ..report.text import counted
+from ..report.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
 
@@ -27,19 +26,27 @@ WIDEST_PROBLEM = 34
 """Characters of the column of names in a table of problems; longer names move their row."""
 
 
-def listed(what: str = "", suite: str = "") -> dict[str, list[dict[str, Any]]]:
+def listed(what: str = "", suite: str = "", name: str = "") -> dict[str, list[dict[str, Any]]]:
     """Return solvers, suites, problems and scenes, or one of these kinds; a plugin's fault is its "error".
 
     Args:
         what: one kind, all if empty.
         suite: whose problems are listed, all problems if empty.
+        name: of the one that is listed, options behind it left out; all of the kind if empty.
 
     Raises:
-        BenchError: for another kind, with the nearest one, or a suite of anything but problems.
+        BenchError: for another kind or name, with the nearest one, or a suite of anything but problems.
         ProblemError: for an unknown suite.
     """
     if what and what not in KINDS:
         raise BenchError(f"there is nothing called {what!r} to list{suggestion(what, KINDS)}")
+    if name:
+        rows = listed(what, suite)[what]
+        chosen = [row for row in rows if row["name"] == name.partition("(")[0].strip()]
+        if not chosen:
+            known = [row["name"] for row in rows]
+            raise BenchError(f"there is no {name!r} among the {what}{suggestion(name, known)}")
+        return {what: chosen}
     if suite:
         if what != "problems":
             raise BenchError(f"a suite has problems only; write: proxbench list problems --suite {suite}")
@@ -67,7 +74,7 @@ def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
 
 def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
     """Print names and a text to each, in aligned columns."""
-    columns = shutil.get_terminal_size((80, 24)).columns
+    columns = output_width()
     width = max((len(name) for name, _ in rows), default=0)
     lines = textwrap.TextWrapper(columns, break_on_hyphens=False, break_long_words=False)
     lines.subsequent_indent = " " * (width + 4)

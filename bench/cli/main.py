@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | matrix | check | simulate | report | record | list | generate``.
+"""The command line: ``proxbench run | matrix | check | simulate | report | record | list | generate | fclib``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.exceptions import TyperException
 
-from . import options
+from . import fclib, options
 from .help import HelpCommand, HelpGroup
 from .matrix import matrix
 from .record import record
@@ -127,7 +127,6 @@ _command(
     "run",
     "Measure solvers on problems: time against accuracy.",
     """\
-proxbench run --suite woodpecker
 proxbench run --suite hard --solver NSGS --solver "SORprox(relaxation=1.5)"
 proxbench run --resume results/RUN --retry-failed""",
 )(run)
@@ -161,8 +160,8 @@ def check(
     from rich.console import Console
 
     from ..conformance.run import checked, print_checks
-    from ..report.progress import ProgressBar
     from ..report.text import print_json
+    from .progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
     with ProgressBar(Console(stderr=True), hidden=quiet or as_json) as shown:
@@ -203,23 +202,26 @@ def report(
         Path, typer.Argument(metavar="RESULT", help="Folder of a run or study, or file of a simulation (.npz).")
     ],
     plugin: options.PluginFiles = None,
+    residual: options.Residual = "judged",
     charts: options.Charts = True,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Print the tables of a stored run, study or simulation, and draw its charts again."""
+    from ..errors import BenchError
+
     options.refuse_two_prints(quiet, as_json)
     if run_dir.suffix == ".json" and not run_dir.is_dir():
-        from ..errors import BenchError
-
         raise BenchError(NO_STUDY.format(run_dir))
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
         from .simulation import report_simulation
 
+        if residual != "judged":
+            raise BenchError(f"{run_dir} is a simulation, whose steps have judged residuals; leave --residual out.")
         return report_simulation(run_dir, charts, quiet, as_json)
     from ..runs import load
 
-    return report_run(load(run_dir), charts, quiet, as_json)
+    return report_run(load(run_dir), charts, quiet, as_json, residual)
 
 
 _command(
@@ -238,12 +240,14 @@ proxbench record results/woodpecker.npz""",
     "List solvers, suites, problems and scenes.",
     """\
 proxbench list solvers
+proxbench list solvers SORprox
 proxbench list problems --suite hard""",
 )
 def list_names(
     what: Annotated[
         str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; a summary of all if left out.")
     ] = "",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The only one of them to list.")] = "",
     suite: Annotated[str, options.selection(metavar="SUITE", help="List the problems of this suite only.")] = "",
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
@@ -252,7 +256,7 @@ def list_names(
     from ..report.text import print_json
     from .listing import listed, print_listing
 
-    names = listed(what, suite)
+    names = listed(what, suite, name)
     if as_json:
         print_json(names)
     else:
@@ -297,3 +301,6 @@ def generate(
     else:
         for file, digest in digests.items():
             print(f"{digest[:16]}  {file}")
+
+
+app.add_typer(fclib.app, name="fclib", short_help="Look over, import and export FCLIB files.", rich_help_panel=LOOK_UP)

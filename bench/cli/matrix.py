@@ -25,18 +25,20 @@ def matrix(
 
     from ...problems.catalog.catalog import suite_members
     from ...solvers.interface import Stop
-    from ..errors import BenchError
+    from ..errors import BenchError, UnwritableError
     from ..measure.matrix import default_solvers, measured_matrix
     from ..report.matrix import count_bad, matrix_page
-    from ..report.progress import ProgressBar
+    from ..report.output_file import refuse_taken, write_file
     from ..report.text import print_json
     from ..store.outcome import Cell
+    from .progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet prints no page; name a file for it: --output FILE.")
     if output is not None and not output.parent.is_dir():
         raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
+    refuse_taken([] if output is None else [output], force=True)
     names, methods = list(problem or suite_members(suite)), list(solver or default_solvers())
     with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         shown.count(0, len(names) * len(methods))
@@ -53,9 +55,10 @@ def matrix(
         print(page, end="")
     else:
         try:
-            output.write_text(page, encoding="utf-8")
-        except OSError as error:
-            raise BenchError(f"cannot write {output}: {error.strerror}; choose another file.") from None
+            write_file(output, page.encode())
+        except UnwritableError:
+            print(page, end="")  # it took long to measure
+            raise
         if not quiet:
             print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault")
         print(f"matrix   {output}")

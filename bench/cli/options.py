@@ -28,6 +28,11 @@ def given(context: typer.Context) -> set[str]:
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
+def spelled(name: str) -> str:
+    """Return how the command line spells an option: ``"--run-id"``."""
+    return f"--{name.replace('_', '-')}"
+
+
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
     """Raise a BenchError if a command is called with both ``--quiet`` and ``--json``."""
     from ..errors import BenchError
@@ -36,12 +41,20 @@ def refuse_two_prints(quiet: bool, as_json: bool) -> None:
         raise BenchError("--quiet and --json exclude each other; give one of them.")
 
 
+def _check_residual(name: str) -> str:
+    if name != "judged":
+        from ..store.frames import check_residual
+
+        check_residual(name)
+    return name
+
+
 PluginFiles = Annotated[
     list[Path] | None,
     selection(
         "--plugin",
         metavar="FILE",
-        help="Python file with solvers, problems or scenes; repeatable.",
+        help="File with solvers, problems, scenes; repeatable.",
         callback=_take_into_use,
     ),
 ]
@@ -68,6 +81,12 @@ Json = Annotated[bool, output("--json", help="Print one JSON document.")]
 
 Charts = Annotated[bool, output("--charts/--no-charts", help="Draw charts.")]
 """Draw charts beside the tables."""
+
+Residual = Annotated[
+    str,
+    output(metavar="judged|local", help="Residual that tables and charts go by.", callback=_check_residual),
+]
+"""What "reached" is judged by."""
 
 Progress = Annotated[bool, output("--progress/--no-progress", help="Show the progress.")]
 """Show on standard error how far the command is."""

@@ -1,7 +1,52 @@
-"""The progress of a run."""
+"""Progress bars on standard error; plain lines where that is no terminal."""
 
-from ..measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted
-from ..report.progress import ProgressBar
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from ..measure.runner import Event, PointFinished, ProblemStarted, VisitFinished
+
+
+class ProgressBar:
+    """Shows what is measured, and how much of it is done; use it as a context manager."""
+
+    def __init__(self, console: Console, hidden: bool = False) -> None:
+        self._console, self._hidden = console, hidden
+        self._bar = Progress(
+            TextColumn("{task.description}", markup=False),  # names may have brackets
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=hidden or not console.is_terminal,
+        )
+        self._task = self._bar.add_task("starting", total=None)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def count(self, done: int, total: int | None = None) -> None:
+        """Show how many are done, of how many if that is new."""
+        self._bar.update(self._task, completed=done, total=total)
+
+    def advance(self) -> None:
+        """Show that one more is done."""
+        self._bar.advance(self._task)
+
+    def name(self, text: str, again: bool = False) -> None:
+        """Show what comes next; ``again`` if it was named before and needs no line of its own."""
+        self._bar.update(self._task, description=text)
+        if not (again or self._hidden or self._console.is_terminal):
+            self._console.print(f"measuring {text}", soft_wrap=True, highlight=False, markup=False)
 
 
 class RunProgress(ProgressBar):
@@ -9,11 +54,15 @@ class RunProgress(ProgressBar):
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
-        if isinstance(event, RunStarted):
-            self.count(event.done, event.total)
-        elif isinstance(event, ProblemStarted):
-            self.name(event.problem)
+        if isinstance(event, ProblemStarted):
+            self.name(f"{event.problem}{_pass(event)}")
         elif isinstance(event, PointFinished):
             self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", again=True)
-        elif isinstance(event, CaseFinished):
-            self.count(event.done)
+        elif isinstance(event, VisitFinished):
+            self.count(event.done, event.total)
+
+
+def _pass(event: ProblemStarted) -> str:
+    if event.passes == 1:
+        return ""
+    return f", pass {event.number + 1} of {event.passes}" if event.number < event.passes else ", more rounds"

@@ -2,16 +2,17 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from . import options
 
 if TYPE_CHECKING:
-    from ..runs import Run
+    from ..runs import Report, Run
 
 _continued = partial(typer.Option, rich_help_panel="Continue an interrupted run")
 
@@ -25,6 +26,8 @@ _STORED_WITH_THE_RUN = (
     "solve_seconds",
     "case_seconds",
     "memory",
+    "passes",
+    "seed",
 )
 """Options that --resume takes from the stored run."""
 
@@ -41,17 +44,21 @@ def run(
     run_id: Annotated[str, options.output(metavar="NAME", help="Name of its folder; the time if left out.")] = "",
     resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
     retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
+    mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
+    passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 5,
+    seed: Annotated[int, options.limits(metavar="NUMBER", help="Of the orders in each pass.")] = 0,
     solve_seconds: options.SolveSeconds = 0.5,
     case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
     memory: Annotated[int, options.limits(metavar="MB", help="Memory of one case.")] = 2048,
     record: Annotated[bool, options.output("--record", help="Record the iterations, one file a problem.")] = False,
     plugin: options.PluginFiles = None,
+    residual: options.Residual = "judged",
     charts: options.Charts = True,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Measure how long solvers take to reach an accuracy; print tables and store all results."""
+    """Measure how long solvers take to reach an accuracy; print and store it."""
     from rich.console import Console
 
     from .. import runs
@@ -61,7 +68,7 @@ def run(
     options.refuse_two_prints(quiet, as_json)
     with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         if resume is not None:
-            made = runs.resume(resume, retry_failed, on_event=shown)
+            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix)
         else:
             made = runs.run(
                 problem,
@@ -74,50 +81,87 @@ def run(
                 solve_seconds=solve_seconds,
                 case_seconds=case_seconds,
                 memory=memory,
+                passes=passes,
+                seed=seed,
             )
+    return report_run(made, charts, quiet, as_json, residual, record)
+
+
+def report_run(
+    run: "Run", charts: bool, quiet: bool, as_json: bool, residual: str = "judged", record: bool = False
+) -> int:
+    """Print what a run has to show, then write it; return 1 if something measured failed.
+
+    Tables are printed before any file is written, so that a folder that takes none still shows them; why files are
+    missing is said on standard error then. With ``quiet`` the files are all there is, and not to write them is an
+    error.
+
+    Args:
+        run: the run.
+        charts: draw charts.
+        quiet: print the places of the files alone.
+        as_json: print one JSON document instead.
+        residual: what tables and charts go by.
+        record: record the iterations.
+
+    Raises:
+        BenchError: if a link in the folder of the run leads out of it, a recording cannot be written, or nothing is
+            printed and files cannot be written.
+    """
+    from rich.console import Console
+
+    from ..errors import BenchError
+    from ..report.tables import print_tables
+    from ..report.text import output_width, print_json
+    from ..store.outcome import FAULTS, Outcome
+
+    frames, console = run.judged_by(residual), Console(width=output_width())
+    for sentence in run.damaged:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+    if not (quiet or as_json):
+        print_tables(frames, console)
+        console.print()
     if record:
         from ..recordings.solves import record_run
 
-        record_run(made.folder)
-    return report_run(made, charts, quiet, as_json)
-
-
-def report_run(run: "Run", charts: bool, quiet: bool, as_json: bool) -> int:
-    """Write and print what a run has to show; return 1 if something measured failed."""
-    from rich.console import Console
-
-    from ..report.tables import print_tables
-    from ..report.text import print_json
-    from ..store.conversion import content_of
-    from ..store.outcome import FAULTS, Outcome
-
-    made = run.report(charts)
-    for sentence in run.damaged:
-        print(f"proxbench: {sentence}", file=sys.stderr)
+        record_run(run.folder)
+    made = run.report(charts, residual)
+    if made.unwritten and quiet:
+        raise BenchError(made.unwritten)
     if as_json:
-        document = {
-            "run": str(run.folder),
-            "is_finished": run.is_finished,
-            "info": content_of(run.info),
-            "results": json.loads(made.results.to_json(orient="records")),
-            "summary": json.loads(made.summary.to_json(orient="records")),
-            "files": [str(file) for file in (*made.tables, *made.charts)],
-            "damaged": run.damaged,
-        }
-        print_json(document)
+        print_json(_document(run, made, residual))
     else:
-        console = Console()
-        if not quiet:
-            print_tables(run, console)
-            console.print()
-        places = [f"results  {run.folder}", f"tables   {run.folder / 'tables'}"]
-        if charts:
-            places.append(f"charts   {run.folder / 'charts'}")
-        if (run.folder / "recordings").is_dir():
-            places.append(f"watch    rerun {run.folder / 'recordings'}/NAME.rrd")
-        console.print("\n".join(places), soft_wrap=True)
+        console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
+    if made.unwritten:
+        print(f"proxbench: {made.unwritten}", file=sys.stderr)
     failed = run.cases["outcome"].isin(FAULTS).any() or (run.points["outcome"] == Outcome.WRONG).any()
     return int(failed)
+
+
+def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
+    from ..store.conversion import content_of
+
+    return {
+        "run": str(run.folder),
+        "is_finished": run.is_finished,
+        "residual": residual,
+        "info": content_of(run.info),
+        "results": json.loads(made.results.to_json(orient="records")),
+        "summary": json.loads(made.summary.to_json(orient="records")),
+        "files": [str(file) for file in (*made.tables, *made.charts)],
+        "unwritten": made.unwritten,
+        "damaged": run.damaged,
+    }
+
+
+def _places(run: "Run", made: "Report") -> Iterator[str]:
+    """Yield where files are, one kind a line."""
+    yield f"results  {run.folder}"
+    for what, files in (("tables", made.tables), ("charts", made.charts)):
+        if files:
+            yield f"{what}   {files[0].parent}"
+    if (run.folder / "recordings").is_dir():
+        yield f"watch    rerun {run.folder / 'recordings'}/NAME.rrd"
 
 
 def _refuse_contradictions(context: typer.Context) -> None:
@@ -128,9 +172,11 @@ def _refuse_contradictions(context: typer.Context) -> None:
     if "resume" in given:
         for name in _STORED_WITH_THE_RUN:
             if name in given:
-                option = name.replace("_", "-")
-                raise BenchError(f"--{option} is stored with the run and cannot be changed by --resume; leave it out.")
+                option = options.spelled(name)
+                raise BenchError(f"{option} is stored with the run and cannot be changed by --resume; leave it out.")
     elif "retry_failed" in given:
         raise BenchError("--retry-failed needs the run whose failed cases are measured again: --resume RUN.")
+    elif "mix" in given:
+        raise BenchError("--mix needs the run that goes on: --resume RUN.")
     if {"suite", "problem"} <= given:
         raise BenchError("--suite and --problem exclude each other; give one of them.")

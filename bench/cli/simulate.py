@@ -170,4 +170,4 @@ def _refuse_contradictions(context: typer.Context) -> None:
 
 
 def _option(name: str) -> str:
-    return "SCENE" if name == "scene" else f"--{name.replace('_', '-')}"
+    return "SCENE" if name == "scene" else options.spelled(name)

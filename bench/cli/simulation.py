@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.console import Console
 
-from ..errors import FailedSimulationError, InterruptedSimulationError
+from ..errors import FailedSimulationError, InterruptedSimulationError, UnwritableError
 from ..report.output_file import drawn, output_file
-from ..report.text import print_json
+from ..report.text import output_width, print_json
 from ..simulation.beside import Beside, chosen_beside, recorded
 from ..simulation.file import SUFFIX, read_simulation, write_simulation
 from ..simulation.live import LiveSummary
@@ -20,9 +20,6 @@ from ..simulation.run import advance, begun_simulation
 from ..simulation.table import document, print_simulation
 from ..simulation.trajectory import Simulation
 from .interrupts import deferred_interrupts
-
-FILE_WIDTH = 120
-"""Columns of a table that goes to a file or a pipe."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     """
     file = simulation.file
     assert file is not None
-    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH, quiet=as_json)
+    console = Console(width=output_width(), quiet=as_json)
     if as_json:
         print_json(document(simulation))
     elif not quiet:
@@ -86,13 +83,24 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     # what takes long to make, or may fail to be made, comes when everything else is printed
     for what, path in _files(simulation, file):
         console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
+    return _outcome(simulation)
+
+
+def _outcome(simulation: Simulation) -> int:
+    """Return 1 if the judge found a step unsolved, else 0.
+
+    Raises:
+        FailedSimulationError: if a step failed.
+    """
     if simulation.failure is not None:
-        raise simulation.failure.error(file)
+        raise simulation.failure.error(simulation.file)
     return int(simulation.unsolved.any())
 
 
 def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Print the table of a stored simulation, and draw its chart and recording again; return 1 if a step is unsolved.
+
+    Where they cannot be written, the table is printed all the same, and a sentence on standard error says why.
 
     Args:
         file: of the simulation.
@@ -101,13 +109,20 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
         as_json: print one JSON document instead.
 
     Raises:
-        BenchError: if the file is missing, damaged or foreign.
+        BenchError: if the file is missing, damaged or foreign, a link for its files leads out of their folder, or with
+            ``quiet`` if they cannot be written.
         FailedSimulationError: if a step of it failed.
     """
     simulation = read_simulation(file)
     if not charts:
         simulation.beside = replace(simulation.beside, chart=None)
-    return show_simulation(simulation, as_json, quiet)
+    try:
+        return show_simulation(simulation, as_json, quiet)
+    except UnwritableError as error:
+        if quiet:
+            raise
+        print(f"proxbench: {error.sentence}", file=sys.stderr)
+    return _outcome(simulation)
 
 
 def record_simulation(file: Path, recording: Path, force: bool) -> None:

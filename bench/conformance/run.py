@@ -1,6 +1,5 @@
 """``proxbench check``: conformance tests of a plugin, in a process that it may crash or hang without harm."""
 
-import shutil
 import textwrap
 import time
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
 from ..plugins.describing import contestant
 from ..plugins.files import use_plugin_files
+from ..report.text import output_width
 from ..store.outcome import Outcome
 from .task import CHECKS, CheckingTask
 
@@ -66,7 +66,7 @@ def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> N
 
     ``failed_only`` leaves out subjects and checks that did not fail.
     """
-    columns = shutil.get_terminal_size((80, 24)).columns
+    columns = output_width()
     for subject in subjects:
         rows = [row for row in subject["checks"] if not failed_only or row["result"] == "failed"]
         if not rows:

@@ -26,6 +26,7 @@ from ...solvers.interface import Solution, Solver, Status, Stop
 from .checks import Check, NotApplicable, Violation, checks, of_iterates
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
+from .memory_checks import solves_each_time
 from .process_checks import leaves_process_alone
 from .samples import at_rest, empty, infeasible, random_contacts, samples, supported
 from .trial import expect_finite, expect_unchanged, own_residual, solution_of, true_residual
@@ -276,6 +277,7 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
         finite=returns_finite_impulses,
         inputs_untouched=leaves_inputs_untouched,
         deterministic=is_deterministic,
+        first_solve=solves_each_time,
         truthful=claims_truthfully,
         useful=is_useful,
         infeasible=reports_infeasibility,

@@ -21,7 +21,10 @@ from ...problems.catalog.plugins import Names, register
 from ...problems.errors import first_line
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
-from .process_tree import die_with
+from .process_tree import die_with, end_of
+
+IN_A_COPY = "in a copy"
+"""Request to let a copy of the process answer another one, of which the process itself learns nothing."""
 
 LARGEST_FILE = 2**24
 """Bytes that a case may write to any file, its captured output included."""
@@ -89,12 +92,17 @@ def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) ->
 
 
 def _answer_requests(pipe: int, assignment: Assignment) -> None:
-    own, task = os.getpid(), None
+    own, is_copy, task = os.getpid(), False, None
     while True:
         try:
             request, arguments = pickle.loads(read_message(pipe))
         except (EOFError, OSError):
             return
+        if request == IN_A_COPY:
+            if not _is_copy(pipe):
+                continue
+            request, arguments = arguments
+            own, is_copy = os.getpid(), True
         numbers = b""
         try:
             if task is None:
@@ -113,9 +121,27 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
         if os.getpid() != own:
             return  # a process that the solver forked and left: the answer is its parent's
         _flush()
-        usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-        write_message(pipe, json.dumps({**answer, "peak_memory_bytes": usage}).encode())
-        write_message(pipe, numbers)
+        _answer(pipe, answer, numbers)
+        if is_copy:
+            return
+
+
+def _answer(pipe: int, answer: dict[str, Any], numbers: bytes = b"") -> None:
+    usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    write_message(pipe, json.dumps({**answer, "peak_memory_bytes": usage}).encode())
+    write_message(pipe, numbers)
+
+
+def _is_copy(pipe: int) -> bool:
+    """Fork; return at once in the copy, and in the process itself when that has ended, which says so if it failed."""
+    own, copy = os.getpid(), os.fork()
+    if copy == 0:
+        die_with(own)
+        return True
+    _, status = os.waitpid(copy, 0)
+    if status:
+        _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": end_of(status), "traceback": ""})
+    return False
 
 
 def _in_one_line(error: BaseException) -> str:

@@ -4,9 +4,13 @@ A forked case then starts in milliseconds instead of importing and compiling eve
 """
 
 import gc
+import io
+from collections.abc import Iterator
 
 import numpy as np
 
+from ...problems.catalog.catalog import load
+from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.problem import ContactProblem
 from ...solvers.interface import Stop
 from ...solvers.registry import BUILT_IN, create
@@ -15,17 +19,28 @@ from . import supervisor
 __all__ = ["supervisor"]
 
 
-def _touch_kernels() -> None:
-    """Solve one tiny problem of each width with each built-in solver, so that every kernel is in memory."""
+REAL = ("hard-no-motion", "hard-sticking-box", "woodpecker-beak-impact")
+"""Problems of the library with contacts that share bodies, without friction, spatial and planar."""
+
+
+def _problems() -> Iterator[ContactProblem]:
+    """Yield tiny problems of each width, of one contact and as cases read them."""
     for dim in (1, 2, 3):
         directions = np.eye(6)[:, :dim]
-        problem = ContactProblem.from_factors(directions, np.ones(6), -np.ones(dim), 0.3, dim=dim)
+        yield ContactProblem.from_factors(directions, np.ones(6), -np.ones(dim), 0.3, dim=dim)
+    for name in REAL:
+        yield read_problem(io.BytesIO(problem_bytes(load(name).anonymous())), name)
+
+
+def _touch_kernels() -> None:
+    """Solve these problems with each built-in solver, so that every kernel is in memory."""
+    for problem in _problems():
         for name, module in BUILT_IN.items():
             if "cvxpy" in module:  # takes seconds to import, and few runs need it
                 continue
             solver = create(name)
             if not solver.supports(problem):
-                solver.prepare(problem.fresh()).solve(Stop(1e-3, max_iterations=3))
+                solver.prepare(problem.fresh()).solve(Stop(1e-8, max_iterations=200, max_seconds=0.1))
 
 
 _touch_kernels()

@@ -5,6 +5,7 @@ import ctypes
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,6 +13,9 @@ import psutil
 
 _PASSES = 100
 """Attempts at stopping processes that go on starting others, before they are killed as they are."""
+
+_ALL_THREADS = 2
+"""Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
 
 _SET_DEATH_SIGNAL = 1
 _SET_CHILD_SUBREAPER = 36
@@ -38,6 +42,41 @@ def descendants(ancestor: int) -> list[int]:
         found += children
         waiting += children
     return found
+
+
+def running(processes: Iterable[int]) -> list[int]:
+    """Return those of ``processes`` that have not ended; one that has, and was not waited for, has."""
+    found = []
+    for process in processes:
+        with contextlib.suppress(psutil.Error):
+            if psutil.Process(process).status() != psutil.STATUS_ZOMBIE:
+                found.append(process)
+    return found
+
+
+def processor_seconds(process: int) -> float:
+    """Return the processor time of a process and of those that it waited for [s]; 0 if gone.
+
+    Its own is that of its clock, on Linux; that of the others is counted in the system's ticks.
+    """
+    try:
+        times = psutil.Process(process).cpu_times()
+    except psutil.Error:
+        return 0.0
+    own = times.user + times.system
+    with contextlib.suppress(OSError):  # systems other than Linux have no such clock
+        own = time.clock_gettime(~process << 3 | _ALL_THREADS)
+    return float(own + times.children_user + times.children_system)
+
+
+def end_of(status: int) -> str:
+    """Say how a process ended whose wait status this is."""
+    if os.WIFEXITED(status):
+        return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
+    try:
+        return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
+    except ValueError:
+        return f"its process was killed by signal {os.WTERMSIG(status)}"
 
 
 def send(number: signal.Signals, processes: Iterable[int]) -> None:

@@ -32,7 +32,7 @@ from ..store.outcome import FAULTS, Outcome
 from .child import Assignment
 from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
-from .process_tree import send, writers
+from .process_tree import descendants, end_of, processor_seconds, running, send, writers
 from .supervisor import END, GO_ON, STOP
 
 REQUEST_SECONDS = 60.0
@@ -151,6 +151,15 @@ class Worker:
             raise fault
         return answer, content
 
+    def n_started(self) -> int:
+        """Return how many processes run beside that of the case, whoever is their parent now."""
+        return max(len(running(descendants(self._supervisor.process))) - 1, 0)
+
+    def processor_seconds(self) -> float:
+        """Return the processor time that the process of the case has used [s]."""
+        case = descendants(self._supervisor.process)[:1]
+        return sum(map(processor_seconds, case))
+
     def output(self) -> str:
         """Return the end of what the case printed."""
         size, most = os.fstat(self._output).st_size, SHOWN_OUTPUT + LONGEST_LIST
@@ -183,12 +192,7 @@ class Worker:
             return "its process closed its connection to the run"
         if status is None:
             return "its process ended together with its supervisor"
-        if os.WIFEXITED(status):
-            return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
-        try:
-            return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
-        except ValueError:
-            return f"its process was killed by signal {os.WTERMSIG(status)}"
+        return end_of(status)
 
 
 def numbers_of(content: bytes) -> FloatArray:

@@ -1,19 +1,17 @@
 """Cases measured level by level of their ladders, in rounds that alternate between them.
 
 All cases of one problem live at the same time, each in its process, and work one at a time, so that a drift of the
-machine hits all alike.
+machine hits all alike. A point of the ladder may be measured in several passes, each with processes of its own.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import Any
 
 from ...problems.arrays import FloatArray
 from ..isolation.worker import LARGEST_CONTENT, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
-from ..store.records import CaseRecord, Curve, Limits, Point, Quartiles
+from ..store.records import CaseRecord, Curve, Limits, Point
 
 LONGEST_REASON = 2000
 """Characters that are kept of what a solver says in words."""
@@ -27,26 +25,33 @@ class LadderCase(ABC):
         limits: time, memory and iterations.
         outcome: MEASURED, until something else comes of it.
         points: the finished points of the ladder, as they are stored.
-        keeps_points: whether it is stored after each point, and goes on from there.
         is_solvable: whether its problem has a solution under Coulomb's law, None where that is not known.
     """
 
-    keeps_points: ClassVar[bool] = False
     is_solvable: bool | None = None
 
-    def __init__(self, ladder: Sequence[float], limits: Limits) -> None:
+    def __init__(self, ladder: Sequence[float], limits: Limits, stored: CaseRecord | None = None) -> None:
+        """Note what to measure, and what is measured already."""
         self.ladder, self.limits = ladder, limits
         self.outcome = Outcome.MEASURED
         self.points: list[Point] = []
         self._curve = Curve()
-        self._reason = self._traceback = self._output = self._ended_by = ""
+        self._reason = self._traceback = self._output = ""
         self._worker: Worker | None = None
         self._seconds, self._seconds_before, self._memory = 0.0, 0.0, 0
+        if stored is not None:
+            self.points, self._curve = list(stored.points), stored.curve
+            self._seconds = self._seconds_before = stored.wall_seconds
+            self._memory = stored.peak_memory_bytes
 
     @property
     @abstractmethod
-    def rounds(self) -> int:
-        """Rounds of each level."""
+    def rounds(self) -> Sequence[int]:
+        """Numbers of the rounds of each level."""
+
+    @abstractmethod
+    def is_left(self, level: int) -> bool:
+        """Whether a level is to be measured, or to be noted as not attempted."""
 
     @abstractmethod
     def begin(self) -> None:
@@ -54,7 +59,7 @@ class LadderCase(ABC):
 
     @abstractmethod
     def measure(self, value: float, number: int) -> dict[str, Any] | None:
-        """Do one round, from 0; return its answer, or None if the case failed."""
+        """Do one round by its number; return its answer, or None if the case failed."""
 
     @abstractmethod
     def goes_on(self, answer: dict[str, Any]) -> bool:
@@ -62,25 +67,37 @@ class LadderCase(ABC):
 
     @abstractmethod
     def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
-        """Return a point of the ladder from its rounds; note in ``_ended_by`` if the ladder ends with it."""
+        """Return a point of the ladder from its rounds."""
+
+    @abstractmethod
+    def joined(self, before: Point, now: Point) -> Point:
+        """Return a point with what was measured of it in an earlier pass and now."""
+
+    @abstractmethod
+    def end_after(self, point: Point) -> str:
+        """Return why nothing finer than a point is tried; empty if it is."""
 
     @abstractmethod
     def identity(self) -> dict[str, Any]:
         """Return what its record says of problem and solver."""
 
-    @property
-    def is_open(self) -> bool:
-        """Whether there is more of the ladder to measure."""
-        return self._worker is not None and self.outcome is Outcome.MEASURED and not self._ended_by
+    def is_open(self, level: int) -> bool:
+        """Whether a level can be measured: the process lives, and no coarser point ends the ladder."""
+        return self._worker is not None and self.outcome is Outcome.MEASURED and not self._end_before(level)
 
-    def add_point(self, value: float, answers: list[dict[str, Any]]) -> None:
-        """Keep one point of the ladder."""
-        self.points.append(self.point(value, answers))
+    def add_point(self, level: int, answers: list[dict[str, Any]]) -> None:
+        """Keep what was measured of one level."""
+        point = self.point(self.ladder[level], answers)
+        if level < len(self.points):
+            self.points[level] = self.joined(self.points[level], point)
+        else:
+            self.points.append(point)
 
-    def skip_point(self, value: float) -> None:
-        """Note a point that was not attempted, because a coarser one did not end solved."""
-        reason = self._ended_by or self._reason
-        self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
+    def skip_point(self, level: int) -> None:
+        """Note a level that was not attempted, because a coarser one did not end solved."""
+        if level == len(self.points) > 0:
+            reason, value = self._end_before(level) or self._reason, self.ladder[level]
+            self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
     def end(self) -> None:
         """End the process and keep its output if the case failed."""
@@ -106,9 +123,13 @@ class LadderCase(ABC):
             points=list(self.points),
         )
 
+    def _end_before(self, level: int) -> str:
+        return self.end_after(self.points[level - 1]) if level > 0 else ""
+
     def _start(self, task: Task) -> None:
+        left = max(self.limits.case_seconds - self._seconds_before, 0.0)
         try:
-            self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
+            self._worker = Worker(task, left, self.limits.memory_bytes)
         except Fault as unsent:
             self._fail(unsent)
 
@@ -141,22 +162,26 @@ class LadderCase(ABC):
         self.end()
 
 
-def measure_ladder(cases: Sequence[LadderCase], keep: Callable[[LadderCase], None] = lambda case: None) -> None:
-    """Measure the levels that each case has not measured yet.
+Keep = Callable[[LadderCase, float], None]
+
+
+def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value: None) -> None:
+    """Measure the levels that are left of each case, once.
 
     Args:
         cases: of one problem.
-        keep: called after each point of a case that keeps its points.
+        keep: called with a case and the value of a level after each of them.
     """
+    levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
         for case in cases:
-            case.begin()
-        for level in range(max((len(case.ladder) for case in cases), default=0)):
-            left = [case for case in cases if len(case.points) <= level < len(case.ladder)]
+            if any(case.is_left(level) for level in range(len(case.ladder))):
+                case.begin()
+        for level in levels:
+            left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
             _measure_level(left, level)
             for case in left:
-                if case.keeps_points:
-                    keep(case)
+                keep(case, case.ladder[level])
     finally:
         for case in cases:
             case.end()
@@ -164,23 +189,18 @@ def measure_ladder(cases: Sequence[LadderCase], keep: Callable[[LadderCase], Non
 
 def _measure_level(cases: Sequence[LadderCase], level: int) -> None:
     """Measure one level of all cases in turn, round after round."""
-    answers: dict[int, list[dict[str, Any]]] = {}
-    for number in range(max((case.rounds for case in cases), default=0)):
-        for index, case in enumerate(cases):
-            before = answers.get(index)
-            if not case.is_open or number >= case.rounds or (number and not (before and case.goes_on(before[-1]))):
+    answers: list[list[dict[str, Any]]] = [[] for _ in cases]
+    for turn in range(max((len(case.rounds) for case in cases), default=0)):
+        for case, before in zip(cases, answers, strict=True):
+            if not case.is_open(level) or turn >= len(case.rounds) or len(before) < turn:
                 continue
-            answer = case.measure(case.ladder[level], number)
+            if turn and not case.goes_on(before[-1]):
+                continue
+            answer = case.measure(case.ladder[level], case.rounds[turn])
             if answer is not None:
-                answers.setdefault(index, []).append(answer)
-    for index, case in enumerate(cases):
-        if case.is_open and index in answers:
-            case.add_point(case.ladder[level], answers[index])
-        elif case.points:
-            case.skip_point(case.ladder[level])
-
-
-def quartiles(values: FloatArray) -> Quartiles:
-    """Return least, quartiles and median of times [s]."""
-    low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
-    return Quartiles(min=low, q1=first, median=median, q3=third)
+                before.append(answer)
+    for case, found in zip(cases, answers, strict=True):
+        if case.is_open(level) and found:
+            case.add_point(level, found)
+        else:
+            case.skip_point(level)

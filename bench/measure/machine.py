@@ -1,5 +1,6 @@
 """The machine, the versions and the state of the source that a run was measured with, and how steady the machine is."""
 
+import hashlib
 import os
 import platform
 import subprocess
@@ -11,6 +12,9 @@ from typing import Any
 import numpy as np
 import psutil
 from threadpoolctl import threadpool_info
+
+FLOORS = ("problems", "solvers", "bench")
+"""Folders of the package."""
 
 PACKAGES = ("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas")
 
@@ -31,6 +35,7 @@ def describe_machine() -> dict[str, Any]:
         ],
         "commit": _git("rev-parse", "HEAD"),
         "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
+        "source": _source(),
         "load": list(os.getloadavg()),
     }
 
@@ -67,6 +72,14 @@ def _processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
+
+
+def _source() -> str:
+    """Return the SHA-256 of the names and contents of the source files of this package."""
+    package, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
+    for file in sorted(path for floor in FLOORS for path in (package / floor).rglob("*.py")):
+        digest.update(f"{file.relative_to(package)}\0".encode() + file.read_bytes() + b"\0")
+    return digest.hexdigest()
 
 
 def _git(*words: str) -> str:

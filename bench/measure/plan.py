@@ -5,18 +5,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard
 
-from ...problems.catalog.catalog import plugin_problems, suite_members
-from ...problems.catalog.storage import SUFFIX
+from ...problems.catalog.catalog import is_path, plugin_problems, suite_members
 from ...problems.contact.problem import ContactProblem
+from ...problems.spelling import option
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..plugins.problems import check_known, check_numbers, resolved
-from ..store.records import Limits, TrajectoryRecord
+from ..store.records import MOST_PASSES, Limits, TrajectoryRecord
 from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
+
+PASSES = 5
+"""Passes of a run that names no number: with fewer, ratios of times have no intervals."""
 
 LADDER = tuple(10.0**-k for k in range(1, 11))
 """Tolerances of the ladder, 1e-1 … 1e-10."""
@@ -52,6 +55,8 @@ class Plan:
         limits: the limits of each case.
         methods: in a study, the steppers with solvers in place of ``solvers``.
         trajectories: in a study, its problems.
+        passes: rounds that each point has at least, in as many passes over all problems.
+        seed: of the orders of problems and solvers in each pass.
     """
 
     problems: tuple[str | ContactProblem, ...]
@@ -61,6 +66,8 @@ class Plan:
 
     methods: tuple[Method, ...] = ()
     trajectories: tuple[TrajectoryRecord, ...] = ()
+    passes: int = PASSES
+    seed: int = 0
 
 
 def make_plan(
@@ -69,6 +76,8 @@ def make_plan(
     suite: str = "quick",
     tolerances: Sequence[float] | None = None,
     limits: Limits | None = None,
+    passes: int = PASSES,
+    seed: int = 0,
 ) -> Plan:
     """Return the plan for the given problems (or a suite) and solvers (or the default variants).
 
@@ -79,10 +88,10 @@ def make_plan(
         SolverError: for an unknown solver or option, with the nearest name.
         PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
         BenchError: for a name given twice, a problem with the name of one of the library and other numbers, a solver
-            object that breaks the contract, or a tolerance that is not between 0 and 1.
+            object that breaks the contract, or a tolerance, a number of passes or a seed out of range.
     """
     given = tuple(problems) if problems else tuple(suite_members(suite))
-    check_known(one for one in given if isinstance(one, str) and not one.endswith(SUFFIX))
+    check_known(one for one in given if isinstance(one, str) and not is_path(one))
     from_plugins = {offer.name for offer in plugin_problems()}
     chosen = tuple(one if _is_loaded_later(one, from_plugins) else resolved(one) for one in given)
     for problem in chosen:
@@ -97,7 +106,11 @@ def make_plan(
     for tolerance in ladder:
         if not 0.0 < tolerance < 1.0:
             raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
-    return Plan(chosen, methods, ladder, limits or Limits())
+    if not 1 <= passes <= MOST_PASSES:
+        raise BenchError(f"{option('passes')} must be between 1 and {MOST_PASSES}, got {passes}.")
+    if not 0 <= seed < 2**63:
+        raise BenchError(f"{option('seed')} must not be negative, got {seed}.")
+    return Plan(chosen, methods, ladder, limits or Limits(), passes=passes, seed=seed)
 
 
 def name_of(problem: str | ContactProblem) -> str:
@@ -106,4 +119,4 @@ def name_of(problem: str | ContactProblem) -> str:
 
 
 def _is_loaded_later(problem: str | Path | ContactProblem, from_plugins: set[str]) -> TypeGuard[str]:
-    return isinstance(problem, str) and not problem.endswith(SUFFIX) and problem not in from_plugins
+    return isinstance(problem, str) and not is_path(problem) and problem not in from_plugins

@@ -1,9 +1,12 @@
-"""A run: every contestant on every problem, interleaved, stored case by case.
+"""A run: every contestant on every problem, in passes over all of them, stored point by point.
 
-A reference workload between problems measures the drift of the machine; it is stored each time.
+Each pass takes problems and solvers in another order and measures one round of each point, so that a program that
+disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still uncertain
+are measured again. A reference workload between problems measures the drift of the machine; it is stored each time.
 """
 
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -16,19 +19,22 @@ from ...problems.catalog.catalog import is_available
 from ...problems.catalog.storage import problem_bytes
 from ...problems.contact.judge import JUDGE
 from ...problems.scenes.registry import read_scene
+from ...problems.spelling import either
 from ..errors import BenchError, InterruptedRunError
 from ..generate import generate
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..plugins.files import check_again, sources, use_plugin_files
 from ..plugins.problems import carry, check_known, problem_of
+from ..store.condition import differences
 from ..store.conversion import content_of, record_of
-from ..store.outcome import FAULTS
+from ..store.outcome import FAULTS, Outcome
 from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session
 from ..store.store import Store
-from .case import Case
+from .contacts.case import Case, Visit
 from .ladder import LadderCase, measure_ladder
 from .machine import calibration_seconds, describe_machine
+from .passes import EXTRA_SHARE, shuffled, uncertain
 from .plan import Plan, name_of
 from .refutation import refuted
 from .trajectories.case import TrajectoryCase
@@ -49,14 +55,25 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class ProblemStarted:
-    """The cases of one problem begin."""
+    """The cases of one problem begin, in a pass of the planned number of passes, from 0, or in one more."""
 
     problem: str
+    number: int = 0
+    passes: int = 1
+
+
+@dataclass(frozen=True)
+class PointFinished:
+    """A round of a point is measured and stored."""
+
+    problem: str
+    solver: str
+    tolerance: float
 
 
 @dataclass(frozen=True)
 class CaseFinished:
-    """One case is stored."""
+    """All that is planned of one case is stored."""
 
     problem: str
     solver: str
@@ -66,15 +83,14 @@ class CaseFinished:
 
 
 @dataclass(frozen=True)
-class PointFinished:
-    """One point of a case is stored, which goes on from there."""
+class VisitFinished:
+    """One problem is through one of the planned passes, so many of all."""
 
-    problem: str
-    solver: str
-    tolerance: float
+    done: int
+    total: int
 
 
-Event = RunStarted | ProblemStarted | PointFinished | CaseFinished
+Event = RunStarted | ProblemStarted | PointFinished | CaseFinished | VisitFinished
 
 
 def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None:
@@ -99,8 +115,10 @@ def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None
                 limits=plan.limits,
                 methods=[method.record for method in plan.methods],
                 trajectories=list(plan.trajectories),
+                passes=1 if plan.trajectories else plan.passes,
+                seed=plan.seed,
             ),
-            machine=msgspec.convert(describe_machine(), Machine),
+            machine=_this_machine(),
             judge=JUDGE,
             plugins=sources([solver.name for solver in solvers], names, scenes),
             carried={} if scenes else carry(plan.problems, store),
@@ -110,7 +128,11 @@ def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None
 
 
 def measure_rest(
-    folder: Path, retry_failed: bool, on_event: Callable[[Event], None], plugins: Sequence[Path | str] = ()
+    folder: Path,
+    retry_failed: bool,
+    on_event: Callable[[Event], None],
+    plugins: Sequence[Path | str] = (),
+    mix: bool = False,
 ) -> None:
     """Measure the cases of a stored run that are missing, damaged, or of a problem with another digest.
 
@@ -119,10 +141,11 @@ def measure_rest(
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called as the run goes on.
         plugins: the plugin files that it was begun with.
+        mix: go on also where machine, versions or source are others than those it was begun with.
 
     Raises:
-        ProxbenchError: if the folder is no run, its run.json is damaged, a name in it is unknown, or a plugin file of
-            its solvers is not named, is gone or has changed.
+        ProxbenchError: if the folder is no run, its run.json is damaged, a name in it is unknown, a plugin file of its
+            solvers is not named, is gone or has changed, or the machine is another one.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(folder)
@@ -131,6 +154,12 @@ def measure_rest(
         raise BenchError(
             f"{folder} was judged by version {record.judge} of the judge, this is {JUDGE}; residuals of both do not "
             "compare, begin a new run."
+        )
+    changed = differences(record.machine, _this_machine())
+    if changed and not mix:
+        raise BenchError(
+            f"{folder} was begun with another machine or source ({'; '.join(changed)}), whose times do not compare; "
+            f"begin a new run, or mix them with {either('--mix', 'mix=True')}."
         )
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
@@ -151,34 +180,75 @@ class _Progress:
         self, contestants: Contestants, store: Store, record: RunRecord, on_event: Callable[[Event], None]
     ) -> None:
         self._contestants, self._store, self._record, self._on_event = contestants, store, record, on_event
-        self._session = Session(started=_now())
+        self._session = Session(started=_now(), machine=_this_machine())
+        self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
+        self._done = 0
 
     def complete(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
         """Measure what is not among the stored cases, by problem and solver."""
         plan = self._record.plan
-        total = len(plan.problems) * len(plan.solvers)
+        for (problem, solver), case in stored.items():
+            if problem in self._cases:
+                self._cases[problem][solver] = case
         self._note_machine()
-        done = sum(plan.has_finished(case) for case in stored.values())
-        self._on_event(RunStarted(self._store.folder, total, done))
+        self._done = sum(plan.has_finished(case) for case in stored.values())
+        self._on_event(RunStarted(self._store.folder, len(plan.problems) * len(plan.solvers), self._done))
         try:
             self._generate()
-            done = 0
-            for name in plan.problems:
-                known = {solver: case for (problem, solver), case in stored.items() if problem == name}
-                cases = self._cases(name, known)
-                done += len(plan.solvers) - len(cases)
-                self._on_event(ProblemStarted(name))
-                measure_ladder(cases, self._keep)
-                for case in self._records(cases, known):
-                    self._store.write_case(case)
-                    done += 1
-                    self._on_event(CaseFinished(name, case.solver, case.outcome, done, total))
-                self._note_machine()
+            self._forget_other_problems()
+            began, is_whole = time.monotonic(), self._done == 0
+            self._measure_passes()
+            if is_whole and not plan.trajectories:
+                self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
         except KeyboardInterrupt:
             raise InterruptedRunError(self._store.folder) from None
         self._store.restore()
         self._session = replace(self._session, finished=_now())
         self._note(self._record)
+
+    def _measure_passes(self) -> None:
+        """Measure a round of each point in each planned pass."""
+        plan, session = self._record.plan, len(self._record.sessions)
+        for number in range(plan.passes):
+            names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
+            for index, name in enumerate(names):
+                if not self._is_finished(name):
+                    self._visit(name, Visit(session, number))
+                self._on_event(VisitFinished(number * len(names) + index + 1, plan.passes * len(names)))
+
+    def _measure_more(self, seconds: float) -> None:
+        """Measure more rounds of uncertain points, in as many passes again at most, for about ``seconds``."""
+        plan, session, end = self._record.plan, len(self._record.sessions), time.monotonic() + seconds
+        for number in range(plan.passes, 2 * plan.passes):
+            for name in shuffled(plan.problems, plan.seed, number):
+                if time.monotonic() >= end:
+                    return
+                whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
+                points = uncertain([record_of(content_of(case), CaseRecord) for case in whole], plan)
+                if points:
+                    self._visit(name, Visit(session, number, points))
+
+    def _is_finished(self, name: str) -> bool:
+        plan, cases = self._record.plan, self._cases[name]
+        return len(cases) == len(plan.solvers) and all(map(plan.has_finished, cases.values()))
+
+    def _visit(self, name: str, visit: Visit) -> None:
+        """Measure one round of the cases of a problem."""
+        plan, known = self._record.plan, self._cases[name]
+        finished = {solver for solver, case in known.items() if plan.has_finished(case)}
+        self._on_event(ProblemStarted(name, visit.number, plan.passes))
+        cases = self._cases_of(name, visit)
+        measure_ladder(cases, self._keep)
+        for case in cases:
+            self._put(case.record())
+        for wrong in refuted(list(known.values()), cases[0].is_solvable if cases else None):
+            self._put(wrong)
+        for solver, record in known.items():
+            if solver not in finished and plan.has_finished(record):
+                self._done += 1
+                total = len(plan.problems) * len(plan.solvers)
+                self._on_event(CaseFinished(name, solver, record.outcome, self._done, total))
+        self._note_machine()
 
     def _generate(self) -> None:
         """Generate the problems that are neither carried nor available, and simulate missing references."""
@@ -193,43 +263,52 @@ class _Progress:
             generate(missing)
             self._note(replace(record, carried={**record.carried, **carry(missing, self._store)}))
 
-    def _cases(self, name: str, stored: Mapping[str, CaseRecord]) -> list[LadderCase]:
-        """Return the cases of a problem that are left to measure, given those of its cases that are stored."""
-        record, limits = self._record, self._record.plan.limits
-        if record.plan.trajectories:
-            trajectory = trajectory_of(record.plan.trajectory(name))
-            same = {solver: case for solver, case in stored.items() if case.digest == trajectory.digest}
-            finished = {solver for solver, case in same.items() if record.plan.has_finished(case)}
-            methods = [method for method in self._contestants if isinstance(method, Method)]
-            return [
-                TrajectoryCase(trajectory, method, limits, same.get(method.record.name))
-                for method in methods
-                if method.record.name not in finished
-            ]
+    def _forget_other_problems(self) -> None:
+        """Forget stored cases of problems whose numbers are others now."""
+        for name, cases in self._cases.items():
+            if cases:
+                digest = self._digest(name)
+                self._cases[name] = {solver: case for solver, case in cases.items() if case.digest == digest}
+        self._done = sum(
+            self._record.plan.has_finished(case) for cases in self._cases.values() for case in cases.values()
+        )
+
+    def _digest(self, name: str) -> str:
+        plan = self._record.plan
+        if plan.trajectories:
+            return trajectory_of(plan.trajectory(name)).digest
+        return problem_of(self._store, self._record, name).digest
+
+    def _cases_of(self, name: str, visit: Visit) -> list[LadderCase]:
+        """Return the cases of a problem that are measured in a visit, in an order of its own."""
+        record, known, plan = self._record, self._cases[name], self._record.plan
+        if visit.points is None:
+            left = {one for one in plan.solvers if one not in known or not plan.has_finished(known[one])}
+        else:
+            left = {solver for solver, _ in visit.points}
+        if plan.trajectories:
+            trajectory = trajectory_of(plan.trajectory(name))
+            methods = [one for one in self._contestants if isinstance(one, Method) and one.record.name in left]
+            return [TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name)) for one in methods]
         problem = problem_of(self._store, record, name)
-        finished = {solver for solver, case in stored.items() if case.digest == problem.digest}
-        solvers = [one for one in self._contestants if isinstance(one, Contestant) and one.name not in finished]
+        solvers = [one for one in self._contestants if isinstance(one, Contestant) and one.name in left]
         data = problem_bytes(problem.anonymous()) if solvers else b""
-        return [Case(problem, solver, limits, record.plan.tolerances, data) for solver in solvers]
+        return [
+            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), visit)
+            for solver in shuffled(solvers, plan.seed, visit.number, plan.problems.index(name))
+        ]
 
-    def _records(self, cases: Sequence[LadderCase], stored: Mapping[str, CaseRecord]) -> list[CaseRecord]:
-        """Return the records of measured cases; a stored one whose claims they refute is stored again."""
-        records = {case.solver: case for case in (case.record() for case in cases)}
-        digests = {case.digest for case in records.values()}
-        others = [case for case in stored.values() if case.solver not in records and case.digest in digests]
-        for case in refuted([*records.values(), *others], cases[0].is_solvable if cases else None):
-            if case.solver in records:
-                records[case.solver] = case
-            else:
-                self._store.write_case(case)
-        return list(records.values())
-
-    def _keep(self, case: LadderCase) -> None:
-        """Store a case as far as it has come."""
+    def _keep(self, case: LadderCase, value: float) -> None:
+        """Store a case as far as it has come, and name the point that it has come to."""
         record = case.record()
+        if record != self._cases[record.problem].get(record.solver):
+            self._put(record)
+            if record.points:
+                self._on_event(PointFinished(record.problem, record.solver, value))
+
+    def _put(self, record: CaseRecord) -> None:
+        self._cases[record.problem][record.solver] = record
         self._store.write_case(record)
-        if record.points:
-            self._on_event(PointFinished(record.problem, record.solver, record.points[-1].tolerance))
 
     def _note_machine(self) -> None:
         """Store the speed and load of the machine at this moment."""
@@ -242,6 +321,10 @@ class _Progress:
         """Store the record of the run."""
         self._record = record
         self._store.write_run(replace(record, sessions=[*record.sessions, self._session]))
+
+
+def _this_machine() -> Machine:
+    return msgspec.convert(describe_machine(), Machine)
 
 
 def _now() -> str:

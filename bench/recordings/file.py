@@ -11,7 +11,8 @@ import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 
 from ...problems.spelling import switch
-from ..errors import BenchError
+from ..errors import BenchError, UnwritableError
+from ..report.output_file import refuse_links_out
 
 SUFFIX = ".rrd"
 
@@ -37,7 +38,7 @@ class RecordingFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._temporary.touch(exist_ok=False)
         except OSError as error:
-            raise BenchError(f"cannot write {path}: {error.strerror}; choose another place.") from None
+            raise UnwritableError(f"cannot write {path}: {error.strerror}; choose another place.") from None
 
     def begin(self, kind: str, title: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
         """Return the stream to log to.
@@ -84,7 +85,11 @@ def write_curve(
 
 
 def refuse_bad_path(path: Path, force: bool) -> None:
-    """Raise ``BenchError`` if a recording cannot go there: another ending, a folder, or a file and no ``force``."""
+    """Raise ``BenchError`` if a recording cannot go there: another ending, a folder, a file, or a link out.
+
+    A file may be there with ``force``, a link only if it stays in its folder.
+    """
+    refuse_links_out(path, path.parent)
     if path.suffix != SUFFIX:
         raise BenchError(f"cannot record into {path}: the name of a recording must end in {SUFFIX}.")
     if path.is_dir():

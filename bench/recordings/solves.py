@@ -17,6 +17,7 @@ from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..plugins.problems import problem_of
 from ..plugins.remote_solver import working_solver
+from ..report.output_file import refuse_links_out
 from ..report.palette import look, on_dark, rgb
 from ..store.outcome import Outcome
 from ..store.store import Store, plain_name
@@ -148,7 +149,7 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     replaced.
 
     Raises:
-        BenchError: if the folder is no run, or cannot be written.
+        BenchError: if the folder is no run, cannot be written, or has a link for recordings that leads out of it.
         SolverError: for a solver object that no name makes again.
         ProblemError: for a problem that is stored with the run and damaged.
     """
@@ -156,6 +157,7 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     run = store.read_run()
     cases, _ = store.read_cases()
     came_through = {(case.problem, case.solver) for case in cases if case.outcome is Outcome.MEASURED}
+    refuse_links_out(store.folder / FOLDER, store.folder)
     stop = Stop(TOLERANCE, MAX_ITERATIONS, run.plan.limits.solve_seconds)
     made = []
     for name in run.plan.problems:

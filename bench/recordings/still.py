@@ -15,10 +15,9 @@ from typing import TypeVar
 
 from rerun.experimental import ViewerClient
 
-from ...problems.catalog.atomic_file import replacing
 from ...problems.errors import said
 from ..errors import BenchError
-from ..report.output_file import refuse_taken
+from ..report.output_file import refuse_taken, write_file
 
 SUFFIX = ".png"
 
@@ -64,12 +63,7 @@ def write_still(recording: Path, still: Path, timeline: str) -> None:
                 f"{recording} is kept, but the viewer cannot draw {still} here ({said(error)}); it needs a Vulkan "
                 "driver (on Debian: apt-get install mesa-vulkan-drivers)."
             ) from error
-    try:
-        still.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(still) as file:
-            file.write(picture)
-    except OSError as error:
-        raise BenchError(f"cannot write {still}: {error.strerror}; choose another place.") from None
+    write_file(still, picture)
 
 
 def _drawn(recording: Path, timeline: str, folder: Path) -> bytes:

@@ -1,1 +1,1 @@
-"""How results are shown: tables, charts, progress, and the files that they are written to."""
+"""How results are shown: tables, charts, and the files that they are written to."""

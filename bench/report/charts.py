@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from ...problems.spelling import for_command_line
-from ..errors import BenchError
 from ..store.condition import run_state
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
 from ..store.store import plain_name
+from .accuracy import measured_points
 from .drawing import (
     FONT_SIZE,
     Label,
@@ -33,7 +33,7 @@ from .drawing import (
 from .palette import Look, looks
 from .studies import headline, spreads
 from .summary_charts import summary_charts
-from .tables import ending, measured_points
+from .tables import ending
 from .text import counted
 
 SMALLEST_RESIDUAL = 1e-16
@@ -111,13 +111,10 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
         The files.
 
     Raises:
-        BenchError: if the folder cannot be written.
+        UnwritableError: if they cannot be written.
+        BenchError: if a link in the folder leads out of it.
     """
     files = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)  # it is named to users even if there is nothing to draw
-    except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another folder.") from None
     draw = trajectory_chart if frames.is_study else problem_chart
     for problem in frames.cases["problem"].unique():
         drawn = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
@@ -205,14 +202,14 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 
 
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
-    """Return median time over judged residual, one line a solver, accuracy growing to the right.
+    """Return median time over the residual that the frames go by, one line a solver, accuracy growing to the right.
 
     The tolerance of a solve appears nowhere. A filled mark is a solve that ended solved, at its true residual;
     a hollow one is the best iterate of a solve that did not; a cross is a wrong claim.
     """
     costs, named = _costs(frames, problem), _looks(frames)
     columns = ["solver", "tolerance", "residual", "milliseconds", "low", "high", "iterations", "outcome"]
-    residual = "judged residual (velocity error, relative; better to the right)"
+    residual = f"{frames.residual} residual (velocity error, relative; better to the right)"
     base = alt.Chart(costs.rows[columns], width=WIDTH, height=HEIGHT).encode(
         x=log_axis(alt.X, "residual", residual, costs.across).axis(**RESIDUAL_AXIS),
         y=log_axis(alt.Y, "milliseconds", _TIME_TITLE, costs.up).axis(format="~g", values=round_values(costs.up)),
@@ -279,7 +276,7 @@ def _marked(curves: pd.DataFrame) -> pd.DataFrame:
 
 
 def _costs(frames: RunFrames, problem: str) -> _Curves:
-    """Return time [ms] with its quartiles over judged residual."""
+    """Return time [ms] with its quartiles over the residual."""
     points = _drawable(frames.points, problem)
     points = points[points["total_seconds"].notna()].sort_values("tolerance", ascending=False, kind="stable")
     times = {"milliseconds": "total_seconds", "low": "total_seconds_q1", "high": "total_seconds_q3"}

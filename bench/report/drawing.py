@@ -13,8 +13,7 @@ import pandas as pd
 import vl_convert
 from numpy.typing import NDArray
 
-from ..errors import BenchError
-from .output_file import picture_files
+from .output_file import picture_files, write_file
 from .palette import Look
 
 PNG_SCALE = 2.0
@@ -29,18 +28,13 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
     """Write a chart as ``path`` with .svg and with .png; return the files.
 
     Raises:
-        BenchError: if they cannot be written.
+        UnwritableError: if they cannot be written.
+        BenchError: if one of them is a link out of its folder.
     """
     svg, png = picture_files(path)
     with alt.data_transformers.enable("default", max_rows=None):  # altair's limit is meant for pages that are sent
         drawn = vl_convert.vegalite_to_svg(chart.to_json())
-    try:
-        svg.parent.mkdir(parents=True, exist_ok=True)
-        svg.write_text(drawn, encoding="utf-8")
-        png.write_bytes(vl_convert.svg_to_png(drawn, scale=PNG_SCALE))
-    except OSError as error:
-        raise BenchError(f"cannot write {error.filename or svg}: {error.strerror}; choose another place.") from None
-    return [svg, png]
+    return [write_file(svg, drawn.encode()), write_file(png, vl_convert.svg_to_png(drawn, scale=PNG_SCALE))]
 
 
 def stacked(

@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import pandas as pd
@@ -60,7 +60,7 @@ def print_table(
     *,
     words: Sequence[str] = (),
     optional: Sequence[str] = (),
-    best: dict[str, Any] | None = None,
+    bold: Collection[tuple[Any, str]] = (),
 ) -> None:
     """Print a table, fitted to the width of the console.
 
@@ -69,7 +69,7 @@ def print_table(
         shown: the table, with a column "solver".
         words: columns of words, which stand on the left; the others stand on the right.
         optional: columns that may be left out, as in ``fitted``.
-        best: the index of the row whose cell is marked, by column.
+        bold: index and column of the cells that are marked.
     """
     fitting = fitted(shown, console.width, optional)
     is_loose = sum(_width(fitting, column) + 2 for column in fitting.columns) <= console.width
@@ -81,8 +81,8 @@ def print_table(
         table.add_column(column, justify="left" if is_text else "right", no_wrap=column != "solver", overflow="fold")
     for index, row in zip(fitting.index, fitting.itertuples(index=False), strict=True):
         cells = zip(fitting.columns, row, strict=True)
-        styles = {column: "bold green" for column, marked in (best or {}).items() if marked == index}
-        table.add_row(*(Text(cell, style=styles.get(column, "")) for column, cell in cells))
+        styled = (Text(cell, style="bold green" if (index, column) in bold else "") for column, cell in cells)
+        table.add_row(*styled)
     console.print(table)
 
 

@@ -3,12 +3,11 @@
 from html import escape
 
 from ...problems.spelling import for_python
-from ..store.condition import steadiness, warnings
+from ..store.condition import basis, steadiness, warnings
 from ..store.frames import RunFrames
+from .accuracy import shown_means, summary_table
 from .studies import headline, points_table
-from .tables import duration, summary_table
-
-_HEADS = {"success": "says", "correct": "true", "mean_time": "mean"}
+from .tables import duration
 
 
 def run_page(frames: RunFrames) -> str:
@@ -20,13 +19,15 @@ def run_page(frames: RunFrames) -> str:
         counts = f"{headline(info.plan.trajectories[0])}, {n_solvers} methods"
     lines = [f"<h4>{escape(info.run_id)}: {counts}</h4>"]
     lines += [f"<p><strong>{escape(for_python(warning))}</strong></p>" for warning in warnings(frames)]
-    lines.append(f"<p>{escape(steadiness(info))}</p>")
+    lines += [f"<p>{escape(sentence)}</p>" for sentence in (*basis(frames), steadiness(info))]
     if frames.is_study:
         lines.append(points_table(frames).to_html(index=False, border=0, escape=True, na_rep="–"))
     elif len(summary := summary_table(frames)):
-        shown = {key: head for key in summary.columns if (head := _head(key))}
-        texts = {key: summary[key].map(duration if key.startswith("mean") else _share) for key in shown}
-        table = summary.assign(**texts).rename(columns={**shown, "problems": "cases"})
+        heads = {"success": "says", "correct": "true"} | {key: head for head, key in shown_means(summary).items()}
+        kinds = {key: key.rpartition("_") for key in summary.columns}
+        shown = {key: f"{heads[kind]} {accuracy}" for key, (kind, _, accuracy) in kinds.items() if kind in heads}
+        texts = {key: summary[key].map(duration if "mean_time" in key else _share) for key in shown}
+        table = summary.assign(**texts)[["solver", "model", "problems", *shown, "wrong"]].rename(columns=shown)
         lines.append(table.to_html(index=False, border=0, escape=True))
     lines += [f"<p>{escape(sentence)}</p>" for sentence in frames.damaged]
     return "\n".join(lines)
@@ -34,9 +35,3 @@ def run_page(frames: RunFrames) -> str:
 
 def _share(part: float) -> str:
     return f"{100 * part:.0f} %"
-
-
-def _head(key: str) -> str:
-    """Return what a column of the summary about an accuracy is called: ``"true 1e-04"``; empty for other columns."""
-    kind, _, accuracy = key.rpartition("_")
-    return f"{_HEADS[kind]} {accuracy}" if kind in _HEADS else ""

@@ -1,16 +1,57 @@
-"""Files that commands write: refused before any work, and pictures drawn when everything else is stored and printed."""
+"""Files that commands write: refused before any work, written as a whole and in their folder, or not at all."""
 
+import os
 import tempfile
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
+from itertools import accumulate
 from pathlib import Path
 
+from ...problems.catalog.atomic_file import replacing
 from ...problems.errors import said
 from ...problems.spelling import either, option, switch
-from ..errors import BenchError
+from ..errors import BenchError, UnwritableError
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
 """Endings of pictures and pages that are never part of a name."""
+
+
+def write_file(file: Path, content: bytes) -> Path:
+    """Write a file as a whole or not at all, in a folder that is made if there is none; return it.
+
+    Raises:
+        BenchError: if it is a link that leads out of its folder.
+        UnwritableError: if it cannot be written.
+    """
+    refuse_links_out(file, file.parent)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(file) as opened:
+            opened.write(content)
+    except OSError as error:
+        remedy = "choose a place that has room and may be written"
+        raise UnwritableError(f"cannot write {file}: {error.strerror}; {remedy}.") from None
+    return file
+
+
+def refuse_links_out(place: Path, folder: Path) -> None:
+    """Find out whether a link on the way from a folder to a place in it, or below that place, leads out of the folder.
+
+    Results may come from elsewhere: showing them must not replace files wherever their links say.
+
+    Raises:
+        BenchError: if one does.
+    """
+    inside = os.path.realpath(folder)
+    way = list(accumulate(place.relative_to(folder).parts, Path.joinpath, initial=folder))[1:]
+    below = [Path(top, name) for top, folders, files in os.walk(place) for name in (*folders, *files)]
+    for link in (*way, *below):
+        target = os.path.realpath(link)
+        if os.path.islink(link) and not Path(target).is_relative_to(inside):
+            raise BenchError(
+                f"{link} is a link out of {folder}, to {target}, and nothing is written through it; "
+                "remove it, or name another place."
+            )
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
@@ -23,7 +64,8 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
         force: whether it may exist.
 
     Raises:
-        BenchError: if it exists and ``force`` is not given, has another suffix, or its folder cannot be made.
+        BenchError: if it exists and ``force`` is not given, has another suffix, is a link out of its folder, or its
+            folder cannot be made.
     """
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
@@ -33,6 +75,7 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
         )
     is_file = output.suffix == suffix and not is_folder
     file = output if is_file else output / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}{suffix}"
+    refuse_links_out(file, file.parent)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         exists = file.exists()
@@ -48,9 +91,10 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
     """Find out whether files can be written later, and leave everything as it is.
 
     Raises:
-        BenchError: if one exists and ``force`` is not given, or cannot be written.
+        BenchError: if one exists and ``force`` is not given, is a link out of its folder, or cannot be written.
     """
     for file in files:
+        refuse_links_out(file, file.parent)
         try:
             if file.exists():
                 if not force:
@@ -107,11 +151,11 @@ def drawn(
         again: how they are drawn without simulating again, {} in place of the result.
 
     Raises:
-        BenchError: if that fails, for whatever reason; it says how to draw them later.
+        UnwritableError: if they cannot be written; it says how to draw them later.
+        BenchError: the same, if drawing fails for another reason.
     """
     try:
         return draw()
     except Exception as error:
-        raise BenchError(
-            f"{result} is kept, but its {what} is missing: {said(error)}; {again.format(result)}"
-        ) from error
+        kind = UnwritableError if isinstance(error, UnwritableError) else BenchError
+        raise kind(f"{result} is kept, but its {what} is missing: {said(error)}; {again.format(result)}") from error

@@ -9,9 +9,10 @@ import pandas as pd
 from ...problems.spelling import for_command_line
 from ..store.condition import run_state
 from ..store.frames import RunFrames
+from .accuracy import attempts, mean_time, summary_accuracies
 from .drawing import FONT_SIZE, by_name, heading, log_axis, round_values, stacked
 from .palette import PALETTE, looks
-from .tables import attempts, duration, mean_time, summary_accuracies
+from .tables import duration
 from .text import counted
 
 WIDTH = 300
@@ -72,7 +73,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
     )
     counts = counts.reset_index().assign(all=[f"of {number}" for number in counts["n"]])
     panels = [
-        _count_panel(counts, "confirmed", "confirmed by the judge", "judged residual"),
+        _count_panel(counts, "confirmed", "confirmed by the judge", f"{frames.residual} residual"),
         _count_panel(counts, "claimed", "claimed by the solver", "tolerance"),
     ]
     return _of_run("Success", "how many of those that a solver supports it solves", panels, frames, tried)
@@ -110,7 +111,7 @@ def _time_panel(
         mark.encode(x=across, y=rows, color=colour, shape=by_name(alt.Shape, "solver", named, "shape")),
         _behind(mean).encode(y=rows, text="reached:N"),
     ]
-    return _panel(layers, f"to a judged residual of {_exponent(accuracy)}")
+    return _panel(layers, f"to a {frames.residual} residual of {_exponent(accuracy)}")
 
 
 def _count_panel(counts: pd.DataFrame, column: str, title: str, across: str) -> alt.LayerChart:

@@ -1,9 +1,18 @@
 """Words and text in reports: numbers of things, JSON, and text of others that stays text in Markdown."""
 
 import json
+import shutil
 from collections.abc import Iterable
 from html import escape
 from typing import Any
+
+PIPE_WIDTH = 1000
+"""Characters of a line that goes to a file or a pipe: names and commands stay in one piece there."""
+
+
+def output_width() -> int:
+    """Return the width of standard output: of the terminal, else ``PIPE_WIDTH``; COLUMNS goes before both."""
+    return shutil.get_terminal_size((PIPE_WIDTH, 24)).columns
 
 
 def inline(value: object) -> str:

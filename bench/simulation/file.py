@@ -26,6 +26,7 @@ from ...problems.stepping.contact_states import LawStates
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
+from ..report.output_file import refuse_links_out
 from ..store.conversion import content_of, printable
 from ..store.records import Count, Number, PluginUse, Record
 from .beside import beside_from
@@ -77,7 +78,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     """Write ``simulation`` as a whole or not at all.
 
     Raises:
-        BenchError: if the file cannot be written.
+        BenchError: if the file cannot be written, or is a link out of its folder.
     """
     simulation.thinning.offer(simulation.state)  # an interruption may have come between a step and this
     plan = simulation.plan
@@ -101,6 +102,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         "closed": np.array(states.closed, dtype=np.int64),
         "sticking": np.array(states.sticking, dtype=np.int64),
     }
+    refuse_links_out(path, path.parent)
     try:
         with replacing(path) as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]

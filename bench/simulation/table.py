@@ -78,8 +78,8 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "steps": simulation.n_steps,
         "simulated_seconds": seconds,
         "wall_seconds": simulation.wall_seconds,
-        "wall_per_simulated_second": simulation.wall_seconds / seconds if seconds > 0 else None,
         "step_seconds": float(steps["seconds"].sum()),
+        "step_seconds_per_simulated_second": float(steps["seconds"].sum()) / seconds if seconds > 0 else None,
         "iterations": int(steps["iterations"].sum()),
         "unsolved_steps": int(simulation.unsolved.sum()),
         "refuted_steps": int(simulation.refuted.sum()),
@@ -187,7 +187,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         return
     yield (
         f"total  {total['simulated_seconds']:.4g} s in {counted(total['steps'], 'step')}, "
-        f"{total['wall_seconds']:.3g} s wall: {total['wall_per_simulated_second']:.3g} s per simulated second",
+        f"{total['step_seconds']:.3g} s wall: {total['step_seconds_per_simulated_second']:.3g} s per simulated second",
         "bold",
     )
     if simulation.plan.stepper.locates_switches:

@@ -12,6 +12,9 @@ from .records import CaseRecord, Record, RunRecord
 _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Characters that steer a terminal, turn text around, or are halves that no file can hold."""
 
+_DOUBTFUL = re.compile(rb"\\[ubfr]|\x7f")
+"""What ASCII JSON has in place of some of these characters."""
+
 R = TypeVar("R", RunRecord, CaseRecord)
 
 
@@ -28,7 +31,15 @@ def printable(value: Any) -> Any:
 
 def content_of(record: Record) -> dict[str, Any]:
     """Return a record as a JSON object whose texts can be shown anywhere, numbers that are not finite as null."""
-    content: dict[str, Any] = _finite(printable(msgspec.to_builtins(record)))
+    content: dict[str, Any]
+    try:
+        text = msgspec.json.encode(record)  # has null for numbers that are not finite
+    except UnicodeEncodeError:
+        text = b"\x7f"
+    if text.isascii() and not _DOUBTFUL.search(text):
+        content = msgspec.json.decode(text)
+    else:
+        content = _finite(printable(msgspec.to_builtins(record)))
     return content
 
 

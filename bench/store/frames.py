@@ -4,10 +4,10 @@ A field that is a record itself gives the columns of its own fields: times that 
 field, and their quartiles beside it. Lists have frames of their own.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -15,9 +15,15 @@ import pandas as pd
 from msgspec import Struct
 
 from ...problems.contact.judge import NO_NUMBERS, Verdict
-from .outcome import Outcome
-from .records import CaseRecord, Point, QuantityError, Quartiles, Record, RunRecord
+from ...problems.errors import suggestion
+from ..errors import BenchError
+from .records import CaseRecord, Point, QuantityError, Quartiles, Record, Round, RunRecord
 from .store import Store
+
+JUDGED, LOCAL = "judged", "local"
+"""Residuals that tables and charts can go by: that of the verdict, or its local one."""
+
+RESIDUALS = (JUDGED, LOCAL)
 
 _IDENTITY = ("problem", "solver", "model")
 """Fields of a case that its points have too."""
@@ -30,24 +36,29 @@ class RunFrames:
     Attributes:
         folder: where it is stored.
         cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
-            reason, wall time, peak memory, and what a failed one left.
+            reason, wall time, peak memory, what a failed one left, and is_finished.
         points: one row a ladder point, those of ``Point``: problem, solver, model, tolerance, outcome, status, reason,
             iterations, judged residual (and that of the solver's own model), median times [s] with their quartiles,
             repeats, the other numbers of the verdict, and the error in known impulses.
+        rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``: session and
+            number of the pass, median times [s], repeats, share of the time that was computed, whether it is marred.
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories, one row a point and quantity: problem, solver, tolerance, quantity, error, and
             the ends of its bar, low and high.
         info: plan, machine, plugins and sessions.
         damaged: one sentence for each case file that could not be read.
+        residual: which one the residuals of the points are, "judged" or "local"; those of the curves are judged.
     """
 
     folder: Path
     cases: pd.DataFrame
     points: pd.DataFrame
+    rounds: pd.DataFrame
     iterations: pd.DataFrame
     errors: pd.DataFrame
     info: RunRecord
     damaged: list[str]
+    residual: str = JUDGED
 
     @property
     def n_planned(self) -> int:
@@ -57,12 +68,7 @@ class RunFrames:
     @property
     def n_finished(self) -> int:
         """Number of cases that are stored and readable, and measured as a whole."""
-        measured = self.points.groupby(["problem", "solver"]).size()
-        ladder = self.info.plan.ladder
-        return sum(
-            bool(outcome != Outcome.MEASURED or measured.get((problem, solver), 0) >= len(ladder(solver)))
-            for problem, solver, outcome in self.cases[["problem", "solver", "outcome"]].itertuples(index=False)
-        )
+        return int(self.cases["is_finished"].sum())
 
     @property
     def is_finished(self) -> bool:
@@ -73,6 +79,30 @@ class RunFrames:
     def is_study(self) -> bool:
         """Whether the run is over trajectories."""
         return bool(self.info.plan.trajectories)
+
+    def judged_by(self, residual: str) -> Self:
+        """Return the run with this residual of its points, "judged" or "local", as the one that tables go by.
+
+        What solvers claim, and how cases ended, is about the judged residual in any case.
+
+        Raises:
+            BenchError: for another name, or if the points of the run have no local residuals.
+        """
+        check_residual(residual)
+        if residual == self.residual:
+            return self
+        judged = self.points.get("judged_residual", self.points["residual"])
+        local = self.points["local_residual"].where(~np.isposinf(judged), np.inf)
+        if self.is_study or (judged.notna() & local.isna()).any():
+            raise BenchError(f"{self.folder} has no local residuals; show its judged ones, or measure problems anew.")
+        chosen = local if residual == LOCAL else judged
+        return replace(self, residual=residual, points=self.points.assign(residual=chosen, judged_residual=judged))
+
+
+def check_residual(name: str) -> None:
+    """Raise ``BenchError`` if tables cannot go by a residual of that name."""
+    if name not in RESIDUALS:
+        raise BenchError(f"there is no residual {name!r}{suggestion(name, RESIDUALS)}")
 
 
 def read_frames(folder: Path) -> RunFrames:
@@ -87,10 +117,29 @@ def read_frames(folder: Path) -> RunFrames:
     order = {pair: number for number, pair in enumerate(planned)}
     cases, damaged = store.read_cases()
     cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
-    identified = [(case, point) for case in cases for point in case.points]
+    identified = _identified(cases)
+    measured = _frame(CaseRecord, cases)
+    measured["is_finished"] = pd.Series([info.plan.has_finished(case) for case in cases], dtype=bool)
+    errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
+    return RunFrames(
+        folder, measured, points_frame(cases), rounds_frame(cases), _iterations(cases), errors, info, damaged
+    )
+
+
+def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
+    """Return the points of cases, as in ``RunFrames``."""
+    identified = _identified(cases)
     identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
-    points = pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
-    return RunFrames(folder, _frame(CaseRecord, cases), points, _iterations(cases), _errors(identified), info, damaged)
+    return pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
+
+
+def rounds_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
+    """Return the rounds of the points of cases, as in ``RunFrames``."""
+    return _parts(_identified(cases), Round, lambda point: point.rounds)
+
+
+def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:
+    return [(case, point) for case in cases for point in case.points]
 
 
 class _Column(NamedTuple):
@@ -155,14 +204,15 @@ def _plain(hint: Any) -> tuple[Any, float]:
     return hint, missing
 
 
-def _errors(points: Sequence[tuple[CaseRecord, Point]]) -> pd.DataFrame:
-    found = [
-        (case, point, error) for case, point in points if point.measured is not None for error in point.measured.errors
-    ]
+def _parts(
+    points: Sequence[tuple[CaseRecord, Point]], kind: type[Record], parts: Callable[[Point], Sequence[Record]]
+) -> pd.DataFrame:
+    """Return one row for each record that points have of a kind, with the point before it."""
+    found = [(case, point, part) for case, point in points for part in parts(point)]
     identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
     place = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
     place = place.astype({"problem": str, "solver": str, "tolerance": np.float64})
-    return pd.concat([place, _frame(QuantityError, [error for _, _, error in found])], axis=1)
+    return pd.concat([place, _frame(kind, [part for _, _, part in found])], axis=1)
 
 
 def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:

@@ -4,6 +4,7 @@ Files may come from elsewhere: a checksum shows that they are whole, not that th
 finite stand as null in files and as None in what is read.
 """
 
+import itertools
 import math
 from typing import Annotated, Literal
 
@@ -15,6 +16,12 @@ from .outcome import Outcome
 
 LARGEST = 1e300
 """Numbers of files are smaller."""
+
+MOST_PASSES = 1000
+"""Passes that a run may have."""
+
+MOST_ANSWERS = 20
+"""Different answers of a point that are told apart."""
 
 Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
 Positive = Annotated[float, Meta(gt=0.0, lt=LARGEST)]
@@ -108,6 +115,8 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         limits: of a case.
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
+        passes: rounds that each point has at least, in as many passes over all problems.
+        seed: of the orders of problems and solvers in each pass.
 
     Raises:
         ValueError: if a run over trajectories names others than it has.
@@ -119,6 +128,8 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     limits: Limits
     methods: list[MethodRecord] = []
     trajectories: list[TrajectoryRecord] = []
+    passes: Annotated[int, Meta(ge=1, le=MOST_PASSES)] = 5
+    seed: Count = 0
 
     def __post_init__(self) -> None:
         names = [one.name for one in self.trajectories], [method.name for method in self.methods]
@@ -135,7 +146,11 @@ class PlanRecord(Record, frozen=True, kw_only=True):
 
     def has_finished(self, case: "CaseRecord") -> bool:
         """Whether nothing of a case is left to measure."""
-        return case.outcome is not Outcome.MEASURED or len(case.points) >= len(self.ladder(case.solver))
+        if case.outcome is not Outcome.MEASURED:
+            return True
+        repeated = itertools.takewhile(lambda point: point.is_repeated, case.points)
+        is_repeated_enough = all(len(point.rounds) >= self.passes for point in repeated)
+        return is_repeated_enough and len(case.points) >= len(self.ladder(case.solver))
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
@@ -148,7 +163,13 @@ class ThreadPool(Record, frozen=True, kw_only=True):
 
 
 class Machine(Record, frozen=True, kw_only=True):
-    """Processor, memory [bytes], system, libraries with their versions, and the commit of the source."""
+    """Processor, memory [bytes], system, libraries with their versions, and the source.
+
+    Attributes:
+        commit: the commit of the source; empty where it is no checkout.
+        dirty: whether the source differed from it.
+        source: SHA-256 of the source files of this package; empty where it was not noted.
+    """
 
     processor: str
     cores: Count
@@ -160,6 +181,7 @@ class Machine(Record, frozen=True, kw_only=True):
     thread_pools: list[ThreadPool]
     commit: str
     dirty: bool
+    source: str = ""
 
 
 class PluginUse(Record, frozen=True, kw_only=True):
@@ -180,10 +202,12 @@ class Session(Record, frozen=True, kw_only=True):
         finished: when it ended; empty if it did not.
         calibration_seconds: time of the reference workload [s] at the start and after each problem.
         load: the machine's load average over a minute at the same moments.
+        machine: what it was measured on; None where only the run has one.
     """
 
     started: str
     finished: str = ""
+    machine: Machine | None = None
     calibration_seconds: list[Number] = []
     load: list[Number] = []
 
@@ -243,6 +267,31 @@ class QuantityError(Record, frozen=True, kw_only=True):
     high: Residual
 
 
+class Round(Record, frozen=True, kw_only=True):
+    """Timed solves of a point in one go.
+
+    Attributes:
+        session: number of the session of the run, from 0.
+        number: number of the pass in it, from 0; rounds of one problem with the same session and number were measured
+            within moments, so that their times compare.
+        prepare_seconds: median time of preparing [s].
+        solve_seconds: median time of solving [s].
+        total_seconds: median time of both together [s].
+        repeats: number of solves.
+        cpu: time that the process computed, all its threads together, over the time on the clock.
+        is_marred: whether other programs took so much of the time that the round was measured again.
+    """
+
+    session: Count
+    number: Count
+    prepare_seconds: Number
+    solve_seconds: Number
+    total_seconds: Number
+    repeats: Count
+    cpu: Number
+    is_marred: bool = False
+
+
 class Measured(Record, frozen=True, kw_only=True):
     """What was measured at one tolerance, or at one step of a trajectory.
 
@@ -252,11 +301,14 @@ class Measured(Record, frozen=True, kw_only=True):
         claimed_iterations: of that solve, as the solver counts them; None where nothing else is known.
         residual: the judge's, under Coulomb's law; of a trajectory, the largest of its errors.
         model_residual: the judge's, under the solver's own model.
-        prepare_seconds: times of preparing.
+        prepare_seconds: times of preparing, those of rounds.
         solve_seconds: times of solving.
         total_seconds: times of both together.
         repeats: number of timed solves.
-        answers: number of different vectors of impulses among them; the worst is judged.
+        rounds: in which they were measured; empty for a trajectory.
+        answers: number of different vectors of impulses among those that ended solved, up to ``MOST_ANSWERS``; of all
+            solves the worst is judged.
+        hashes: what tells these vectors apart.
         verdict: the other numbers of the judge's verdict.
         impulse_error: distance to the known impulses, if the problem has such.
         errors: of a trajectory, in each quantity.
@@ -271,7 +323,9 @@ class Measured(Record, frozen=True, kw_only=True):
     solve_seconds: Quartiles
     total_seconds: Quartiles
     repeats: Count
+    rounds: list[Round] = []
     answers: Count = 1
+    hashes: Annotated[list[str], Meta(max_length=MOST_ANSWERS)] = []
     claimed_iterations: Count | None = None
     verdict: dict[str, bool | Number | None]
     impulse_error: Number | None
@@ -296,6 +350,16 @@ class Point(Record, frozen=True, kw_only=True):
     status: str
     reason: str
     measured: Measured | None = None
+
+    @property
+    def rounds(self) -> list[Round]:
+        """The rounds in which it was measured."""
+        return [] if self.measured is None else self.measured.rounds
+
+    @property
+    def is_repeated(self) -> bool:
+        """Whether it is measured in several rounds, as those of solves that end solved in time are."""
+        return bool(self.rounds) and self.status == Outcome.SOLVED and self.outcome is not Outcome.TIME_LIMIT
 
 
 class CaseRecord(Record, frozen=True, kw_only=True):

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from ...problems.catalog.atomic_file import PART, replacing
 from ...problems.catalog.storage import SUFFIX, packed_problem, read_problem
 from ...problems.contact.problem import ContactProblem
@@ -206,7 +208,7 @@ def plain_name(name: str) -> str:
 def _text(content: dict[str, Any]) -> bytes:
     """Return content as JSON with its format and its checksum."""
     body = {"format": FORMAT, **content}
-    return json.dumps({**body, "checksum": _checksum(body)}, indent=1, ensure_ascii=False).encode()
+    return msgspec.json.format(msgspec.json.encode({**body, "checksum": _checksum(body)}), indent=1)
 
 
 def _put(path: Path, content: bytes) -> None:

@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
 from proxbench.bench.cli.main import app as command_line
 from sphinx.application import Sphinx
+from typer import Typer
 
 WIDTH = 80
 
@@ -30,14 +32,26 @@ class CommandHelp(Directive):
     def run(self) -> list[nodes.Node]:
         """Return the page and the sections."""
         sections: list[nodes.Node] = [nodes.literal_block(text=_help(), language="none")]
-        for command in command_line.registered_commands:
-            assert command.callback is not None
-            name = command.name or command.callback.__name__
-            section = nodes.section(ids=[f"proxbench-{name}"])
-            section += nodes.title(text=f"proxbench {name}")
-            section += nodes.literal_block(text=_help(name), language="none")
-            sections.append(section)
-        return sections
+        return sections + [_section(*path) for path in _commands(command_line)]
+
+
+def _commands(app: Typer, *path: str) -> Iterator[tuple[str, ...]]:
+    """Yield the words of every command, a group before its commands."""
+    for command in app.registered_commands:
+        assert command.callback is not None
+        yield *path, command.name or command.callback.__name__
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        name = str(group.name)
+        yield *path, name
+        yield from _commands(group.typer_instance, *path, name)
+
+
+def _section(*path: str) -> nodes.section:
+    section = nodes.section(ids=["-".join(("proxbench", *path))])
+    section += nodes.title(text=" ".join(("proxbench", *path)))
+    section += nodes.literal_block(text=_help(*path), language="none")
+    return section
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

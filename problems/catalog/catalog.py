@@ -17,6 +17,7 @@ from .. import library
 from ..contact.problem import ContactProblem
 from ..errors import PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
+from .fclib.files import is_fclib_name, read_fclib
 from .plugins import Offer, offers
 from .storage import SUFFIX, read_problem
 
@@ -109,19 +110,25 @@ def is_available(name: str) -> bool:
     return is_held(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
 
 
+def is_path(name: str | Path) -> bool:
+    """Whether ``load`` takes ``name`` for the path of a file: a ``Path``, or text that ends in .npz, .hdf5 or .h5."""
+    return isinstance(name, Path) or name.endswith(SUFFIX) or is_fclib_name(name)
+
+
 def load(name: str | Path) -> ContactProblem:
-    """Return one problem by name, or from a file that ``save_problem`` or ``proxbench generate`` wrote.
+    """Return one problem by name, or from a file: of ``save_problem`` or ``proxbench generate``, or an FCLIB file.
 
     Args:
-        name: a name, or the path of a file: a ``Path``, or text that ends in .npz.
+        name: a name, or the path of a file: a ``Path``, or text that ends in .npz, or in .hdf5 or .h5 for FCLIB.
 
     Raises:
         ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a file
             that is missing or damaged.
         PluginError: if a plugin offers the name but does not make a problem.
     """
-    if isinstance(name, Path) or name.endswith(SUFFIX):
-        return read_problem(Path(name))
+    if is_path(name):
+        return read_fclib(name) if is_fclib_name(str(name)) else read_problem(Path(name))
+    assert isinstance(name, str)
     if name in HARD_CASES:
         return hard_case(name)
     frozen = _frozen(name)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..contact.answer import Answer
-from ..contact.factors import Factors, InverseMass
+from ..contact.factors import Factors, InverseMass, check_finite
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
@@ -39,6 +39,15 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
     path, content = Path(path), packed_problem(problem)
     if path.suffix != SUFFIX:
         raise ProblemError(f"problem files end in {SUFFIX}, and {path} does not; name it {path.stem}{SUFFIX}.")
+    write_whole(path, content)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file of a problem as a whole or not at all; its folder is made.
+
+    Raises:
+        ProblemError: if it cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:
@@ -103,6 +112,8 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
     if problem.factors is not None:
         arrays |= _compressed("W", problem.factors.force_directions)
         arrays |= _compressed("Minv", problem.factors.inverse_mass.matrix)
+        if problem.factors.inverse_mass.mass is not None:
+            arrays |= _compressed("M", problem.factors.inverse_mass.mass)
         if problem.factors.free_motion is not None:
             arrays["free_motion"] = problem.factors.free_motion
     else:
@@ -147,6 +158,12 @@ def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
         return ContactProblem(content["c"], laws, matrix=matrix, **attributes), about["digest"]
     directions = _matrix(sp.csc_array, content, "W")
     inverse = InverseMass.create(_matrix(sp.csr_array, content, "Minv"))
+    if "M.data" in content:
+        mass = _matrix(sp.csr_array, content, "M")
+        if mass.shape != inverse.matrix.shape:
+            raise ValueError("M and M⁻¹ are not of one shape")
+        check_finite(mass, "M")
+        inverse = InverseMass(inverse.matrix, mass)
     factors = Factors.create(directions, inverse, content.get("free_motion"))
     return ContactProblem(content["c"], laws, factors=factors, **attributes), about["digest"]
 

@@ -1,5 +1,6 @@
 """The factors of a Delassus matrix: force directions W and inverse mass M⁻¹, with G = Wᵀ M⁻¹ W."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -9,10 +10,16 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import FloatArray, frozen, read_only
+from ..arrays import FloatArray, IntArray, frozen, read_only
 from ..errors import ProblemError
 from .blocks import BlockLayout
 from .pieces import Pieces, cut_into_pieces
+
+BLOCK_SYMMETRY = 1e-12
+"""Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that passes as rounding."""
+
+MOST_ENTRIES = 20_000_000
+"""Entries that the inverse of a mass matrix may have, 160 MB of numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +28,11 @@ class InverseMass:
 
     Attributes:
         matrix: M⁻¹, symmetric positive definite and block diagonal, shape (n_dofs, n_dofs), scipy CSR.
+        mass: M, where M⁻¹ was computed from it, scipy CSR; ``None`` where M⁻¹ was given.
     """
 
     matrix: sp.csr_array[Any]
+    mass: sp.csr_array[Any] | None = None
     _root_blocks: dict[int, FloatArray | None] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
@@ -39,12 +48,29 @@ class InverseMass:
             matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
         else:
             matrix = sp.csr_array(as_sparse_input(given, "M⁻¹"), dtype=np.float64, copy=True)
-        if matrix.shape[0] != matrix.shape[1]:
-            raise ProblemError(f"M⁻¹ must be square, got {matrix.shape}.")
-        matrix.sum_duplicates()
-        check_finite(matrix, "M⁻¹")
+        _check_square(matrix, "M⁻¹")
         inverse = InverseMass(matrix)
         _ = inverse.root  # fails here, with the reason, if M⁻¹ is not positive definite
+        return inverse
+
+    @staticmethod
+    def of_mass(given: Any) -> "InverseMass":
+        """Return M⁻¹ computed from M, body by body, and keep M with it.
+
+        Args:
+            given: M, symmetric positive definite, dense or scipy sparse, shape (n_dofs, n_dofs). Its blocks are the
+                connected components of its nonzero entries, in whatever order the degrees of freedom stand.
+
+        Raises:
+            ProblemError: on a wrong shape, a number that is not finite, an M that is not symmetric positive definite,
+                or one whose inverse would have more than ``MOST_ENTRIES`` entries.
+        """
+        mass = sp.csr_array(as_sparse_input(given, "M"), dtype=np.float64, copy=True)
+        _check_square(mass, "M")
+        matrix = _block_inverse(mass)
+        check_finite(matrix, "M⁻¹")
+        inverse = InverseMass(matrix, mass)
+        _ = inverse.root
         return inverse
 
     @cached_property
@@ -73,6 +99,10 @@ class InverseMass:
         """Return S x, M⁻¹ = S Sᵀ, shape (n_dofs,)."""
         product: FloatArray = self.root.data * vector if self.is_diagonal else self.root @ vector
         return product
+
+    def fresh(self) -> "InverseMass":
+        """Return the same numbers in memory of their own."""
+        return InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
 
     def root_blocks(self, length: int) -> FloatArray | None:
         """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them, None if it has other entries."""
@@ -182,7 +212,7 @@ class Factors:
     def fresh(self) -> "Factors":
         """Return equal factors that share no memory with these."""
         motion = None if self.free_motion is None else frozen(self.free_motion, np.float64)
-        return Factors(self.directions.copy(), InverseMass(self.inverse_mass.matrix.copy()), motion)
+        return Factors(self.directions.copy(), self.inverse_mass.fresh(), motion)
 
 
 def as_sparse_input(given: Any, name: str) -> Any:
@@ -219,26 +249,88 @@ def sparse_numbers(label: str, matrix: Any) -> list[tuple[str, np.ndarray[Any, A
     return [(label, matrix.data), (f"{label}.indices", indices), (f"{label}.indptr", starts)]
 
 
-def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    """Return S with S Sᵀ = matrix, computed block by block (connected components of the sparsity pattern)."""
+def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the blocks of a block diagonal matrix, connected components of its pattern, those of a size together.
+
+    Each time the degrees of freedom, shape (n_blocks, size), and the blocks, shape (n_blocks, size, size).
+    """
     count, label = connected_components(matrix, directed=False)
-    order = np.argsort(label, kind="stable")
-    starts = np.searchsorted(label[order], np.arange(count + 1))
+    sizes = np.bincount(label, minlength=count)
+    order, starts = np.argsort(label, kind="stable"), np.cumsum(sizes) - sizes
+    place = np.empty(len(label), dtype=np.int64)
+    place[order] = np.arange(len(label)) - starts[label[order]]
+    entries = matrix.tocoo()
+    block_of_entry = label[entries.row]
+    number = np.empty(count, dtype=np.int64)
+    for size in np.unique(sizes):
+        members = np.flatnonzero(sizes == size)
+        number[members] = np.arange(len(members))
+        chosen = sizes[block_of_entry] == size
+        blocks = np.zeros((len(members), size, size))
+        at = number[block_of_entry[chosen]], place[entries.row[chosen]], place[entries.col[chosen]]
+        blocks[at] = entries.data[chosen]
+        yield order[starts[members, None] + np.arange(size)], blocks
+
+
+def _block_roots(dofs: IntArray, blocks: FloatArray, name: str) -> FloatArray:
+    """Return the Cholesky factors of symmetric positive definite blocks; raise ``ProblemError`` for any other."""
+    skew = np.abs(blocks - blocks.transpose(0, 2, 1)).max(axis=(1, 2))
+    crooked = skew > BLOCK_SYMMETRY * np.abs(blocks).max(axis=(1, 2))
+    if crooked.any():
+        first = dofs[int(np.argmax(crooked)), 0]
+        raise ProblemError(f"{name} must be symmetric; the block of degree of freedom {first} is not.")
+    try:
+        return np.asarray(np.linalg.cholesky(blocks), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        first = dofs[int(np.argmin(np.linalg.eigvalsh(blocks)[:, 0])), 0]
+        raise ProblemError(
+            f"{name} must be positive definite; the block of degree of freedom {first} is not."
+        ) from None
+
+
+def _from_blocks(parts: list[tuple[IntArray, FloatArray]], n_dofs: int) -> sp.csr_array[Any]:
+    """Return the matrix that has these blocks, as ``_diagonal_blocks`` yields them; zeros are not stored."""
     rows, columns, values = [], [], []
-    for block in range(count):
-        dofs = order[starts[block] : starts[block + 1]]
-        dense = matrix[dofs][:, dofs].toarray()
-        if np.abs(dense - dense.T).max() > 1e-12 * np.abs(dense).max():
-            raise ProblemError(f"M⁻¹ must be symmetric; the block of degree of freedom {dofs[0]} is not.")
-        try:
-            root = np.linalg.cholesky(dense)
-        except np.linalg.LinAlgError:
-            raise ProblemError(
-                f"M⁻¹ must be positive definite; the block of degree of freedom {dofs[0]} is not."
-            ) from None
-        at = np.nonzero(root)
-        rows.append(dofs[at[0]])
-        columns.append(dofs[at[1]])
-        values.append(root[at])
+    for dofs, blocks in parts:
+        block, i, j = np.nonzero(blocks)
+        rows.append(dofs[block, i])
+        columns.append(dofs[block, j])
+        values.append(blocks[block, i, j])
+    if not parts:
+        return sp.csr_array((n_dofs, n_dofs))
     indices = (np.concatenate(rows), np.concatenate(columns))
-    return sp.csr_array((np.concatenate(values), indices), shape=matrix.shape)
+    matrix = sp.csr_array((np.concatenate(values), indices), shape=(n_dofs, n_dofs))
+    matrix.sort_indices()
+    return matrix
+
+
+def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return S with S Sᵀ = matrix, computed block by block."""
+    roots = [(dofs, _block_roots(dofs, blocks, "M⁻¹")) for dofs, blocks in _diagonal_blocks(matrix)]
+    return _from_blocks(roots, matrix.shape[0])
+
+
+def _check_square(matrix: sp.csr_array[Any], name: str) -> None:
+    """Add up duplicates, and raise ``ProblemError`` for a matrix that is not square or has a number not finite."""
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ProblemError(f"{name} must be square, got {matrix.shape}.")
+    matrix.sum_duplicates()
+    check_finite(matrix, name)
+
+
+def _block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return M⁻¹, computed block by block and symmetric to the last bit."""
+    pattern = mass.copy()
+    pattern.eliminate_zeros()
+    sizes = np.bincount(connected_components(pattern, directed=False)[1])
+    if int((sizes.astype(np.int64) ** 2).sum()) > MOST_ENTRIES:
+        raise ProblemError(
+            f"M couples {int(sizes.max())} degrees of freedom with each other, and its inverse would have more than "
+            f"{MOST_ENTRIES} entries; give the problem by its Delassus matrix."
+        )
+    inverses = []
+    for dofs, blocks in _diagonal_blocks(pattern):
+        _block_roots(dofs, blocks, "M")
+        inverse = np.linalg.inv(blocks)
+        inverses.append((dofs, 0.5 * (inverse + inverse.transpose(0, 2, 1))))
+    return _from_blocks(inverses, mass.shape[0])

@@ -1,10 +1,12 @@
-"""Shared: a finished little run."""
+"""Shared: a finished little run, and command lines that are mistakes."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
+from proxbench.bench.cli.main import run_command
 
 
 @pytest.fixture(scope="session")
@@ -17,4 +19,24 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run_id="little",
         tolerances=[1e-2, 1e-4, 1e-6],
         solve_seconds=2.0,
+        passes=2,
     ).folder
+
+
+@pytest.fixture
+def mistake(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], str]:
+    """Run a command line in an empty folder: it gets exit code 2 and one sentence, which is returned, and no file."""
+
+    def sentence(line: str) -> str:
+        monkeypatch.chdir(tmp_path)
+        assert run_command(line.split()) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("proxbench: ")
+        assert printed.err.count("\n") == 1
+        assert list(tmp_path.iterdir()) == []
+        return printed.err
+
+    return sentence

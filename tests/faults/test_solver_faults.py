@@ -31,7 +31,7 @@ ACTIONS = {
     "refuse at length": ("unsupported", "never never"),
     "whisper": (MEASURED, ""),
     "explain": (MEASURED, ""),
-    "talk": (MISBEHAVED, "no answer"),
+    "talk": (MEASURED, ""),
     "exit": (CRASHED, "exit code 7"),
     "segfault": (CRASHED, "SIGSEGV"),
     "abort": (CRASHED, "SIGABRT"),
@@ -51,9 +51,9 @@ ACTIONS = {
     "close": (CRASHED, "exit code 1"),
     "litter": (MEASURED, ""),
     "start threads": (MISBEHAVED, "threads running"),
-    "start processes": (MEASURED, ""),
+    "start processes": (MISBEHAVED, "processes running"),
     "return twice": (MEASURED, ""),
-    "run away": (MEASURED, ""),
+    "run away": (MISBEHAVED, "running"),
     "kill its supervisor": (CRASHED, "together with its supervisor"),
     "stop its supervisor": (TIMEOUT, "10 s"),
     "forge": (MISBEHAVED, "no answer"),
@@ -124,5 +124,5 @@ def test_the_record_of_the_culprit_says_what_it_did(disturbance: Disturbance, ac
 
 def test_what_a_culprit_does_in_private_changes_no_number_of_its_own(disturbance: Disturbance) -> None:
     honest = disturbance.disturbed["funnel-30", "SORprox"][-1]
-    for action in ("unsettle", "move", "start processes", "run away", "print gigabytes"):
+    for action in ("unsettle", "move", "print gigabytes"):
         assert disturbance.disturbed["funnel-30", f"Misbehaving({action})"][-1] == honest

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -54,7 +55,7 @@ def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
 
     def allow_little() -> None:
         _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (sizes[-1] * 19 // 20, most))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (sizes[-1] // 2, most))
 
     assert "File too large" in failing(sandbox, folder, allow_little)
     assert sandbox.left_behind() == []
@@ -74,7 +75,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
-def test_a_full_disk_and_a_read_only_one(sandbox: Sandbox, undisturbed: Path, small_disk: Path) -> None:
+def test_a_full_disk_and_a_read_only_one(
+    sandbox: Sandbox, undisturbed: Path, small_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = small_disk / "it"
     assert "No space left" in failing(sandbox, folder)
     assert not list(folder.rglob("*.part"))
@@ -84,6 +87,10 @@ def test_a_full_disk_and_a_read_only_one(sandbox: Sandbox, undisturbed: Path, sm
         resume(folder)
     with pytest.raises(BenchError, match=r"cannot write .* Read-only file system"):
         run(["hard-no-motion"], ["SORprox"], results=small_disk, run_id="other")
+    assert run_command(["report", str(folder)]) == 0
+    printed = capsys.readouterr()
+    assert ("hard-sticking-box · " in printed.out) == (len(load(folder).cases) > 0)
+    assert re.fullmatch(r"proxbench: cannot write .*/tables/.* Read-only file system; .*\n", printed.err)
     subprocess.run(["mount", "-o", "remount,rw,size=4m", str(small_disk)], check=True)
     assert finished(sandbox, folder) == verdicts(undisturbed)
 

@@ -15,8 +15,9 @@ from contestants import funnel_step
 from known_solvers import Known
 from numba import njit
 from proxbench.bench.isolation.worker import Worker
-from proxbench.bench.measure.plan import Limits
-from proxbench.bench.measure.protocol import Measurement, MeasuringTask
+from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
+from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.store.records import Limits
 from proxbench.problems.catalog.storage import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop
 
@@ -38,7 +39,7 @@ def start() -> Iterator[Start]:
     data, workers = problem_bytes(funnel_step("funnel-1000")), []
 
     def started(solver: Solver) -> Worker:
-        workers.append(Worker(MeasuringTask(data, solver), LIMITS.case_seconds, LIMITS.memory_bytes))
+        workers.append(Worker(MeasuringTask(data, contestant(solver)), LIMITS.case_seconds, LIMITS.memory_bytes))
         workers[-1].ask("warm_up", STOP)
         return workers[-1]
 
@@ -111,7 +112,7 @@ def test_charging_a_calibrated_loop(benchmark: Any) -> None:
         began = time.perf_counter()
         _count(solver.steps)
         known.append(time.perf_counter() - began)
-        charged.append(sum(measurement.round(STOP, 0.0)[1][0]))
+        charged.append(sum(measurement.round(STOP, 0.0).times[0]))
 
     benchmark.pedantic(in_turn, rounds=200, warmup_rounds=3)
     benchmark.extra_info["charged_over_known"] = min(charged) / min(known)

@@ -1,7 +1,7 @@
 """A stepper with a solver on a trajectory, as it is measured from outside: a round is a member of the problem."""
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from statistics import median
 from typing import Any
 
@@ -13,7 +13,8 @@ from ....solvers.interface import Status
 from ...isolation.worker import Fault, no_answer
 from ...store.outcome import Outcome
 from ...store.records import CaseRecord, Count, Limits, Measured, Number, Point, QuantityError
-from ..ladder import LONGEST_REASON, LadderCase, quartiles
+from ..ladder import LONGEST_REASON, LadderCase
+from ..points import quartiles
 from .methods import Method
 from .task import TrajectoryTask
 
@@ -69,8 +70,6 @@ class TrajectoryCase(LadderCase):
         method: the stepper with its solver.
     """
 
-    keeps_points = True
-
     def __init__(
         self, problem: TrajectoryProblem, method: Method, limits: Limits, stored: CaseRecord | None = None
     ) -> None:
@@ -82,18 +81,17 @@ class TrajectoryCase(LadderCase):
             limits: one simulation has those of a solve.
             stored: what is measured already.
         """
-        super().__init__(method.record.values, limits)
+        super().__init__(method.record.values, limits, stored)
         self.problem, self.method = problem, method
-        if stored is not None:
-            self.points = list(stored.points)
-            self._seconds = self._seconds_before = stored.wall_seconds
-            self._memory = stored.peak_memory_bytes
-            self._ended_by = self._end_of_ladder()
 
     @property
-    def rounds(self) -> int:
+    def rounds(self) -> Sequence[int]:
         """One for each member."""
-        return len(self.problem.members)
+        return range(len(self.problem.members))
+
+    def is_left(self, level: int) -> bool:
+        """Whether there is no such point yet."""
+        return level >= len(self.points)
 
     def begin(self) -> None:
         """Start the process and simulate the begin of the motion, so that all it needs is compiled."""
@@ -118,7 +116,7 @@ class TrajectoryCase(LadderCase):
         return answer["simulated"].status is not Status.TIME_LIMIT
 
     def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
-        """Compute the error over the members; want of time ends the ladder, and no other failure does."""
+        """Compute the error over the members."""
         runs: dict[float, Simulated] = {answer["member"]: answer["simulated"] for answer in answers}
         good = {member: run for member, run in runs.items() if run.status is Status.SOLVED}
         failed = [run for run in runs.values() if run.status is not Status.SOLVED]
@@ -151,16 +149,15 @@ class TrajectoryCase(LadderCase):
             tolerance=value, outcome=Outcome(status.value), status=status.value, reason=reason, measured=measured
         )
 
-    def add_point(self, value: float, answers: list[dict[str, Any]]) -> None:
-        """Keep one point of the ladder, which ends with one that took too long."""
-        super().add_point(value, answers)
-        self._ended_by = self._end_of_ladder()
+    def joined(self, before: Point, now: Point) -> Point:
+        """Return the later one: all members are measured in one pass."""
+        return now
 
-    def _end_of_ladder(self) -> str:
-        """Return why nothing finer is tried after the last point; empty if it is."""
-        if self.points and self.points[-1].outcome is Outcome.TIME_LIMIT:
-            return f"{self.points[-1].tolerance:g} already took longer than {self.limits.solve_seconds:g} s"
-        return self.points[-1].reason if self.points and self.points[-1].outcome is Outcome.NOT_ATTEMPTED else ""
+    def end_after(self, point: Point) -> str:
+        """Return that a point took too long, if it did: finer ones take longer."""
+        if point.outcome is Outcome.TIME_LIMIT:
+            return f"{point.tolerance:g} already took longer than {self.limits.solve_seconds:g} s"
+        return point.reason if point.outcome is Outcome.NOT_ATTEMPTED else ""
 
     def identity(self) -> dict[str, Any]:
         """Return problem and method."""

@@ -9,8 +9,16 @@ from typer.main import get_command
 
 PROGRAM = get_command(app)
 assert isinstance(PROGRAM, TyperGroup)
-COMMANDS = PROGRAM.commands
-PAGES = [(), *((name,) for name in COMMANDS)]
+COMMANDS = {
+    **{(name,): command for name, command in PROGRAM.commands.items()},
+    **{
+        (name, part): command
+        for name, group in PROGRAM.commands.items()
+        if isinstance(group, TyperGroup)
+        for part, command in group.commands.items()
+    },
+}
+PAGES = [(), *COMMANDS]
 LONG = {"simulate"}
 """Pages that are longer than they should be."""
 
@@ -34,17 +42,19 @@ def test_a_page_is_short_and_has_examples(
     assert all(line.startswith(f"  {' '.join(('proxbench', *command))} ") for line in examples)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_examples_are_accepted(name: str) -> None:
-    for line in (COMMANDS[name].epilog or "").splitlines():
-        words = shlex.split(line)
-        assert words[:2] == ["proxbench", name]
-        COMMANDS[name].make_context(name, words[2:])  # raises an error for an unknown option or a missing value
+@pytest.mark.parametrize("command", COMMANDS)
+def test_examples_are_accepted(command: tuple[str, ...]) -> None:
+    for line in (COMMANDS[command].epilog or "").splitlines():
+        words, size = shlex.split(line), len(command) + 1
+        assert words[:size] == ["proxbench", *command]
+        inner = (*command, words[size])
+        parsed, size = (COMMANDS[inner], size + 1) if inner in COMMANDS else (COMMANDS[command], size)
+        parsed.make_context(words[size - 1], words[size:])  # raises an error for an unknown option or a missing value
 
 
 def test_every_option_of_every_command_has_one_topic_and_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     for name, command in COMMANDS.items():
-        words = page((name,), "-h", capsys).partition("Examples:")[0].split()
+        words = page(name, "-h", capsys).partition("Examples:")[0].split()
         for option in command.params:
             shown = [f"--[no-]{option.opts[0][2:]}" if option.secondary_opts else option.opts[0]]
             assert option.param_type_name == "argument" or words.count(shown[0]) >= 1
@@ -56,5 +66,5 @@ def test_commands_stand_under_topics_of_their_own(capsys: pytest.CaptureFixture[
     topics = [line for line in lines if line.endswith(":") and not line.startswith(" ")]
     assert len(topics) > 3
     assert topics[-2:] == ["Options:", "Examples:"]
-    for name in COMMANDS:
+    for name in PROGRAM.commands:
         assert sum(line.startswith(f"  {name} ") for line in lines) == 1

@@ -1,11 +1,14 @@
 """The listing reads well whatever the number of contacts, rows and laws, and fits a narrow terminal."""
 
 import re
+import sys
 from typing import Any
 
 import pytest
 from proxbench.bench.cli.listing import listed, print_listing
+from proxbench.bench.cli.main import run_command
 from proxbench.problems.catalog.catalog import SUITES, suite_members
+from proxbench.problems.scenes.registry import SCENES
 
 
 @pytest.fixture(autouse=True)
@@ -43,6 +46,34 @@ def test_a_problem_is_described_by_its_sizes_friction_and_form(
 def test_every_listing_fits_eighty_columns(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     print_listing(listed(what))
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "words"),
+    [
+        ("solvers", "SORprox", "relaxation=1.0"),
+        ("solvers", "SORprox(relaxation=1.5)", "relaxation=1.0"),
+        ("scenes", "funnel", "balls=1000"),
+        ("suites", "quick", "problems: "),
+        ("problems", "hard-groove", "planar"),
+    ],
+)
+def test_a_name_is_listed_alone(what: str, name: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["list", what, name]) == 0
+    text = capsys.readouterr().out
+    assert words in text
+    assert listed(what, name=name)[what] == [row for row in listed(what)[what] if row["name"] == name.partition("(")[0]]
+    assert len(listed(what, name=name)[what]) == 1
+
+
+def test_names_stay_in_one_line_where_no_terminal_shows_them(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("COLUMNS")
+    monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
+    print_listing(listed("scenes"))
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
+    assert len(rows) == len(SCENES)
 
 
 def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFixture[str]) -> None:

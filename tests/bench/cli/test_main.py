@@ -3,9 +3,11 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from proxbench.bench import load
 from proxbench.bench.cli.main import run_command
 from proxbench.problems.scenes.registry import SCENES
 
@@ -25,6 +27,8 @@ from proxbench.problems.scenes.registry import SCENES
         ("run --tolerance abc", "--tolerance"),
         ("run --solve-seconds -1", "solve_seconds"),
         ("list solvrs", "'solvers'"),
+        ("list solvers SORprx", "'SORprox'"),
+        ("report nowhere --residual locl", "'local'"),
         ("generate", "--suite"),
         ("generate funnel-31", "'funnel-3"),
         ("generate --suite hard", "no problem of the suite 'hard' comes from a scene"),
@@ -44,17 +48,8 @@ from proxbench.problems.scenes.registry import SCENES
         ("run --problem hard-no-motion --run-id ../elsewhere", "'../elsewhere'"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_exit_code_two(
-    line: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run_command(line.split()) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("proxbench: ")
-    assert printed.err.count("\n") == 1
-    assert words in printed.err
-    assert list(tmp_path.iterdir()) == []
+def test_a_mistake_gets_one_sentence_and_exit_code_two(line: str, words: str, mistake: Callable[[str], str]) -> None:
+    assert words in mistake(line)
 
 
 def test_an_unwritable_output_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -117,6 +112,29 @@ def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytes
     document = json.loads(capsys.readouterr().out)
     assert len(document["results"]) == 15
     assert document["damaged"] == []
+
+
+def test_a_report_by_local_residuals_says_so_and_leaves_the_judged_tables_alone(
+    finished_run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    load(finished_run).report(charts=False)
+    before = (finished_run / "tables" / "results.csv").read_bytes()
+    assert run_command(["report", str(finished_run), "--residual", "local", "--no-charts"]) == 1
+    printed = capsys.readouterr().out
+    assert "residuals are local" in printed
+    assert f"tables   {finished_run}/local/tables" in printed
+    assert (finished_run / "tables" / "results.csv").read_bytes() == before
+
+
+def test_a_table_that_goes_to_a_pipe_keeps_names_and_commands_in_one_piece(
+    finished_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
+    assert run_command(["report", str(finished_run), "--no-charts"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith("SORprox(relaxation=0.5) ") for line in lines) == 4
+    assert any(line.startswith("says: ") and line.endswith("time limit.") for line in lines)
 
 
 def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.progress import RunProgress
-from proxbench.bench.measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted
+from proxbench.bench.measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
 from rich.console import Console
 
 EVENTS: list[Event] = [
@@ -13,6 +13,7 @@ EVENTS: list[Event] = [
     ProblemStarted("hard[1]-" + 100 * "x"),
     PointFinished("hard[1]", "SORprox", 1e-2),
     CaseFinished("hard", "SORprox", "solved", 1, 2),
+    VisitFinished(1, 2),
 ]
 
 

@@ -1,10 +1,15 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
+from collections.abc import Iterator
+
 import psutil
 import pytest
+from counting_task import Counting
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
-from proxbench.bench.measure.case import Case
+from proxbench.bench.isolation.child import IN_A_COPY
+from proxbench.bench.isolation.worker import Fault, Worker
+from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.plan import Limits
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
@@ -22,10 +27,10 @@ def carried_out(action: str) -> Case:
     case = Case(problem, contestant(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
     try:
         case.begin()
-        if case.is_open:
+        if case.is_open(0):
             answer = case.measure(1e-6, 0)
             if answer is not None:
-                case.add_point(1e-6, [answer])
+                case.add_point(0, [answer])
     finally:
         case.end()
     return case
@@ -80,3 +85,33 @@ def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_pro
     assert points[0].measured is not None
     assert points[0].measured.residual is not None
     assert points[0].measured.residual > 1e-3
+
+
+@pytest.fixture
+def worker() -> Iterator[Worker]:
+    made = Worker(Counting(), 60.0, 2**28)
+    yield made
+    made.close()
+
+
+def test_a_process_learns_nothing_of_what_its_copies_do(worker: Worker) -> None:
+    counts = [
+        worker.ask("count"),
+        worker.ask(IN_A_COPY, "count", ()),
+        worker.ask(IN_A_COPY, "count", ()),
+        worker.ask("count"),
+    ]
+    assert [answer["count"] for answer, _ in counts] == [1, 2, 2, 2]
+
+
+def test_the_end_of_a_copy_is_said_and_its_process_goes_on(worker: Worker) -> None:
+    with pytest.raises(Fault, match="exit code 9"):
+        worker.ask(IN_A_COPY, "die", ())
+    assert worker.ask("count")[0]["count"] == 1
+
+
+def test_processes_that_a_case_leaves_are_counted(worker: Worker) -> None:
+    worker.ask("count")
+    assert worker.n_started() == 0
+    worker.ask("leave a process")
+    assert worker.n_started() == 1

@@ -276,7 +276,7 @@ def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(GOOD)
-    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], plugins=[path]).folder
     for file, _ in registered():
         forget(file)
     assert run_command(["run", "--resume", str(folder)]) == 2

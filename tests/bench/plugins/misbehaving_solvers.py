@@ -37,7 +37,7 @@ class Misbehaving:
         return f"Misbehaving({self.action})"
 
     def supports(self, problem: ContactProblem) -> str | None:
-        if self.only and problem.digest != load(self.only).digest:
+        if self.only and problem.n_rows != load(self.only).n_rows:
             return f"it misbehaves on {self.only} alone"
         if self.action == "refuse badly":
             raise RuntimeError("for no reason")
@@ -277,7 +277,7 @@ class _Prepared:
 
 def patch_everything() -> None:
     """Replace the judge, the store, the clock and the random numbers by what suits a solver."""
-    import proxbench.bench.measure.case
+    import proxbench.bench.measure.contacts.case
     import proxbench.bench.store.outcome
     import proxbench.bench.store.store
     import proxbench.problems
@@ -285,7 +285,7 @@ def patch_everything() -> None:
 
     flatter: Any = lambda *arguments, **options: judging  # noqa: E731
     for module in (
-        proxbench.bench.measure.case,
+        proxbench.bench.measure.contacts.case,
         proxbench.bench.store.outcome,
         proxbench.bench.store.store,
         proxbench.problems,

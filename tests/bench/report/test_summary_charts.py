@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from proxbench.bench import load
+from proxbench.bench.report.accuracy import summary_table
 from proxbench.bench.report.summary_charts import success_chart, summary_charts, time_chart
-from proxbench.bench.report.tables import summary_table
 from proxbench.bench.store.outcome import Outcome
 
 

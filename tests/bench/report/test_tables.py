@@ -9,12 +9,11 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace as changed
 from proxbench.bench import load
+from proxbench.bench.report.accuracy import summary_table, time_to_accuracy
 from proxbench.bench.report.tables import (
     duration,
     print_tables,
     results_table,
-    summary_table,
-    time_to_accuracy,
     write_tables,
 )
 from proxbench.bench.store.outcome import Outcome
@@ -102,9 +101,59 @@ def test_means_compare_only_what_all_solvers_support(finished_run: Path) -> None
     none = summary_table(replace(frames, cases=without)).set_index("solver")
     assert (fewer["common"] == 2).all()
     pd.testing.assert_frame_equal(fewer[means], none[means])  # one's gap leaves the problem out for all
+    all_own = [f"own_{mean}" for mean in means]
+    pd.testing.assert_frame_equal(fewer[all_own].drop("SORprox"), whole[all_own].drop("SORprox"))  # beside all its own
+    assert fewer.loc["SORprox", all_own].tolist() == fewer.loc["SORprox", means].tolist()
     own = whole.index != "SORprox"
     assert fewer[own]["correct_1e-04"].equals(whole[own]["correct_1e-04"])  # and takes no success from the others
     assert (fewer[own]["problems"] == 3).all()
+
+
+@pytest.mark.parametrize("lacks", [False, True])
+def test_a_second_mean_over_all_its_own_is_shown_where_it_is_another_one(finished_run: Path, lacks: bool) -> None:
+    frames = load(finished_run)
+    cases = frames.cases.copy()
+    if lacks:
+        cases.loc[(cases["problem"] == "funnel-30") & (cases["solver"] == "SORprox"), "outcome"] = "unsupported"
+    text = StringIO()
+    print_tables(replace(frames, cases=cases), Console(file=text, width=80))
+    summary = text.getvalue().partition("all 3 problems")[2]
+    assert max(map(len, summary.splitlines())) <= 80
+    assert ("of own" in summary, "mean of 2: " in summary.replace("\n", " ")) == (lacks, lacks)
+    assert summary.count(" wrong") == (2 if lacks else 1)  # a table for each accuracy
+    (row,) = [line for line in summary.splitlines() if line.startswith("SORprox ")][:1]
+    assert row.count("2/2" if lacks else "3/3") <= 2
+    assert ("mean of own 1e-04" in replace(frames, cases=cases)._repr_html_()) == lacks
+    seconds = summary_table(replace(frames, cases=cases)).set_index("solver").loc["ClarabelSOCP"]
+    kinds = ("mean_time", "own_mean_time") if lacks else ("mean_time",)
+    line = next(line for line in summary.splitlines() if line.startswith("ClarabelSOCP"))
+    for kind in kinds:
+        assert duration(seconds[f"{kind}_1e-04"]) in line
+
+
+def test_tables_by_the_local_residual_hold_those_reached_by_it(finished_run: Path, tmp_path: Path) -> None:
+    judged, local = load(finished_run), load(finished_run).judged_by("local")
+    key = ["problem", "solver"]
+    times = results_table(local).set_index(key)["time_to_1e-04"]
+    points = judged.points[judged.points["total_seconds"].notna() & (judged.points["outcome"] != Outcome.WRONG)]
+    best = points.groupby(key)["local_residual"].min().reindex(times.index)
+    assert (times.notna() == (best <= 1e-4)).all()
+    assert (best != points.groupby(key)["residual"].min().reindex(times.index)).any()
+    assert results_table(local)["outcome"].equals(results_table(judged)["outcome"])
+    text = StringIO()
+    print_tables(local, Console(file=text, width=200))
+    assert "residuals are local" in text.getvalue()
+    assert "to that local residual" in text.getvalue()
+    made = local.report()
+    assert {file.parent for file in (*made.tables, *made.charts)} == {
+        finished_run / "local" / "tables",
+        finished_run / "local" / "charts",
+    }
+    pd.testing.assert_frame_equal(made.results, results_table(local))
+    assert "residuals are local" in (finished_run / "local" / "tables" / "summary.md").read_text()
+    assert not (finished_run / "local" / "tables" / "matrix.md").exists()  # of claims, which are judged
+    chart = (finished_run / "local" / "charts" / "funnel-30.svg").read_text()
+    assert "local residual (velocity error" in chart
 
 
 def test_without_a_common_problem_there_is_no_mean(finished_run: Path) -> None:
@@ -116,7 +165,8 @@ def test_without_a_common_problem_there_is_no_mean(finished_run: Path) -> None:
     assert summary["mean_time_1e-04"].isna().all()
     text = StringIO()
     print_tables(apart, Console(file=text, width=100))
-    assert "no mean" in text.getvalue()
+    assert "no means compare" in text.getvalue()
+    assert summary["own_mean_time_1e-04"].notna().all()
 
 
 def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:

@@ -13,8 +13,9 @@ TOY = "simulate woodpecker(start='cycle') --no-progress"
 
 
 def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
     assert run_command(f"{TOY} --duration 0.3 --output {tmp_path}/toy.npz".split()) == 0
     printed = capsys.readouterr().out
     assert "2 lower edge" in printed

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
+from proxbench import bench
 from proxbench.bench import Run, load
 from proxbench.bench.report.charts import problem_chart
 from proxbench.bench.report.summary_charts import time_chart
@@ -65,10 +66,23 @@ def test_a_run_without_some_of_its_cases_says_so_first_in_every_report(stored: R
     pages = shown(run, tmp_path)
     for page in pages:
         assert "UNFINISHED: 14 of 15 cases" in page
-    printed, html = pages[0], pages[4]
+    printed, html = pages[0], pages[-3]
     assert printed.startswith("UNFINISHED")
     assert f"proxbench run --resume {run.folder}" in printed
     assert f"proxbench.bench.resume(&#x27;{run.folder}&#x27;)" in html
+
+
+def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Run) -> None:
+    failed = stored.cases["outcome"] != "measured"
+    cases, whole = stored.cases.assign(is_finished=failed), failed.sum()
+    (sentence,) = warnings(timed(dataclasses.replace(stored, cases=cases), ([1.0, 1.0], [0.0, 0.0])))
+    assert sentence.startswith(f"UNFINISHED: {whole} of 15 cases are measured, {15 - whole} more in part; go on with: ")
+
+
+@pytest.mark.parametrize(("problems", "empty"), [(["hard-empty"], True), (["hard-empty", "hard-groove"], False)])
+def test_a_run_without_a_contact_says_that_nothing_was_solved(problems: list[str], empty: bool, tmp_path: Path) -> None:
+    made = timed(bench.run(problems, "SORprox", results=tmp_path, tolerances=1e-2), ([1.0, 1.0], [0.0, 0.0]))
+    assert [sentence.partition(":")[0] for sentence in warnings(made)] == (["EMPTY"] if empty else [])
 
 
 def test_a_finished_run_on_a_steady_machine_warns_of_nothing(stored: Run) -> None:

@@ -1,21 +1,19 @@
 """The columns of the frames are the fields of the records, and their values those that were stored."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from proxbench.bench import load
-from proxbench.bench.measure.machine import describe_machine
+from proxbench.bench.errors import BenchError
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import (
     CaseRecord,
     Curve,
-    Limits,
-    Machine,
     Measured,
-    PlanRecord,
     Point,
     Quartiles,
     RunRecord,
@@ -26,35 +24,25 @@ from proxbench.problems import Verdict
 TIMES = ("prepare_seconds", "solve_seconds", "total_seconds")
 
 
+Stored = Callable[[list[Point]], Path]
+
+
 def quartiles(median: float) -> Quartiles:
     return Quartiles(min=median - 2.0, q1=median - 1.0, median=median, q3=median + 1.0)
 
 
-def stored(folder: Path, points: list[Point]) -> Path:
-    store = Store.create(folder)
-    plan = PlanRecord(problems=["p"], solvers=["S"], tolerances=[0.1], limits=Limits())
-    machine = msgspec.convert(describe_machine(), Machine)
-    store.write_run(RunRecord(run_id="r", plan=plan, machine=machine, plugins=[]))
-    store.write_case(
-        CaseRecord(
-            problem="p",
-            digest="d",
-            solver="S",
-            model="coulomb",
-            has_iterates=True,
-            n_rows=3,
-            n_contacts=1,
-            outcome=Outcome.MEASURED,
-            reason="why",
-            traceback="",
-            stderr="",
-            wall_seconds=0.5,
-            peak_memory_bytes=2**40,
-            curve=Curve(iteration=[1, 2], residual=[np.inf, 0.25]),
-            points=points,
-        )
-    )
-    return folder
+@pytest.fixture
+def stored(case: CaseRecord, record: RunRecord, tmp_path: Path) -> Stored:
+    """Store a run of one case with these points, and return its folder."""
+
+    def store(points: list[Point]) -> Path:
+        made = Store.create(tmp_path / "run")
+        made.write_run(record)
+        curve = Curve(iteration=[1, 2], residual=[np.inf, 0.25])
+        made.write_case(replace(case, problem="p", solver="S", outcome=Outcome.MEASURED, curve=curve, points=points))
+        return made.folder
+
+    return store
 
 
 NOT_ATTEMPTED = Point(tolerance=1e-2, outcome=Outcome.NOT_ATTEMPTED, status="", reason="why")
@@ -78,12 +66,12 @@ MEASURED = Point(
 
 
 @pytest.mark.parametrize("points", [[], [NOT_ATTEMPTED], [MEASURED, NOT_ATTEMPTED]])
-def test_columns_are_the_fields_of_the_records_however_little_was_measured(points: list[Point], tmp_path: Path) -> None:
-    run = load(stored(tmp_path / "run", points))
+def test_columns_are_the_fields_of_the_records_however_little_was_measured(points: list[Point], stored: Stored) -> None:
+    run = load(stored(points))
     lists = {"curve", "points"}
-    assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists
+    assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"is_finished"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
-    numbers -= {"verdict", "errors", "component_residuals"}
+    numbers -= {"verdict", "errors", "rounds", "hashes", "component_residuals"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}
     identity = {"problem", "solver", "model"}
     assert set(run.points) == identity | (set(Point.__struct_fields__) - {"measured"}) | numbers | spread
@@ -91,8 +79,8 @@ def test_columns_are_the_fields_of_the_records_however_little_was_measured(point
     assert run.points["residual"].dtype == run.points["iterations"].dtype == np.float64
 
 
-def test_values_are_those_that_were_stored(tmp_path: Path) -> None:
-    run = load(stored(tmp_path / "run", [MEASURED, NOT_ATTEMPTED]))
+def test_values_are_those_that_were_stored(stored: Stored) -> None:
+    run = load(stored([MEASURED, NOT_ATTEMPTED]))
     case, (measured, missing) = run.cases.iloc[0], run.points.to_dict("records")
     assert (case["outcome"], case["n_rows"], case["peak_memory_bytes"]) == ("measured", 3, 2**40)
     assert [measured[f"total_seconds{part}"] for part in ("_min", "_q1", "", "_q3")] == [5.0, 6.0, 7.0, 8.0]
@@ -102,11 +90,39 @@ def test_values_are_those_that_were_stored(tmp_path: Path) -> None:
     assert np.isnan([missing[name] for name in ("residual", "iterations", "total_seconds", "complementarity")]).all()
 
 
-def test_a_residual_that_is_no_number_is_infinite_and_any_other_number_unknown(tmp_path: Path) -> None:
-    run = load(stored(tmp_path / "run", [MEASURED]))
+def test_a_residual_that_is_no_number_is_infinite_and_any_other_number_unknown(stored: Stored) -> None:
+    run = load(stored([MEASURED]))
     point = run.points.iloc[0]
     assert point["residual"] == np.inf
     assert point["model_residual"] == 0.5
     assert run.iterations["residual"].tolist() == [np.inf, 0.25]
     assert np.isnan(point["velocity_error"])
     assert np.isnan(point["impulse_error"])
+
+
+def judged(residual: float, local: float | None) -> Point:
+    """A measured point with these residuals."""
+    assert MEASURED.measured is not None
+    verdict = {} if local is None else {"local_residual": local}
+    return replace(MEASURED, measured=replace(MEASURED.measured, residual=residual, verdict=verdict))
+
+
+def test_points_can_go_by_their_local_residual_and_back_and_curves_stay_judged(stored: Stored) -> None:
+    points = [judged(1e-3, 0.25), judged(np.inf, np.inf), NOT_ATTEMPTED]
+    run = load(stored(points))
+    local = run.judged_by("local")
+    assert (run.residual, local.residual) == ("judged", "local")
+    np.testing.assert_array_equal(local.points["residual"], [0.25, np.inf, np.nan])
+    np.testing.assert_array_equal(local.points["local_residual"], run.points["local_residual"])
+    assert local.iterations.equals(run.iterations)
+    assert local.judged_by("judged").points["residual"].equals(run.points["residual"])
+    assert run.judged_by("judged") is run
+
+
+@pytest.mark.parametrize(
+    ("residual", "words"), [("locl", "no residual 'locl'; did you mean 'local'"), ("local", "has no local residuals")]
+)
+def test_a_residual_that_a_run_does_not_have_is_refused(residual: str, words: str, stored: Stored) -> None:
+    run = load(stored([judged(1e-3, None)]))
+    with pytest.raises(BenchError, match=words):
+        run.judged_by(residual)

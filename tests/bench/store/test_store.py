@@ -1,68 +1,18 @@
 """Results survive what happens to files, and damage is noticed."""
 
 import json
-import math
 import re
 import shutil
 from pathlib import Path
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.machine import describe_machine
-from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import (
-    CaseRecord,
-    Curve,
-    Limits,
-    Machine,
-    Measured,
-    PlanRecord,
-    Point,
-    Quartiles,
-    RunRecord,
-)
+from proxbench.bench.store.records import CaseRecord, RunRecord
 from proxbench.bench.store.store import Store, plain_name
 from proxbench.problems import ContactProblem, ProblemError, load
-
-TIMES = Quartiles(min=1.0, q1=1.0, median=1.0, q3=1.0)
-MEASURED = Measured(
-    iterations=3,
-    residual=math.inf,
-    model_residual=1e-3,
-    prepare_seconds=TIMES,
-    solve_seconds=TIMES,
-    total_seconds=TIMES,
-    repeats=5,
-    verdict={"infeasible": False, "velocity_error": math.nan},
-    impulse_error=None,
-)
-CASE = CaseRecord(
-    problem="a/../b",
-    digest="0",
-    solver="S(x='y')",
-    model="Coulomb",
-    has_iterates=True,
-    n_rows=3,
-    n_contacts=1,
-    outcome=Outcome.CRASHED,
-    reason="",
-    traceback="",
-    stderr="",
-    wall_seconds=1.5,
-    peak_memory_bytes=1,
-    curve=Curve(iteration=[1], residual=[math.inf]),
-    points=[Point(tolerance=1e-3, outcome=Outcome.SOLVED, status="solved", reason="", measured=MEASURED)],
-)
-RUN = RunRecord(
-    run_id="run",
-    plan=PlanRecord(problems=["p"], solvers=["S"], tolerances=[0.1], limits=Limits()),
-    machine=msgspec.convert(describe_machine(), Machine),
-    plugins=[],
-)
 
 
 @pytest.fixture
@@ -75,31 +25,33 @@ def only_case(store: Store) -> Path:
     return file
 
 
-def test_a_case_is_read_back_and_infinity_becomes_null(store: Store) -> None:
-    store.write_case(CASE)
+def test_a_case_is_read_back_and_infinity_becomes_null(store: Store, case: CaseRecord) -> None:
+    store.write_case(case)
     cases, damaged = store.read_cases()
     assert damaged == []
-    (case,) = cases
-    assert case.curve.residual == [None]
-    (point,) = case.points
-    assert point.measured == replace(MEASURED, residual=None, verdict={"infeasible": False, "velocity_error": None})
-    assert replace(case, curve=CASE.curve, points=CASE.points) == CASE
+    (again,) = cases
+    assert again.curve.residual == [None]
+    (point,), (written,) = again.points, case.points
+    assert written.measured is not None
+    nulls = {"residual": None, "verdict": {"infeasible": False, "velocity_error": None}}
+    assert point.measured == replace(written.measured, **nulls)
+    assert replace(again, curve=case.curve, points=case.points) == case
 
 
-def test_names_cannot_leave_the_folder(store: Store) -> None:
-    store.write_case(CASE)
+def test_names_cannot_leave_the_folder(store: Store, case: CaseRecord) -> None:
+    store.write_case(case)
     assert only_case(store).parent == store.folder / "cases"
 
 
-def test_names_that_look_alike_in_a_file_name_stay_apart(store: Store) -> None:
-    store.write_case(replace(CASE, solver="S(x=1)"))
-    store.write_case(replace(CASE, solver="S[x=1]"))
+def test_names_that_look_alike_in_a_file_name_stay_apart(store: Store, case: CaseRecord) -> None:
+    store.write_case(replace(case, solver="S(x=1)"))
+    store.write_case(replace(case, solver="S[x=1]"))
     assert len(store.read_cases()[0]) == 2
 
 
 @pytest.mark.parametrize("position", [0.1, 0.5, 0.9])
-def test_truncation_and_every_flipped_bit_are_noticed(store: Store, position: float) -> None:
-    store.write_case(CASE)
+def test_truncation_and_every_flipped_bit_are_noticed(store: Store, case: CaseRecord, position: float) -> None:
+    store.write_case(case)
     file = only_case(store)
     whole = file.read_bytes()
     at = int(position * len(whole))
@@ -111,42 +63,44 @@ def test_truncation_and_every_flipped_bit_are_noticed(store: Store, position: fl
         assert file.name in sentences[0]
 
 
-def test_another_format_is_noticed(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_format_is_noticed(store: Store, case: CaseRecord, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("proxbench.bench.store.store.FORMAT", 99)
-    store.write_case(CASE)
+    store.write_case(case)
     monkeypatch.undo()
     assert "format" in store.read_cases()[1][0]
 
 
-def test_one_case_damaged_leaves_the_others(store: Store) -> None:
-    store.write_case(CASE)
+def test_one_case_damaged_leaves_the_others(store: Store, case: CaseRecord) -> None:
+    store.write_case(case)
     only_case(store).write_text("{")
-    store.write_case(replace(CASE, problem="other"))
+    store.write_case(replace(case, problem="other"))
     cases, damaged = store.read_cases()
-    assert [case.problem for case in cases] == ["other"]
+    assert [one.problem for one in cases] == ["other"]
     assert len(damaged) == 1
 
 
 def test_an_interrupted_write_leaves_the_old_file_and_no_stray_one(
-    store: Store, monkeypatch: pytest.MonkeyPatch
+    store: Store, case: CaseRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store.write_case(CASE)
+    store.write_case(case)
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(BenchError, match="No space left"):
-        store.write_case(replace(CASE, wall_seconds=2.5))
+        store.write_case(replace(case, wall_seconds=2.5))
     assert store.read_cases()[0][0].wall_seconds == 1.5
     assert len(list((store.folder / "cases").iterdir())) == 1
 
 
-def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_refused(store: Store) -> None:
+def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_refused(
+    store: Store, record: RunRecord
+) -> None:
     mine, other = load("hard-groove"), load("hard-sticking-box")
     for problem in (mine, other):
         store.write_problem(problem)
-    store.write_run(RUN)
+    store.write_run(record)
     stored = Store.open(store.folder)
     again = stored.read_problem(mine.digest)
     assert (again.digest, again.name) == (mine.digest, mine.name)
@@ -159,10 +113,10 @@ def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_re
         stored.read_problem(mine.digest)
 
 
-def test_what_was_written_is_restored_and_read_though_its_folder_is_gone(store: Store) -> None:
+def test_what_was_written_is_restored_and_read_though_its_folder_is_gone(store: Store, case: CaseRecord) -> None:
     problem = load("hard-groove")
     store.write_problem(problem)
-    store.write_case(CASE)
+    store.write_case(case)
     before = {file: file.read_bytes() for file in store.folder.rglob("*.*")}
     shutil.rmtree(store.folder)
     assert store.read_problem(problem.digest).digest == problem.digest
@@ -177,8 +131,8 @@ def test_problems_of_equal_digest_are_stored_once(store: Store) -> None:
     assert len(list((store.folder / "problems").iterdir())) == 1
 
 
-def test_an_existing_run_is_not_overwritten(store: Store) -> None:
-    store.write_run(RUN)
+def test_an_existing_run_is_not_overwritten(store: Store, record: RunRecord) -> None:
+    store.write_run(record)
     with pytest.raises(BenchError, match="exists already"):
         Store.create(store.folder)
 
@@ -205,8 +159,8 @@ def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
         Store.open(tmp_path)
 
 
-def test_files_are_plain_json(store: Store) -> None:
-    store.write_case(CASE)
+def test_files_are_plain_json(store: Store, case: CaseRecord) -> None:
+    store.write_case(case)
     assert json.loads(only_case(store).read_text())["problem"] == "a/../b"
 
 

@@ -49,7 +49,7 @@ class SometimesZero(Honest):
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         self.count += 1
-        if observe is None and self.count % 10 < 3:
+        if observe is None and self.count % 10 in (4, 5, 6):
             return Solution(np.zeros(problem.n_rows), Status.SOLVED, 1)
         return super().solve(problem, stop, observe)
 
@@ -90,6 +90,24 @@ class Hopeless(Honest):
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         return Solution(np.zeros(problem.n_rows), Status.INFEASIBLE, 1)
+
+
+class Loose(Honest):
+    """Solves to a thousand times the tolerance, and says that it solved."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        return super().solve(problem, Stop(1e3 * stop.tolerance, stop.max_iterations), observe)
+
+
+class Disguised(Honest):
+    """Returns impulses that show every reader what it wants."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        return Solution(np.zeros(problem.n_rows).view(Flattering), Status.SOLVED, 1)
+
+
+class Flattering(np.ndarray):
+    """An array of a kind of its own."""
 
 
 class FewIterations(Honest):

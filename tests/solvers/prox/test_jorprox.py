@@ -1,29 +1,24 @@
 """JORprox is Jprox with other step sizes, which make it converge."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem
-from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers import Status, solve
+
+Seeded = Callable[[int], ContactProblem]
+Iterates = Callable[[ContactProblem, str, int], np.ndarray]
 
 
-def random_spatial(seed: int = 0) -> ContactProblem:
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(40, 30))
-    return ContactProblem.from_delassus(root.T @ root, rng.normal(size=30), 0.4)
-
-
-def first_iterates(problem: ContactProblem, solver: str, count: int) -> np.ndarray:
-    seen: list[np.ndarray] = []
-    create(solver).prepare(problem).solve(Stop(1e-300, count), observe=lambda _, x: seen.append(x.copy()))
-    return np.array(seen)
-
-
-def test_jorprox_with_unit_relaxation_is_jprox() -> None:
+def test_jorprox_with_unit_relaxation_is_jprox(random_spatial: Seeded, first_iterates: Iterates) -> None:
     problem = random_spatial(1)
     assert np.array_equal(first_iterates(problem, "JORprox", 8), first_iterates(problem, "Jprox", 8))
 
 
-def test_a_jacobi_sweep_does_not_depend_on_the_order_of_contacts() -> None:
+def test_a_jacobi_sweep_does_not_depend_on_the_order_of_contacts(
+    random_spatial: Seeded, first_iterates: Iterates
+) -> None:
     problem = random_spatial(2)
     order = np.random.default_rng(5).permutation(problem.n_rows // 3)
     rows = (3 * order[:, None] + np.arange(3)).ravel()

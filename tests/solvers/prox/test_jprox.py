@@ -1,20 +1,10 @@
 """Jprox does what equation [46] says."""
 
+from collections.abc import Callable
+
 import numpy as np
 from proxbench.problems import ContactProblem
-from proxbench.solvers import Status, Stop, create, solve
-
-
-def random_spatial(seed: int = 0) -> ContactProblem:
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(40, 30))
-    return ContactProblem.from_delassus(root.T @ root, rng.normal(size=30), 0.4)
-
-
-def first_iterates(problem: ContactProblem, solver: str, count: int) -> np.ndarray:
-    seen: list[np.ndarray] = []
-    create(solver).prepare(problem).solve(Stop(1e-300, count), observe=lambda _, x: seen.append(x.copy()))
-    return np.array(seen)
+from proxbench.solvers import Status, solve
 
 
 def jprox_by_the_book(problem: ContactProblem, count: int) -> np.ndarray:
@@ -41,8 +31,10 @@ def jprox_by_the_book(problem: ContactProblem, count: int) -> np.ndarray:
     return np.array(iterates)
 
 
-def test_jprox_is_equation_46() -> None:
-    problem = random_spatial()
+def test_jprox_is_equation_46(
+    random_spatial: Callable[[int], ContactProblem], first_iterates: Callable[[ContactProblem, str, int], np.ndarray]
+) -> None:
+    problem = random_spatial(0)
     expected = jprox_by_the_book(problem, 6)
     assert np.abs(first_iterates(problem, "Jprox", 6) - expected).max() <= 1e-12 * np.abs(expected).max()
 

@@ -7,23 +7,26 @@ stops when the impulses are copied, and those of every timed solve leave the pro
 
 import gc
 import io
+import os
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from time import perf_counter
+from time import perf_counter, process_time, sleep
 from typing import Any
 
 import numpy as np
 
-from ...problems.arrays import FloatArray
-from ...problems.catalog.storage import read_problem
-from ...problems.contact.problem import ContactProblem
-from ...solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
-from ...solvers.interface import Solution, Solver, Status, Stop, shows_iterates
-from ..isolation.child import MisbehaviourError, refuse
-from ..isolation.worker import NO_ANSWER
-from ..plugins.contestants import Contestant
-from ..plugins.remote_solver import answer_fault
+from ....problems.arrays import FloatArray
+from ....problems.catalog.storage import read_problem
+from ....problems.contact.problem import ContactProblem
+from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
+from ....solvers.interface import Solution, Solver, Status, Stop, shows_iterates
+from ...isolation.child import MisbehaviourError, refuse
+from ...isolation.worker import NO_ANSWER
+from ...plugins.contestants import Contestant
+from ...plugins.remote_solver import answer_fault
+from ..ladder import LONGEST_REASON
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -31,6 +34,12 @@ FIRST_MARKS = 30
 MARK_RATIO = 1.04
 """Ratio of that sequence."""
 
+
+SUPPORTS_SECONDS = 0.1
+"""Processor time that ``supports`` may take [s]: it looks at a problem, and solves nothing."""
+
+REST_SECONDS = 0.05
+"""Wall time of a rest, in which what a solver has started may end [s]."""
 
 MOST_NUMBERS = 2**22
 """Numbers of different answers after which a round ends."""
@@ -43,12 +52,14 @@ class Round:
     Attributes:
         solution: the last one, with impulses of the harness's own.
         times: seconds of preparing and of solving of each.
+        work: processor seconds of both together of each, of all threads and of processes that were waited for.
         answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
             (n_rows,).
     """
 
     solution: Solution
     times: list[tuple[float, float]]
+    work: list[float]
     answers: list[FloatArray]
 
 
@@ -57,7 +68,7 @@ class Measurement:
     """One case in its process.
 
     Attributes:
-        problem: the problem.
+        problem: the problem; first another one of the same kinds, to warm up on.
         solver: the solver.
         threads: the threads that ran before the solver was made.
     """
@@ -70,10 +81,19 @@ class Measurement:
     def __post_init__(self) -> None:
         self._digest = self.problem.digest
 
+    def turn_to(self, problem: ContactProblem) -> None:
+        """Go on with another problem."""
+        self.problem, self._digest = problem, problem.digest
+
     def refusal(self) -> str:
         """Return why the solver does not support the problem; nothing if it does."""
-        reason = self.solver.supports(self.problem.fresh())
+        problem = self.problem.fresh()
+        began = _processor_seconds()
+        reason = self.solver.supports(problem)
+        seconds = _processor_seconds() - began
         refuse(reason_fault(reason) or self._left_behind())
+        if seconds > SUPPORTS_SECONDS:
+            raise MisbehaviourError(f"its supports worked for {seconds:.3g} s, where {SUPPORTS_SECONDS:g} s are enough")
         return reason or ""
 
     def warm_up(self, stop: Stop) -> None:
@@ -116,11 +136,14 @@ class Measurement:
         A solve that does not end SOLVED ends the round: a failure is measured once.
         """
         times: list[tuple[float, float]] = []
+        work: list[float] = []
         answers: dict[bytes, FloatArray] = {}
         end = perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
+            worked = _processor_seconds()
             solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
+            work.append(_processor_seconds() - worked)
             times.append((prepare_seconds, solve_seconds))
             if solution.status is not Status.SOLVED:
                 break
@@ -130,7 +153,7 @@ class Measurement:
         is_changed = problem.fresh().digest != self._digest
         refuse("it changed the numbers of the problem" if is_changed else self._left_behind())
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
-        return Round(solution, times, [*answers.values(), *last])
+        return Round(solution, times, work, [*answers.values(), *last])
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> tuple[Solution, float, float]:
         """Return the solution with a copy of its impulses that was made on the clock, and the seconds of both parts.
@@ -166,7 +189,12 @@ class Measurement:
 
 @dataclass
 class MeasuringTask:
-    """A case as it travels to its process, where it becomes a ``Measurement``."""
+    """A case as it travels to its process, where it becomes a ``Measurement``.
+
+    Attributes:
+        problem_data: the problem that it begins with, as the content of a file.
+        contestant: the solver.
+    """
 
     problem_data: bytes
     contestant: Contestant
@@ -177,21 +205,49 @@ class MeasuringTask:
         return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.contestant.make(), threads)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer a request: "supports", "warm_up", "observe" or "round"."""
+        """Answer a request: "supports", "warm_up", "problem" (another from here on), "observe", "round" or "rest".
+
+        "rounds" (stop to warm up, stop, problems or none each with seconds) warms up, and does a round on each problem,
+        or on the one before; the answer is that of the last round, with times and work of all.
+        """
         if request == "supports":
             return {"refusal": self._measurement.refusal()}, b""
         if request == "warm_up":
             self._measurement.warm_up(*arguments)
             return {}, b""
+        if request == "problem":
+            self._turn_to(*arguments)
+            return {}, b""
+        if request == "rest":
+            sleep(REST_SECONDS)
+            return {}, b""
         if request == "observe":
             iterations, iterates, calls, claimed = self._measurement.observe(*arguments)
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
-        found = self._measurement.round(*arguments)
+        return (self._rounds if request == "rounds" else self._round)(*arguments)
+
+    def _turn_to(self, problem_data: bytes) -> None:
+        self._measurement.turn_to(read_problem(io.BytesIO(problem_data), "problem"))
+
+    def _rounds(self, short: Stop, stop: Stop, rounds: Sequence[tuple[bytes, float]]) -> tuple[dict[str, Any], bytes]:
+        self._measurement.warm_up(short)
+        answer: dict[str, Any] = {}
+        impulses, rounds_done = b"", []
+        for problem_data, seconds in rounds:
+            if problem_data:
+                self._turn_to(problem_data)
+            answer, impulses = self._round(stop, seconds)
+            rounds_done.append({"times": answer["times"], "work": answer["work"]})
+        return {**answer, "rounds": rounds_done}, impulses
+
+    def _round(self, stop: Stop, seconds: float) -> tuple[dict[str, Any], bytes]:
+        found = self._measurement.round(stop, seconds)
         answer = {
             "status": found.solution.status.value,
             "iterations": int(found.solution.iterations),
-            "message": str(found.solution.message),
+            "message": str(found.solution.message)[:LONGEST_REASON],
             "times": found.times,
+            "work": found.work,
         }
         return answer, b"".join(impulses.tobytes() for impulses in found.answers)
 
@@ -202,14 +258,22 @@ def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
     if fault:
         return fault
     try:
-        times = np.array(answer["times"], dtype=np.float64)
+        times, work = np.array(answer["times"], dtype=np.float64), np.array(answer["work"], dtype=np.float64)
     except (KeyError, TypeError, ValueError):
         return NO_ANSWER
-    if times.ndim != 2 or times.shape[1] != 2 or not len(times):
+    if times.ndim != 2 or times.shape[1] != 2 or not len(times) or work.shape != times.shape[:1]:
+        return NO_ANSWER
+    if not (np.isfinite(work) & (work >= 0.0)).all():
         return NO_ANSWER
     if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
         return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"
     return None
+
+
+def _processor_seconds() -> float:
+    """Return the processor time of this process, and of processes that it has waited for [s]."""
+    children = os.times()
+    return process_time() + children.children_user + children.children_system
 
 
 def _is_copied(solution: Any, impulses: FloatArray) -> bool:

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from proxbench.bench.measure import protocol as measure
-from proxbench.bench.measure.protocol import Measurement
+from proxbench.bench.measure.contacts import protocol as measure
+from proxbench.bench.measure.contacts.protocol import Measurement
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop
 

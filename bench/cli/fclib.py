@@ -1,0 +1,240 @@
+"""``proxbench fclib info | import | export``: FCLIB files looked over, turned into problem files, and written."""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from . import options
+from .help import HelpCommand, HelpGroup
+
+if TYPE_CHECKING:
+    from ...problems.catalog.fclib.survey import Survey
+
+SUFFIX, PROBLEM_SUFFIX = ".hdf5", ".npz"
+
+app = typer.Typer(
+    cls=HelpGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Look over, import and export FCLIB files (.hdf5), in which the field exchanges contact problems.",
+    epilog="""\
+proxbench fclib info fclib-library/Boxes
+proxbench fclib import Boxes-i100.hdf5 --output problems
+proxbench fclib export funnel-100 --output funnel-100.hdf5""",
+    rich_markup_mode=None,
+)
+
+_command = partial(app.command, cls=HelpCommand, rich_help_panel="Commands")
+
+_READING = partial(typer.Option, rich_help_panel="Reading")
+
+Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="FCLIB files, or folders of them.")]
+"""Files and folders to read."""
+
+
+@app.callback(invoke_without_command=True)
+def _group(context: typer.Context) -> int:
+    if context.invoked_subcommand is None:
+        print(context.get_help(), file=sys.stderr)
+        return 2
+    return 0
+
+
+@_command(
+    "info",
+    short_help="Show sizes, ranks, friction and conditioning.",
+    epilog="""\
+proxbench fclib info Boxes-i100.hdf5
+proxbench fclib info fclib-library --json""",
+)
+def info(sources: Sources, as_json: options.Json = False) -> int:
+    """Show what FCLIB files hold; those that cannot be read are listed with the reason, and the exit code is 1."""
+    from dataclasses import asdict
+
+    from ...problems.catalog.fclib.survey import survey
+    from ..report.text import print_json
+
+    found, broken = _tried(sources, lambda file, _: survey(file))
+    if as_json:
+        # JSON has no infinity, which a condition number can be
+        rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
+        print_json({"files": rows, "broken": broken})
+    else:
+        _print_surveys(found)
+        _print_broken(broken)
+    return int(bool(broken))
+
+
+@_command(
+    "import",
+    short_help="Read FCLIB files into problem files.",
+    epilog="""\
+proxbench fclib import Boxes-i100.hdf5 --output boxes.npz
+proxbench fclib import fclib-library --output problems --asymmetry keep""",
+)
+def import_files(
+    sources: Sources,
+    output: Annotated[
+        Path, options.output(metavar="FILE|FOLDER", help="Problem file (.npz) for one, or the folder for all.")
+    ] = Path(),
+    asymmetry: Annotated[
+        Literal["symmetrise", "keep", "refuse"],
+        _READING(metavar="HOW", help="Treatment of an unsymmetric W: symmetrise (up to 1 %), keep or refuse."),
+    ] = "symmetrise",
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> int:
+    """Read FCLIB files into problem files (.npz), which all commands take; print each with the digest of its numbers.
+
+    Those of a folder that cannot be read are listed with the reason, and the exit code is 1.
+    """
+    from ...problems import read_fclib, save_problem
+
+    targets = _import_targets(sources, output, force)
+
+    def convert(file: Path, source: Path) -> tuple[str, str]:
+        problem = read_fclib(file, asymmetry)
+        save_problem(problem, targets[file])
+        return str(targets[file]), problem.digest
+
+    found, broken = _tried(sources, convert)
+    _print_written(dict(found), broken, as_json)
+    return int(bool(broken))
+
+
+@_command(
+    "export",
+    short_help="Write problems as FCLIB files.",
+    epilog="""\
+proxbench fclib export funnel-100 pile-300 --output problems
+proxbench fclib export problem.npz --output problem.hdf5""",
+)
+def export(
+    names: Annotated[list[str], typer.Argument(metavar="PROBLEM", help="Names of problems, or problem files.")],
+    output: Annotated[
+        Path, options.output(metavar="FILE|FOLDER", help="FCLIB file (.hdf5) for one, or the folder for all.")
+    ] = Path(),
+    plugin: options.PluginFiles = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> int:
+    """Write problems as FCLIB files; print each with the digest of its numbers."""
+    from ...problems import write_fclib
+    from ...problems.catalog.catalog import is_path
+    from ...problems.catalog.fclib.files import SUFFIXES
+    from ...problems.catalog.fclib.laws import contacts_of
+    from ..plugins.problems import resolved
+    from ..report.output_file import refuse_taken
+
+    problems = [resolved(name) for name in names]
+    for problem in problems:
+        contacts_of(problem)  # before anything is written
+    is_file = output.suffix in SUFFIXES and not output.is_dir()
+    stems = [Path(name).stem if is_path(name) else name for name in names]  # a file may call its problem anything
+    targets = [output] if is_file else [output / f"{stem}{SUFFIX}" for stem in stems]
+    _refuse_one_for_several(targets, list(names), is_file)
+    refuse_taken(targets, force)
+    for problem, target in zip(problems, targets, strict=True):
+        write_fclib(problem, target)
+    digests = {str(target): problem.digest for problem, target in zip(problems, targets, strict=True)}
+    _print_written(digests, [], as_json)
+    return 0
+
+
+def _tried(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[list[Any], list[str]]:
+    """Return what ``act`` makes of each file and its source, and the reasons of those in folders that fail.
+
+    Raises:
+        ProblemError: if a file that is named itself fails, or a folder has none.
+    """
+    from ...problems.catalog.fclib.survey import fclib_files
+    from ...problems.errors import ProblemError
+    from ...problems.spelling import for_command_line
+
+    found, broken = [], []
+    for source in sources:
+        for file in fclib_files(source):
+            try:
+                found.append(act(file, source))
+            except ProblemError as error:
+                if file == source:
+                    raise
+                broken.append(for_command_line(error.sentence))
+    return found, broken
+
+
+def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[Path, Path]:
+    """Return the problem file of each FCLIB file; those of a folder keep their places in it.
+
+    Raises:
+        BenchError: if several would be written to one file, or one exists and ``force`` is not given.
+        ProblemError: if a folder has no FCLIB files.
+    """
+    from ...problems.catalog.fclib.survey import fclib_files
+    from ..report.output_file import refuse_taken
+
+    is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
+    targets = {}
+    for source in sources:
+        for file in fclib_files(source):
+            place = file.relative_to(source) if source.is_dir() else Path(file.name)
+            targets[file] = output if is_file else output / place.with_suffix(PROBLEM_SUFFIX)
+    _refuse_one_for_several(list(targets.values()), [str(file) for file in targets], is_file)
+    refuse_taken(targets.values(), force)
+    return targets
+
+
+def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:
+    from ..errors import BenchError
+
+    if is_file and len(sources) > 1:
+        raise BenchError(f"{targets[0]} is one file, and {len(sources)} problems are given; name a folder: --output.")
+    first: dict[Path, str] = {}
+    for target, source in zip(targets, sources, strict=True):
+        if target in first:
+            raise BenchError(f"{first[target]} and {source} would both be written to {target}; give one at a time.")
+        first[target] = source
+
+
+def _print_surveys(found: Sequence["Survey"]) -> None:
+    """Print a table, the names of the files last, since they may be long."""
+    heads = ("form", "contacts", "rows", "rank", "μ", "asymmetry", "cond.", "file")
+    rows = [
+        (
+            one.form,
+            str(one.contacts),
+            str(one.rows),
+            "–" if one.rank is None else str(one.rank),
+            f"{one.friction[0]:g}" if one.friction[0] == one.friction[1] else "{:g}…{:g}".format(*one.friction),
+            f"{one.asymmetry:.1e}" if one.asymmetry else "0",
+            f"{one.conditioning:.3g}",
+            one.file,
+        )
+        for one in found
+    ]
+    if not rows:
+        return
+    widths = [max(len(line[column]) for line in (heads, *rows)) for column in range(len(heads) - 1)]
+    for line in (heads, *rows):
+        cells = [f"{cell:>{width}}" for cell, width in zip(line, widths, strict=False)]
+        print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
+    print("\nrank: estimated; asymmetry: of W, over its largest entry; cond.: largest of a contact's block of G")
+
+
+def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool) -> None:
+    from ..report.text import print_json
+
+    if as_json:
+        print_json({"files": digests, "broken": list(broken)})
+        return
+    for file, digest in digests.items():
+        print(f"{digest[:16]}  {file}")
+    _print_broken(broken)
+
+
+def _print_broken(broken: Sequence[str]) -> None:
+    for sentence in broken:
+        print(f"proxbench: {sentence}", file=sys.stderr)

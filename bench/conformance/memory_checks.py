@@ -1,0 +1,70 @@
+"""The promise that a solver solves each time what it is given, and does not answer from what it has solved before."""
+
+import time
+
+import numpy as np
+
+from ...problems.contact.problem import ContactProblem
+from ...problems.hard import hard_case
+from ...solvers.interface import Solution, Solver, Status, Stop, draws_randomly
+from ..measure.contacts.control import ATTEMPTS, explains
+from ..measure.contacts.variants import another, in_other_units
+from .checks import Violation
+from .samples import random_contacts, supported
+from .trial import solution_of
+
+STOP = Stop(1e-9, max_iterations=5000, max_seconds=0.5)
+"""Limits of the solve of each problem."""
+
+REPEATS = 5
+"""Solves that a first one is compared with."""
+
+N_CONTACTS = 20
+
+
+def solves_each_time(solver: Solver) -> None:
+    """The first and later solves of a problem end in the same bits and take the same time, but for caches."""
+    problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
+    problem = supported(solver, problems, "it supports none of the problems that are large enough to be timed")[0]
+    solution_of(solver, another(problem), STOP)
+    found: list[tuple[float, float]] = []
+    for number in range(ATTEMPTS):
+        first, repeated = _first_and_repeated(solver, problem, number)
+        if explains(repeated, first):
+            return
+        found.append((first, repeated))
+    first, repeated = min(found)
+    raise Violation(
+        f"a first solve of {problem.name} takes {first:.2g} s of processor time and the same again {repeated:.2g} s; "
+        "keep no answers of one solve for another."
+    )
+
+
+def _first_and_repeated(solver: Solver, problem: ContactProblem, number: int) -> tuple[float, float]:
+    """Return the processor time of a first solve and the median of repeated ones [s], in units new to the solver.
+
+    Raises:
+        Violation: if they do not end in the same bits.
+    """
+    changed = in_other_units(another(problem), number).problem.renamed(problem.name)
+    first, first_seconds = _worked(solver, changed)
+    seconds: list[float] = []
+    for _ in range(REPEATS):
+        again, more = _worked(solver, changed)
+        seconds.append(more)
+        is_cut = Status.TIME_LIMIT in (first.status, again.status)
+        if not (draws_randomly(solver) or is_cut or np.array_equal(first.impulses, again.impulses, equal_nan=True)):
+            difference = np.abs(first.impulses - again.impulses).max()
+            raise Violation(
+                f"the first and a later solve of {problem.name} differ by {difference:.1e} N s; let none depend on "
+                "another, or say is_randomised = True."
+            )
+    return first_seconds, float(np.median(seconds))
+
+
+def _worked(solver: Solver, problem: ContactProblem) -> tuple[Solution, float]:
+    """Return a solution and the processor time that it took [s], which is the same on a busy machine."""
+    fresh = problem.fresh()
+    began = time.process_time()
+    solution = solution_of(solver, fresh, STOP)
+    return solution, time.process_time() - began

@@ -1,0 +1,90 @@
+"""Points of a ladder that are measured in several passes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from ...problems.arrays import FloatArray
+from ..store.outcome import Outcome
+from ..store.records import MOST_ANSWERS, Measured, Point, Quartiles, Round
+
+UNDISTURBED = 0.9
+"""A process that computed for less than this share of the time on its clock was disturbed, or waited by itself."""
+
+_RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
+"""Outcomes from good to bad; the others stand between being relaxed and being wrong."""
+
+
+def is_marred(point: Point) -> bool:
+    """Whether a point ended at its limit of time while other programs took part of it."""
+    return point.outcome is Outcome.TIME_LIMIT and bool(point.rounds) and all(map(is_disturbed, point.rounds))
+
+
+def is_disturbed(one: Round) -> bool:
+    """Whether a process waited for a part of the time on its clock."""
+    return one.cpu < UNDISTURBED
+
+
+def marked(rounds: Sequence[Round]) -> list[Round]:
+    """Return rounds with the disturbed ones marked as marred.
+
+    A solver all of whose rounds waited does so by itself, and none of them is marred.
+    """
+    are_own_waits = all(map(is_disturbed, rounds))
+    return [replace(one, is_marred=is_disturbed(one) and not are_own_waits) for one in rounds]
+
+
+def joined(before: Point, now: Point) -> Point:
+    """Return a point of the rounds of both; the worse outcome with its reason counts, and the worse answer.
+
+    A limit of time that was reached while other programs disturbed is forgotten.
+    """
+    if before.measured is None or now.measured is None or is_marred(before):
+        return now if now.measured is not None else before
+    if is_marred(now):
+        return before
+    worse = before if _rank(before) >= _rank(now) else now
+    return replace(worse, measured=_joined(before.measured, now.measured))
+
+
+def _rank(point: Point) -> int:
+    return _RANKS.get(point.outcome, 2)
+
+
+def _joined(before: Measured, now: Measured) -> Measured:
+    rounds = marked([*before.rounds, *now.rounds])
+    worse = before if _number(before.residual) >= _number(now.residual) else now
+    hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MOST_ANSWERS]
+    errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
+    return replace(
+        worse,
+        iterations=before.iterations,
+        claimed_iterations=before.claimed_iterations,
+        model_residual=max(before.model_residual, now.model_residual, key=_number),
+        **times_of(rounds),
+        rounds=rounds,
+        answers=len(hashes),
+        hashes=hashes,
+        impulse_error=max(errors, default=None),
+    )
+
+
+def _number(residual: float | None) -> float:
+    """Return a residual, those that are not finite as infinite."""
+    return np.inf if residual is None or not residual < np.inf else residual
+
+
+def times_of(rounds: Sequence[Round]) -> dict[str, Any]:
+    """Return times and repeats of a point from its rounds; marred ones count only where there are no others."""
+    counted = [one for one in rounds if not one.is_marred] or rounds
+    names = ("prepare_seconds", "solve_seconds", "total_seconds")
+    times = {name: quartiles(np.array([getattr(one, name) for one in counted])) for name in names}
+    return {**times, "repeats": sum(one.repeats for one in rounds)}
+
+
+def quartiles(values: FloatArray) -> Quartiles:
+    """Return least, quartiles and median of times [s]."""
+    low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
+    return Quartiles(min=low, q1=first, median=median, q3=third)

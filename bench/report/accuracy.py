@@ -1,0 +1,171 @@
+"""How soon and how often solvers reach an accuracy, on one problem and over all problems of a run."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...problems.arrays import FloatArray
+from ..store.certainty import STANDINGS, reaching, standings, times_by_point
+from ..store.frames import RunFrames
+from ..store.outcome import Outcome
+
+ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
+"""Judged residuals that tables give the time to, if the run has more tolerances than these."""
+
+SUMMARY_ACCURACIES = (1e-4, 1e-6)
+"""Those of them that the summary is about."""
+
+SHIFT_SECONDS = 1e-3
+"""Shift of the geometric mean, so that microseconds on tiny problems do not outweigh seconds on large ones."""
+
+
+def accuracies(frames: RunFrames) -> tuple[float, ...]:
+    """Return the judged residuals that the tables of a run give the time to, from coarse to fine.
+
+    They are the tolerances of the run where these are as few as ``ACCURACIES``, else those of ``ACCURACIES`` that its
+    tolerances reach: finer ones would be counted as failures.
+    """
+    ladder = _ladder(frames)
+    if len(ladder) <= len(ACCURACIES):
+        return ladder
+    return _within(ACCURACIES, ladder) or ladder[-1:]
+
+
+def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
+    """Return the judged residuals of the summary, at most two of ``accuracies``."""
+    ladder = _ladder(frames)
+    if len(ladder) <= len(ACCURACIES):
+        return ladder[-2:]
+    return _within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
+
+
+def _ladder(frames: RunFrames) -> tuple[float, ...]:
+    return tuple(sorted(frames.info.plan.tolerances, reverse=True))
+
+
+def _within(wanted: tuple[float, ...], ladder: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(accuracy for accuracy in wanted if accuracy >= ladder[-1] * (1.0 - 1e-9))
+
+
+def accuracy_tag(accuracy: float) -> str:
+    """Return how columns call an accuracy, with the digits that it has: ``"1e-04"``, ``"2.5e-04"``."""
+    written = (f"{accuracy:.{digits}e}" for digits in range(16))
+    return next((text for text in written if np.isclose(float(text), accuracy, rtol=1e-9, atol=0.0)), f"{accuracy:e}")
+
+
+def time_to_accuracy(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> float:
+    """Return the least median time [s] of the points that are ``reaching`` an accuracy; NaN if none is."""
+    return float(reaching(points, accuracy, limit)["total_seconds"].min())
+
+
+def ratios_table(frames: RunFrames) -> pd.DataFrame:
+    """Return how each solver stands on each problem at each of ``accuracies``, with intervals of the ratios.
+
+    Columns: problem, accuracy, and those of ``standings``. A run over trajectories has no such table.
+    """
+    points, rounds, limit = frames.points, frames.rounds, frames.info.plan.limits.solve_seconds
+    found = []
+    for problem in [] if frames.is_study else frames.cases["problem"].unique():
+        own = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
+        found += [
+            standings(*own, accuracy, limit).assign(problem=problem, accuracy=accuracy)
+            for accuracy in accuracies(frames)
+        ]
+    columns = ["problem", "accuracy", *STANDINGS]
+    return pd.concat(found, ignore_index=True)[columns] if found else pd.DataFrame(columns=columns)
+
+
+def mean_time(times: FloatArray, limit: float) -> float:
+    """Return the shifted geometric mean of times [s], those that are missing (NaN) or longer at ``limit`` [s].
+
+    NaN without any time.
+    """
+    if not len(times):
+        return float("nan")
+    filled = np.where(np.isnan(times), limit, np.minimum(times, limit))
+    return float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
+
+
+def measured_points(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
+    """Return the points of a case that were attempted."""
+    points = frames.points
+    is_own = (points["problem"] == case["problem"]) & (points["solver"] == case["solver"])
+    chosen: pd.DataFrame = points[is_own & points["total_seconds"].notna()]
+    return chosen
+
+
+def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
+    """Return one row a solver, problem that it supports, and accuracy of ``levels``, solvers in the order of the run.
+
+    Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
+    solver says that it is), common (whether all solvers of the table support the problem).
+    """
+    cases = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
+    counts = cases.groupby("problem")["solver"].nunique()
+    common = counts.index[counts == cases["solver"].nunique()]
+    rows = []
+    for solver in frames.info.plan.solvers:
+        for case in cases[cases["solver"] == solver].to_dict("records"):
+            points, problem = measured_points(frames, case), case["problem"]
+            for accuracy in levels:
+                seconds = time_to_accuracy(points, accuracy, frames.info.plan.limits.solve_seconds)
+                claimed = _claims(points, accuracy)
+                rows.append((solver, case["model"], problem, accuracy, seconds, claimed, problem in common))
+    return pd.DataFrame(rows, columns=["solver", "model", "problem", "accuracy", "seconds", "claimed", "common"])
+
+
+OF_ACCURACIES = ("success", "correct", "mean_time", "own_mean_time")
+"""Columns that a summary has for each accuracy, whose tag follows."""
+
+
+def summary_table(frames: RunFrames) -> pd.DataFrame:
+    """Return one row a solver over all problems of the run.
+
+    Columns: solver, model, problems (that it supports), common (those that all solvers of the table support), and for
+    each of ``summary_accuracies`` the share of its problems that the solver says it solved (success), the share that
+    the judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a
+    solve: over the common problems (mean_time), NaN without any, and over all its own (own_mean_time), which compares
+    with that of no other solver; then the number of wrong claims.
+    """
+    shown = summary_accuracies(frames)
+    tried = attempts(frames, shown)
+    points, limit = frames.points, frames.info.plan.limits.solve_seconds
+    rows = []
+    for (solver, model), own in tried.groupby(["solver", "model"], sort=False):
+        row: dict[str, Any] = {"solver": solver, "model": model, "problems": own["problem"].nunique()}
+        row["common"] = own["problem"][own["common"]].nunique()
+        for accuracy in shown:
+            reached = own[own["accuracy"] == accuracy]
+            seconds = reached["seconds"]
+            common, all_own = (mean_time(times.to_numpy(), limit) for times in (seconds[reached["common"]], seconds))
+            values = (reached["claimed"].mean(), seconds.notna().mean(), common, all_own)
+            row |= dict(zip(_keys(accuracy), values, strict=True))
+        row["wrong"] = int(((points["solver"] == solver) & (points["outcome"] == Outcome.WRONG)).sum())
+        rows.append(row)
+    of_accuracies = [key for accuracy in shown for key in _keys(accuracy)]
+    return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *of_accuracies, "wrong"])
+
+
+def compares_all(summary: pd.DataFrame) -> bool:
+    """Return whether all problems of a summary are common, so that the mean over these is that over a solver's own."""
+    return bool((summary["common"] == summary["problems"]).all())
+
+
+def shown_means(summary: pd.DataFrame) -> dict[str, str]:
+    """Return the heads of the means that say something in a summary, each with what their keys begin with."""
+    if compares_all(summary):
+        return {"mean": "mean_time"}
+    common = int(summary["common"].max())
+    return ({f"mean of {common}": "mean_time"} if common else {}) | {"mean of own": "own_mean_time"}
+
+
+def _keys(accuracy: float) -> list[str]:
+    return [f"{kind}_{accuracy_tag(accuracy)}" for kind in OF_ACCURACIES]
+
+
+def _claims(points: pd.DataFrame, accuracy: float) -> bool:
+    """Whether the solver says that it solved to ``accuracy``."""
+    finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
+    return bool((finer["status"] == Outcome.SOLVED).any())

@@ -1,0 +1,1 @@
+"""FCLIB files, in which the field exchanges frictional contact problems: read, written and looked over."""

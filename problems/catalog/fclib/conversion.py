@@ -1,0 +1,159 @@
+"""FCLIB's problems as contact problems, and back.
+
+FCLIB asks for the relative velocities u and impulses r of contacts with C*_μ ∋ u + μ‖u_T‖ e_N ⟂ r ∈ C_μ, De Saxcé's
+form of −u_N ∈ N_{R₀⁺}(r_N), −u_T ∈ N_{S(μ r_N)}(r_T). So the signs are those of ``laws``, and with our letters on the
+left sides::
+
+    local    ξ = u,  Λ = r,  G = W,  c = q
+    global   ξ = u,  Λ = r,  W = H,  c = Hᵀ M⁻¹ f + w,  free motion M⁻¹ f,  velocity after the step v = M⁻¹ (f + H r)
+
+Whatever the contacts' own velocities before the step add, as by Newton's impact law, is in q or w already: u is
+γ_E + ε γ_B, as ξ is.
+"""
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...arrays import FloatArray
+from ...contact.answer import Answer
+from ...contact.factors import InverseMass
+from ...contact.judge import judge
+from ...contact.problem import SYMMETRY_TOLERANCE, ContactProblem
+from ...errors import ProblemError
+from ...spelling import either
+from .contents import TEXTS, GlobalContents, LocalContents
+from .laws import contacts_of, laws_of
+from .matrices import asymmetry
+
+Asymmetry = Literal["symmetrise", "keep", "refuse"]
+"""What is done with a W that is not symmetric: it is replaced by (W + Wᵀ)/2, kept as it is, or refused."""
+
+LARGEST_ASYMMETRY = 1e-2
+"""max |W − Wᵀ| / max |W| up to which W is made symmetric; beyond that it is no Delassus matrix with errors."""
+
+CONFIRMED = 1e-4
+"""Judged residual up to which a stored solution is taken for one."""
+
+CORRECTIONS = 3
+"""Times that w is corrected so that c is found again from it with every bit."""
+
+
+def problem_of(
+    contents: LocalContents | GlobalContents, name: str, treatment: Asymmetry = "symmetrise", **provenance: Any
+) -> ContactProblem:
+    """Return the contact problem of an FCLIB file.
+
+    Args:
+        contents: what the file holds.
+        name: name of the problem.
+        treatment: of a W that is not symmetric.
+        provenance: where it comes from, as far as the file does not say it.
+
+    Raises:
+        ProblemError: if it has laws that are not treated, or numbers that make no problem.
+    """
+    provenance |= {key: text for key, text in contents.about.items() if text}
+    problem: ContactProblem
+    if isinstance(contents, LocalContents):
+        problem = _local(contents, treatment, {"name": name, "provenance": provenance})
+    else:
+        inverse = InverseMass.of_mass(contents.M)
+        motion = inverse.times(contents.f)
+        problem = ContactProblem.from_factors(
+            contents.H,
+            inverse,
+            contents.H.T @ motion + contents.w,
+            laws=laws_of(contents),
+            free_motion=motion if contents.f.any() else None,  # zeros stand for a motion that is not known
+            name=name,
+            provenance=provenance,
+        )
+    return problem if contents.solution is None else _with_solution(problem, contents.solution)
+
+
+def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
+    """Return what a file of ``problem`` holds: of factors a global problem, of a Delassus matrix a local one.
+
+    It has a digest where the same numbers are found from it bit by bit. A free motion is left out where c could
+    not be found again with it. M is the one that M⁻¹ was computed from, or else computed from M⁻¹.
+
+    Raises:
+        ProblemError: if FCLIB has no such laws.
+    """
+    dimension, friction = contacts_of(problem)
+    common: dict[str, Any] = {"dimension": dimension, "friction": friction, "about": _about(problem)}
+    contents: LocalContents | GlobalContents
+    if problem.factors is None:
+        contents = LocalContents(W=problem.delassus(), q=problem.free_velocity, **common)
+    else:
+        inverse, directions = problem.factors.inverse_mass, problem.factors.force_directions
+        mass = InverseMass.of_mass(inverse.matrix).matrix if inverse.mass is None else inverse.mass
+        f, w = _without_contacts(problem, mass)
+        contents = GlobalContents(M=mass, H=directions, f=f, w=w, **common)
+    if problem_of(contents, problem.name, "keep").digest == problem.digest:
+        contents = replace(contents, digest=problem.digest)
+    return contents
+
+
+def digest_obstacle(
+    contents: LocalContents | GlobalContents, problem: ContactProblem, treatment: Asymmetry
+) -> str | None:
+    """Say why the numbers of a file cannot be those that were written, or None; only files written here say it."""
+    if contents.digest in ("", problem.digest):
+        return None
+    if isinstance(contents, LocalContents) and treatment == "symmetrise":
+        return digest_obstacle(contents, problem_of(contents, problem.name, "keep"), "keep")
+    return "its numbers are not those of the digest that was written with them"
+
+
+def _local(contents: LocalContents, treatment: Asymmetry, attributes: dict[str, Any]) -> ContactProblem:
+    matrix, off = contents.W, asymmetry(contents.W)
+    if off > SYMMETRY_TOLERANCE:
+        misses = f"W misses symmetry by {off:.1e} of its largest entry"
+        if treatment == "refuse" or (treatment == "symmetrise" and not off <= LARGEST_ASYMMETRY):
+            keep = either("proxbench fclib import --asymmetry keep", "read_fclib(path, asymmetry='keep')")
+            raise ProblemError(f"{misses}; correct it, or read it as it is: {keep}")
+        attributes["provenance"]["asymmetry"] = off
+        if treatment == "keep":
+            attributes["allow_asymmetric"] = True
+            attributes["provenance"]["matrix"] = f"{misses}, and is kept so"
+        else:
+            matrix = sp.csr_array(0.5 * (matrix + matrix.T))
+            attributes["provenance"]["matrix"] = f"{misses}; G = (W + Wᵀ)/2"
+    return ContactProblem(contents.q, laws_of(contents), matrix=matrix, **attributes)
+
+
+def _with_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:
+    """Return the problem with stored impulses judged; they are its known solution where the judge agrees."""
+    residual = judge(problem, impulses).residual
+    known = Answer(witness=impulses) if residual <= CONFIRMED else None
+    return replace(problem, answer=known, provenance={**problem.provenance, "stored_solution_residual": residual})
+
+
+def _without_contacts(problem: ContactProblem, mass: sp.csr_array[Any]) -> tuple[FloatArray, FloatArray]:
+    """Return f and w, f zero where c could not be found again with it.
+
+    What a reader adds to w is computed here as it will be there, and w corrected by what is missing in the sum.
+    """
+    assert problem.factors is not None
+    c, motion = problem.free_velocity, problem.factors.free_motion
+    nothing = np.zeros(problem.factors.n_dofs), c
+    if motion is None:
+        return nothing
+    f = mass @ motion
+    moved = problem.factors.force_directions.T @ InverseMass.of_mass(mass).times(f)
+    w = c - moved
+    for _ in range(CORRECTIONS):
+        w += c - (moved + w)
+    return (f, w) if np.array_equal(moved + w, c) else nothing
+
+
+def _about(problem: ContactProblem) -> dict[str, str]:
+    known = dict(problem.provenance)
+    title, described = str(known.pop("title", problem.name)), known.pop("description", None)
+    math_info = str(known.pop("math_info", ""))
+    described = "; ".join(f"{key}: {value}" for key, value in known.items()) if described is None else str(described)
+    return dict(zip(TEXTS, (title, described, math_info), strict=True))

@@ -1,0 +1,117 @@
+"""FCLIB files read as contact problems and written from them."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...arrays import FloatArray, real_numbers
+from ...contact.problem import ContactProblem
+from ...errors import ProblemError
+from ..storage import write_whole
+from .container import ContainerError, opened
+from .contents import GlobalContents, LocalContents, read_contents, stored_contents
+from .conversion import Asymmetry, contents_of, digest_obstacle, problem_of
+
+SUFFIXES = (".hdf5", ".h5")
+"""Endings of FCLIB files."""
+
+
+def is_fclib_name(name: str) -> bool:
+    """Whether a file of this name is taken for an FCLIB file."""
+    return name.endswith(SUFFIXES)
+
+
+def read_fclib(path: Path | str, asymmetry: Asymmetry = "symmetrise") -> ContactProblem:
+    """Read the problem of an FCLIB file; its name is that of the file.
+
+    Nothing is read from elsewhere, and never more than the file has bytes. FCLIB has no checksums: a number that is
+    changed and still makes sense is noticed in files that ``write_fclib`` wrote, and not in others.
+
+    Args:
+        path: the file.
+        asymmetry: what is done with a Delassus matrix W that is not symmetric: "symmetrise" replaces it by (W + Wᵀ)/2
+            where it misses symmetry by at most 1 % of its largest entry, "keep" leaves it as it is, "refuse" refuses
+            it. How much it misses is in the provenance.
+
+    Raises:
+        ProblemError: if the file is missing, damaged or no FCLIB file, has laws that are not treated (bilateral rows,
+            rolling friction), or numbers that make no problem.
+    """
+    path = Path(path)
+    contents = fclib_contents(path)
+    try:
+        problem = problem_of(contents, path.stem, asymmetry, source="FCLIB", file=path.name)
+        obstacle = digest_obstacle(contents, problem, asymmetry)
+    except ProblemError as error:
+        raise ProblemError(f"{path}: {error.sentence}") from None
+    if obstacle:
+        raise ProblemError(f"{path} is damaged: {obstacle}; write it again.")
+    return problem
+
+
+def fclib_contents(path: Path) -> LocalContents | GlobalContents:
+    """Return what an FCLIB file holds, unchanged.
+
+    Raises:
+        ProblemError: if the file is missing, damaged or no FCLIB file.
+    """
+    try:
+        with opened(path) as file:
+            return read_contents(file)
+    except FileNotFoundError:
+        raise ProblemError(f"there is no problem file {path}.") from None
+    except ContainerError as error:
+        raise ProblemError(f"{path} is damaged or no FCLIB file: {error}.") from None
+
+
+def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike | None = None) -> None:
+    """Write a problem as an FCLIB file, as a whole or not at all.
+
+    A problem of factors becomes a global one, of a Delassus matrix a local one. W, H, M, μ and q of a problem that came
+    from an FCLIB file are written with every bit. Where M⁻¹ alone is known and has blocks of more than one degree of
+    freedom, M is its inverse to rounding, and what is read again has another digest.
+
+    Args:
+        problem: contacts with Coulomb friction, all planar or all spatial.
+        path: the file, ending in .hdf5 or .h5; its folder is made.
+        impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known one of the problem if None.
+
+    Raises:
+        ProblemError: if FCLIB has no such laws, the name has another ending, or the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise ProblemError(f"FCLIB files end in {SUFFIXES[0]}, and {path} does not; name it {path.stem}{SUFFIXES[0]}.")
+    known = None if problem.answer is None else problem.answer.witness
+    contents = contents_of(problem)
+    solution = _solution(problem, contents, known if impulses is None else impulses)
+    write_whole(path, _packed(stored_contents(contents) | solution))
+
+
+def _solution(
+    problem: ContactProblem, contents: LocalContents | GlobalContents, given: ArrayLike | None
+) -> dict[str, FloatArray]:
+    """Return r, u and, of a global problem, v = M⁻¹ (f + H r) by their paths; nothing without impulses."""
+    if given is None:
+        return {}
+    impulses = np.asarray(real_numbers(given, "impulses"), dtype=np.float64)
+    if impulses.shape != (problem.n_rows,) or not np.isfinite(impulses).all():
+        raise ProblemError(f"impulses must be {problem.n_rows} finite numbers, got shape {impulses.shape}.")
+    solution = {"solution/r": impulses, "solution/u": problem.relative_velocity(impulses)}
+    if isinstance(contents, GlobalContents) and problem.factors is not None:
+        solution["solution/v"] = problem.factors.inverse_mass.times(contents.f + contents.H @ impulses)
+    return solution
+
+
+def _packed(data: dict[str, NDArray[np.generic] | bytes]) -> bytes:
+    """Return the content of an HDF5 file that every version of the library reads, its texts ended by a zero as in C."""
+    import h5py
+
+    with h5py.File("fclib", "w", driver="core", backing_store=False, libver=("earliest", "v110")) as file:
+        for name, values in data.items():
+            is_text = isinstance(values, bytes)
+            file.create_dataset(name, data=np.array(values, dtype=f"S{len(values) + 1}") if is_text else values)
+        file.flush()
+        content: bytes = file.id.get_file_image()
+    return content

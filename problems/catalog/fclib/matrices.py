@@ -1,0 +1,109 @@
+"""Sparse matrices as FCLIB stores them: triplets, compressed columns or compressed rows, in a group of arrays.
+
+    nz ≥ 0   triplets: rows i, columns p, values x, nz of each (as CSparse has them, and public files do)
+    nz = −1  compressed columns: column k has the entries p[k] … p[k+1] − 1 of rows i and values x
+    nz = −2  compressed rows, i being columns
+
+The arrays may be longer than what they hold, up to nzmax. With ``symmetric_packed`` = 1 only the lower triangle of a
+symmetric matrix is stored.
+"""
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .container import ContainerError, Group
+
+Integers = NDArray[np.signedinteger[Any]]
+
+TRIPLETS, COLUMNS, ROWS = 0, -1, -2
+"""Values of nz."""
+
+
+def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.csc_array[Any]:
+    """Return the matrix of a group; entries given more than once are added, as in CSparse.
+
+    Args:
+        group: where it is stored.
+        shape: rows and columns that it must have. Vectors of these lengths are there, so that nothing of an absurd size
+            is made because a file says so.
+
+    Raises:
+        ContainerError: if it has another shape, or its arrays contradict each other.
+    """
+    found = group.integer("m"), group.integer("n")
+    if found != shape:
+        raise ContainerError(f"{group.path} must have shape {shape} to go with the vectors, and says {found}")
+    kind, values = group.integer("nz"), group.floats("x")
+    indices, pointers = group.integers("i"), group.integers("p")
+    matrix: sp.csr_array[Any] | sp.csc_array[Any]
+    if kind >= TRIPLETS:
+        parts = (_first(array, kind, group, name) for array, name in ((values, "x"), (indices, "i"), (pointers, "p")))
+        values, rows, columns = parts
+        _check_range(rows, shape[0], group, "i")
+        _check_range(columns, shape[1], group, "p")
+        matrix = sp.csc_array(sp.coo_array((values, (_short(rows), _short(columns))), shape=shape))
+    elif kind in (COLUMNS, ROWS):
+        across, along = shape if kind == COLUMNS else shape[::-1]
+        _check_pointers(pointers, along, min(len(indices), len(values)), group)
+        indices, values = indices[: pointers[-1]], values[: pointers[-1]]
+        _check_range(indices, across, group, "i")
+        make: Any = sp.csc_array if kind == COLUMNS else sp.csr_array
+        matrix = make((values, _short(indices), _short(pointers)), shape=shape)
+        matrix.sum_duplicates()
+    else:
+        raise ContainerError(f"{group.path}/nz = {kind} is no kind of matrix; 0 or more, -1 and -2 are")
+    return _unpacked(matrix, group) if group.flag("symmetric_packed") else matrix
+
+
+def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a group, ``kind`` being one of the three values of nz."""
+    if kind == TRIPLETS:
+        entries = sp.csc_array(matrix).tocoo()
+        indices, pointers, values, nz = entries.row, entries.col, entries.data, entries.nnz
+    else:
+        compressed: Any = (sp.csc_array if kind == COLUMNS else sp.csr_array)(matrix)
+        indices, pointers, values, nz = compressed.indices, compressed.indptr, compressed.data, kind
+    numbers = {"nzmax": len(values), "m": matrix.shape[0], "n": matrix.shape[1], "nz": nz}
+    scalars = {name: np.array([number], dtype=np.int32) for name, number in numbers.items()}
+    return {**scalars, "p": pointers.astype(np.int32), "i": indices.astype(np.int32), "x": values}
+
+
+def _first(array: NDArray[Any], count: int, group: Group, name: str) -> NDArray[Any]:
+    if len(array) < count:
+        raise ContainerError(f"{group.path}/{name} has {len(array)} entries, and nz = {count} says that there are more")
+    return array[:count]
+
+
+def _check_range(indices: Integers, size: int, group: Group, name: str) -> None:
+    if len(indices) and not (indices.min() >= 0 and indices.max() < size):
+        wrong = indices[(indices < 0) | (indices >= size)][0]
+        raise ContainerError(f"{group.path}/{name} has the index {wrong}, which must be from 0 to {size - 1}")
+
+
+def _check_pointers(pointers: Integers, along: int, entries: int, group: Group) -> None:
+    if len(pointers) != along + 1:
+        raise ContainerError(f"{group.path}/p must have {along + 1} entries, and has {len(pointers)}")
+    if pointers[0] != 0 or (np.diff(pointers) < 0).any() or pointers[-1] > entries:
+        raise ContainerError(f"{group.path}/p must rise from 0 to at most the {entries} entries of i and x")
+
+
+def _short(indices: Integers) -> NDArray[np.int32]:
+    return indices.astype(np.int32, copy=False)
+
+
+def _unpacked(lower: Any, group: Group) -> sp.csr_array[Any]:
+    """Return L + Lᵀ − diag(L)."""
+    if lower.shape[0] != lower.shape[1] or sp.triu(lower, 1).count_nonzero():
+        raise ContainerError(f"{group.path} is packed as symmetric, and has more than a lower triangle")
+    strict = sp.tril(lower, -1)
+    return sp.csr_array(sp.csr_array(lower) + strict.T)
+
+
+def asymmetry(matrix: sp.csr_array[Any]) -> float:
+    """Return max |A − Aᵀ| / max |A|, 0 for a matrix of zeros."""
+    largest = float(np.abs(matrix.data).max(initial=0.0))
+    difference = matrix - matrix.T
+    return float(np.abs(difference.data).max(initial=0.0)) / largest if largest > 0.0 else 0.0

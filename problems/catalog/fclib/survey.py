@@ -1,0 +1,135 @@
+"""What an FCLIB file holds, in numbers that say how hard its problem is: size, rank, friction, conditioning."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from ...arrays import FloatArray
+from ...contact.problem import ContactProblem
+from ...errors import ProblemError
+from .contents import LocalContents
+from .conversion import LARGEST_ASYMMETRY, Asymmetry, problem_of
+from .files import SUFFIXES, fclib_contents
+from .matrices import asymmetry
+
+RANK_TOLERANCE = 1e-9
+"""Eigenvalues of the scaled G below this part of the largest one are taken for zero."""
+
+MOST_RANK_ROWS = 8000
+"""Rows up to which the rank is estimated; the factors of larger matrices can fill."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """One FCLIB file.
+
+    Attributes:
+        file: its path.
+        title: what it calls its problem.
+        form: "local" or "global".
+        contacts: number of contacts.
+        rows: number of rows, 2 or 3 a contact.
+        dofs: degrees of freedom; ``None`` for a local problem.
+        rank: estimated rank of G; ``None`` where that is not affordable.
+        friction: least and largest μ, 0 without contacts.
+        asymmetry: max |W − Wᵀ| / max |W|, 0 for a global problem.
+        conditioning: largest condition number of the block of G of one contact, inf for a singular one.
+        guesses: how many guesses are stored.
+        solution: judged residual of the stored solution; ``None`` if none was written.
+    """
+
+    file: str
+    title: str
+    form: str
+    contacts: int
+    rows: int
+    dofs: int | None
+    rank: int | None
+    friction: tuple[float, float]
+    asymmetry: float
+    conditioning: float
+    guesses: int
+    solution: float | None
+
+
+def survey(path: Path) -> Survey:
+    """Return what a file holds.
+
+    Raises:
+        ProblemError: as ``read_fclib``; an asymmetry of whatever size is no reason.
+    """
+    contents = fclib_contents(path)
+    is_local = isinstance(contents, LocalContents)
+    off = asymmetry(contents.W) if isinstance(contents, LocalContents) else 0.0
+    treatment: Asymmetry = "symmetrise" if off <= LARGEST_ASYMMETRY else "keep"
+    try:
+        problem = problem_of(contents, path.stem, treatment)
+    except ProblemError as error:
+        raise ProblemError(f"{path}: {error.sentence}") from None
+    friction, residual = contents.friction, problem.provenance.get("stored_solution_residual")
+    return Survey(
+        file=str(path),
+        title=contents.about.get("title", ""),
+        form="local" if is_local else "global",
+        contacts=problem.n_contacts,
+        rows=problem.n_rows,
+        dofs=None if problem.factors is None else problem.factors.n_dofs,
+        rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
+        friction=(float(friction.min()), float(friction.max())) if len(friction) else (0.0, 0.0),
+        asymmetry=off,
+        conditioning=float(block_conditioning(problem).max(initial=0.0)),
+        guesses=contents.guesses,
+        solution=None if residual is None else float(residual),
+    )
+
+
+def fclib_files(path: Path) -> Iterator[Path]:
+    """Yield the file, or all FCLIB files in a folder and its folders, in the order of their names.
+
+    Raises:
+        ProblemError: if there are none.
+    """
+    if not path.is_dir():
+        yield path
+        return
+    found = sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES)
+    if not found:
+        raise ProblemError(f"there is no file in {path} that ends in {' or '.join(SUFFIXES)}.")
+    yield from found
+
+
+def estimated_rank(problem: ContactProblem) -> int | None:
+    """Return how many eigenvalues of the scaled D^-½ G D^-½, D its diagonal, exceed ``RANK_TOLERANCE`` of the largest.
+
+    By Sylvester's law of inertia they are as many as the positive pivots of G − σI, factorised sparse and without
+    exchanges; ``None`` where that fails. G is made symmetric before.
+    """
+    delassus, diagonal = problem.delassus(), problem.delassus_diagonal
+    moved = np.flatnonzero(diagonal > 0.0)
+    if not len(moved):
+        return 0
+    scale = sp.diags_array(1.0 / np.sqrt(diagonal[moved]))
+    scaled: Any = scale @ sp.csr_array(0.5 * (delassus + delassus.T))[moved][:, moved] @ scale
+    shift = RANK_TOLERANCE * float(abs(scaled).sum(axis=1).max())
+    shifted = sp.csc_array(scaled - shift * sp.eye_array(len(moved)))
+    symmetric = {"SymmetricMode": True}
+    try:
+        factors = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    except (RuntimeError, MemoryError):
+        return None
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        return None
+    return int((factors.U.diagonal() > 0.0).sum())
+
+
+def block_conditioning(problem: ContactProblem) -> FloatArray:
+    """Return the condition number of the diagonal block of G of each contact, shape (n_contacts,); inf for singular."""
+    blocks = problem.delassus_blocks()
+    diagonal = blocks.values[blocks.starts[:-1]]
+    found: FloatArray = np.linalg.cond(diagonal) if len(diagonal) else np.zeros(0)
+    return np.where(np.isfinite(found), found, np.inf)

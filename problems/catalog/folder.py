@@ -1,0 +1,223 @@
+"""A folder of problem files as a suite: names, order and families, as its ``suite.toml`` says or as the files lie.
+
+A ``suite.toml`` may have::
+
+    name = "boxes"                          # else the name of the folder
+    order = ["easy-*", "Boxes/*"]           # first those that match the first pattern, and so on; the others by name
+    exclude = ["*-huge*"]
+    [groups]                                # families; else the folder in the folder, or the name up to its first dash
+    "box stacks" = ["Boxes/*", "Box_Stacks-*"]
+
+Patterns are those of a shell and match paths in the folder, with ``/`` between folders. A pattern without any match is
+a mistake. Listing opens no file but ``suite.toml``; ``checked`` reads all problems.
+"""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from ..errors import ProblemError, suggestion
+from .catalog import is_path, load
+
+DESCRIPTION = "suite.toml"
+"""The file of a folder that says what its suite is."""
+
+LONGEST_DESCRIPTION = 1_000_000
+"""Bytes that it may have."""
+
+KEYS = ("name", "order", "exclude", "groups")
+
+
+@dataclass(frozen=True)
+class Member:
+    """One problem of a folder.
+
+    Attributes:
+        name: unique in its suite: that of the file, with its folders where several files have it.
+        path: the file, which ``load`` takes.
+        family: what it belongs to.
+    """
+
+    name: str
+    path: Path
+    family: str
+
+
+@dataclass(frozen=True)
+class FolderSuite:
+    """The problems of a folder.
+
+    Attributes:
+        name: of the suite.
+        members: its problems, in order.
+        broken: files that cannot be members, each with the reason, a sentence.
+    """
+
+    name: str
+    members: tuple[Member, ...]
+    broken: tuple[tuple[Path, str], ...] = ()
+
+    @property
+    def families(self) -> dict[str, tuple[Member, ...]]:
+        """Members by family, both in order."""
+        found: dict[str, list[Member]] = {}
+        for member in self.members:
+            found.setdefault(member.family, []).append(member)
+        return {family: tuple(members) for family, members in found.items()}
+
+    def sampled(self, count: int, seed: int) -> "FolderSuite":
+        """Return ``count`` members, families in proportion, in order; all if there are no more.
+
+        Each family has its share rounded up or down (by largest remainders). Its members are those whose names have the
+        least SHA-256 together with ``seed``: the same on every machine, and almost the same when files are added.
+
+        Raises:
+            ProblemError: if ``count`` is not positive.
+        """
+        if count < 1:
+            raise ProblemError(f"a sample must have at least one problem, got {count}.")
+        chosen: set[str] = set()
+        families = self.families
+        sizes = {family: len(members) for family, members in families.items()}
+        for family, share in _shares(sizes, min(count, len(self.members))).items():
+            ranked = sorted(families[family], key=lambda member: _rank(member.name, seed))
+            chosen |= {member.name for member in ranked[:share]}
+        return replace(self, members=tuple(member for member in self.members if member.name in chosen))
+
+    def checked(self) -> "FolderSuite":
+        """Return the members that can be read; the others are among ``broken``, with the reason."""
+        good, broken = [], list(self.broken)
+        for member in self.members:
+            try:
+                load(member.path)
+                good.append(member)
+            except ProblemError as error:
+                broken.append((member.path, str(error)))
+        return replace(self, members=tuple(good), broken=tuple(broken))
+
+
+@dataclass(frozen=True)
+class _Description:
+    name: str
+    order: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    groups: Mapping[str, tuple[str, ...]] | None = None
+
+
+def list_folder(folder: Path | str) -> FolderSuite:
+    """Return the suite of a folder: all problem files (.npz, .hdf5, .h5) in it and its folders, hidden ones left out.
+
+    Raises:
+        ProblemError: if there is no such folder or no problem in it, or ``suite.toml`` makes no sense.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ProblemError(f"there is no folder {folder}.")
+    described = _read_description(folder)
+    files = {
+        file.relative_to(folder).as_posix(): file
+        for file in sorted(folder.rglob("*"))
+        if is_path(file.name) and file.is_file() and not _is_hidden(file.relative_to(folder))
+    }
+    groups = described.groups or {}
+    for pattern in (*described.order, *described.exclude, *(one for patterns in groups.values() for one in patterns)):
+        if not any(fnmatchcase(place, pattern) for place in files):
+            raise ProblemError(f"{folder / DESCRIPTION}: the pattern {pattern!r} matches no problem file; correct it.")
+    kept = [place for place in files if not _matches(place, described.exclude)]
+    if not kept:
+        raise ProblemError(f"there is no problem in {folder}; problem files end in .npz, .hdf5 or .h5.")
+    kept.sort(key=lambda place: (_first_match(place, described.order), place))
+    names = _names(kept)
+    members, broken, first = [], [], dict[str, str]()
+    for place in kept:
+        name = names[place]
+        if name in first:
+            broken.append((files[place], f"{files[place]} has the name of {files[first[name]]}; rename or exclude it."))
+            continue
+        first[name] = place
+        members.append(Member(name, files[place], _family(place, groups)))
+    return FolderSuite(described.name, tuple(members), tuple(broken))
+
+
+def _read_description(folder: Path) -> _Description:
+    file = folder / DESCRIPTION
+    if not file.is_file():
+        return _Description(folder.resolve().name)
+    if file.stat().st_size > LONGEST_DESCRIPTION:
+        raise ProblemError(f"{file} has more than {LONGEST_DESCRIPTION} bytes; a suite is described by a few lines.")
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ProblemError(f"{file} is no TOML: {' '.join(str(error).split())}.") from None
+    except OSError as error:
+        raise ProblemError(f"cannot read {file}: {error.strerror}.") from None
+    for key in content:
+        if key not in KEYS:
+            raise ProblemError(f"{file} has an unknown key {key!r}{suggestion(key, KEYS)}")
+    name = content.get("name", folder.resolve().name)
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise ProblemError(f"{file}: name must be a text in one line.")
+    groups = content.get("groups", {})
+    if not isinstance(groups, dict):
+        raise ProblemError(f"{file}: groups must be a table of patterns by family.")
+    return _Description(
+        name,
+        _patterns(content.get("order", []), file, "order"),
+        _patterns(content.get("exclude", []), file, "exclude"),
+        {family: _patterns(patterns, file, f"groups.{family}") for family, patterns in groups.items()},
+    )
+
+
+def _patterns(given: Any, file: Path, key: str) -> tuple[str, ...]:
+    if not isinstance(given, list) or not all(isinstance(pattern, str) for pattern in given):
+        raise ProblemError(f"{file}: {key} must be a list of patterns, each a text.")
+    return tuple(given)
+
+
+def _names(places: Sequence[str]) -> dict[str, str]:
+    """Return the stem of each file, with its folders where several files have that stem."""
+    stems = [Path(place).stem for place in places]
+    several = {stem for stem in stems if stems.count(stem) > 1} if len(set(stems)) < len(stems) else set()
+    return {
+        place: "-".join((*Path(place).parts[:-1], stem)) if stem in several else stem
+        for place, stem in zip(places, stems, strict=True)
+    }
+
+
+def _family(place: str, groups: Mapping[str, Sequence[str]]) -> str:
+    for family, patterns in groups.items():
+        if _matches(place, patterns):
+            return family
+    path = Path(place)
+    return path.parent.as_posix() if len(path.parts) > 1 else path.stem.partition("-")[0]
+
+
+def _matches(place: str, patterns: Sequence[str]) -> bool:
+    return any(fnmatchcase(place, pattern) for pattern in patterns)
+
+
+def _first_match(place: str, patterns: Sequence[str]) -> int:
+    """Return the index of the first pattern that matches, their number if none does."""
+    return next((index for index, pattern in enumerate(patterns) if fnmatchcase(place, pattern)), len(patterns))
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
+def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
+    """Return how many of ``count`` each family gets, by largest remainders; equal ones in the order of the families."""
+    total = sum(sizes.values())
+    shares = {family: count * size // total for family, size in sizes.items()}
+    rest = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
+    for family in rest[: count - sum(shares.values())]:
+        shares[family] += 1
+    return shares
+
+
+def _rank(name: str, seed: int) -> bytes:
+    return hashlib.sha256(f"{seed}:{name}".encode()).digest()

@@ -1,0 +1,140 @@
+"""Ratios of times are paired by rounds, and their intervals hold the true ratio as often as they say."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+from msgspec import structs
+from numpy.random import Generator, default_rng
+from proxbench.bench.store.certainty import LEAST_PAIRS, interval, ratio, reaching, standings, times_by_point
+from proxbench.bench.store.records import Round
+from stored_cases import timed_round
+
+RUNS = 1000
+"""Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
+
+Noise = Callable[[Generator, int], "np.typing.NDArray[np.float64]"]
+
+
+def quiet(chance: Generator, n: int) -> "np.typing.NDArray[np.float64]":
+    return chance.normal(0.0, 0.02, n)
+
+
+def disturbed(chance: Generator, n: int) -> "np.typing.NDArray[np.float64]":
+    """A tenth of the rounds takes up to several times as long."""
+    return quiet(chance, n) + (chance.random(n) < 0.1) * chance.exponential(0.5, n)
+
+
+def rounds(seconds: "np.typing.ArrayLike", session: int = 0, is_marred: bool = False, first: int = 0) -> list[Round]:
+    return [
+        timed_round(first + number, float(value), session=session, is_marred=is_marred)
+        for number, value in enumerate(np.atleast_1d(seconds))
+    ]
+
+
+@pytest.mark.parametrize("noise", [quiet, disturbed])
+@pytest.mark.parametrize("pairs", [LEAST_PAIRS, 6, 10, 20])
+def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs: int) -> None:
+    chance = default_rng(pairs)
+    found = [
+        ratio(rounds(2.0 * np.exp(noise(chance, pairs))), rounds(np.exp(noise(chance, pairs)))) for _ in range(RUNS)
+    ]
+    assert 0.92 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
+    assert np.median([one.value for one in found]) == pytest.approx(2.0, rel=0.01)
+
+
+def test_what_hits_both_rounds_of_a_pair_cancels() -> None:
+    drift = np.array([1.0, 3.0, 0.2, 7.0, 1.5])
+    found = ratio(rounds(2.6 * drift), rounds(drift))
+    assert found == pytest.approx((2.6, 2.6, 2.6))
+    assert found.low > 1.0
+
+
+def test_one_disturbed_round_of_many_moves_a_ratio_little() -> None:
+    times = np.full(9, 2.6)
+    times[3] *= 1.9
+    assert ratio(rounds(times), rounds(np.ones(9))).value == pytest.approx(2.6)
+
+
+def test_a_ratio_and_that_of_the_others_are_reciprocal() -> None:
+    chance = default_rng(3)
+    mine, others = rounds(np.exp(quiet(chance, 8))), rounds(np.exp(quiet(chance, 8)))
+    there, back = ratio(mine, others), ratio(others, mine)
+    assert (1.0 / back.value, 1.0 / back.high, 1.0 / back.low) == pytest.approx(there, rel=1e-3)
+    assert (there.low > 1.0 or there.high < 1.0) is (back.low > 1.0 or back.high < 1.0)
+
+
+def test_rounds_of_other_moments_make_no_pairs() -> None:
+    times = np.linspace(1.0, 2.0, LEAST_PAIRS)
+    for others in (rounds(times, session=1), rounds(times, first=LEAST_PAIRS)):
+        found = ratio(rounds(times), others)
+        assert np.isnan(found.value)
+        assert (found.low, found.high) == (0.0, np.inf)
+
+
+def test_marred_rounds_count_only_where_there_are_no_others() -> None:
+    n = LEAST_PAIRS
+    good, marred = rounds(np.ones(n)), rounds(np.full(n, 9.0), is_marred=True, first=n)
+    both = rounds(np.ones(2 * n))
+    assert ratio([*good, *marred], both).value == pytest.approx(1.0)
+    assert ratio(marred, both).value == pytest.approx(9.0)
+
+
+def test_few_pairs_have_no_interval_and_decide_nothing() -> None:
+    found = interval(np.log(np.full(LEAST_PAIRS - 1, 3.0)))
+    assert found.value == pytest.approx(3.0)
+    assert (found.low, found.high) == (0.0, np.inf)
+
+
+def points(*rows: tuple[str, float, float, float, str]) -> pd.DataFrame:
+    columns = ["solver", "tolerance", "residual", "total_seconds", "outcome"]
+    frame = pd.DataFrame(rows, columns=columns)
+    return frame.assign(solve_seconds=frame["total_seconds"], status="solved")
+
+
+def rounds_frame(**times: list[float]) -> pd.DataFrame:
+    parts = [
+        pd.DataFrame([structs.asdict(one) for one in rounds(seconds)]).assign(solver=solver, tolerance=1e-4)
+        for solver, seconds in times.items()
+    ]
+    return pd.concat(parts)
+
+
+def test_the_fastest_point_of_a_solver_is_one_that_the_judge_confirms_in_time() -> None:
+    found = reaching(
+        points(
+            ("a", 1e-2, 1e-5, 3.0, "solved"),
+            ("a", 1e-4, 1e-6, 2.0, "solved"),
+            ("b", 1e-4, 1e-3, 1.0, "solved"),
+            ("c", 1e-4, 1e-6, 1.0, "wrong"),
+            ("d", 1e-4, 1e-6, 11.5, "solved"),
+            ("e", 1e-4, 1e-6, 10.5, "time limit"),
+        ),
+        1e-4,
+        10.0,
+    )
+    assert list(found["solver"]) == ["a", "a"]
+
+
+STEADY = [1.0, 1.1, 0.9, 1.05, 0.95]
+
+
+@pytest.mark.parametrize(
+    ("other", "first", "second"),
+    [
+        ([2.0, 2.3, 1.9, 2.0, 2.1], "fastest", "slower"),
+        ([1.3, 1.0, 1.2, 1.0, 1.25], "tie", "tie"),
+        ([2.0, 2.0], "undecided", "undecided"),
+    ],
+)
+def test_a_winner_is_one_only_where_all_others_are_slower(other: list[float], first: str, second: str) -> None:
+    both = points(("a", 1e-4, 1e-5, 1.0, "solved"), ("b", 1e-4, 1e-5, float(np.median(other)), "solved"))
+    found = standings(both, times_by_point(rounds_frame(a=STEADY, b=other)), 1e-4, 10.0)
+    assert list(found["solver"]) == ["a", "b"]
+    assert list(found["standing"]) == [first, second]
+    assert found["low"][1] <= found["ratio"][1] <= found["high"][1]
+
+
+def test_there_are_no_standings_where_nothing_is_reached() -> None:
+    assert standings(points(("a", 1e-4, 1e-2, 1.0, "solved")), times_by_point(rounds_frame(a=STEADY)), 1e-4, 10.0).empty

@@ -1,0 +1,166 @@
+"""Every cheat of the suite: what it does, on what, and what a run says of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cheating_solvers as answers
+import remembering_solvers as memory
+import tampering_solvers as tampering
+from proxbench.bench.measure.contacts.case import Case, Visit
+from proxbench.bench.measure.ladder import measure_ladder
+from proxbench.bench.measure.plan import PASSES
+from proxbench.bench.measure.refutation import refuted
+from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import CaseRecord, Limits
+from proxbench.problems import load
+from proxbench.problems.catalog.storage import problem_bytes
+
+LADDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+
+LIMITS = Limits(solve_seconds=30.0, case_seconds=120.0)
+
+NOT_CAUGHT = "solved: not caught"
+
+
+@dataclass(frozen=True)
+class Cheat:
+    """One trick.
+
+    Attributes:
+        does: what it does, as the table says it.
+        verdict: how it ends, as the table says it: an outcome and, behind a colon, words of the reason.
+        make: makes the solver, given a folder for its files.
+        problem: what it is tried on.
+        limits: of its case.
+    """
+
+    does: str
+    verdict: str
+    make: Callable[[Path], Any]
+    problem: str = "funnel-100"
+    limits: Limits = LIMITS
+
+    def tried(self, folder: Path, ladder: tuple[float, ...] = LADDER) -> CaseRecord:
+        """Measure it as a run does."""
+        problem = load(self.problem)
+        data, solver = problem_bytes(problem.anonymous()), contestant(self.make(folder))
+        record: CaseRecord | None = None
+        for number in range(PASSES):
+            case = Case(problem, solver, self.limits, ladder, data, record, Visit(0, number))
+            measure_ladder([case])
+            record = case.record()
+            if record.outcome is not Outcome.MEASURED:
+                break
+        return next(iter(refuted([record], case.is_solvable)), record)
+
+
+def _of(solver: Callable[[], Any]) -> Callable[[Path], Any]:
+    return lambda folder: solver()
+
+
+REPEATS = "misbehaved: repeats answers instead of solving"
+CLOCK = "misbehaved: its own clock explains"
+THREADS = "misbehaved: threads running"
+PROCESSES = "misbehaved: running"
+BOX = "hard-sticking-box"
+LARGE = "funnel-1000"
+
+CHEATS = {
+    "Remembering": Cheat("keeps answers by the digest of the problem", REPEATS, _of(memory.Remembering)),
+    "ByVelocity": Cheat("keeps answers by the bytes of c", REPEATS, _of(memory.ByVelocity)),
+    "BySize": Cheat("keeps answers by the number of rows", REPEATS, _of(memory.BySize)),
+    "WhateverUnits": Cheat("keeps answers by c in whatever units", REPEATS, _of(memory.WhateverUnits)),
+    "RemembersLaws": Cheat("keeps answers by id(laws)", "solved: gains nothing", _of(answers.RemembersLaws), BOX),
+    "InPrepare": Cheat("solves in prepare, once a problem", REPEATS, _of(memory.InPrepare)),
+    "InSupports": Cheat("solves in supports", REPEATS, _of(memory.InSupports)),
+    "LongInSupports": Cheat(
+        "solves in supports, to every tolerance", "misbehaved: its supports worked for", _of(memory.LongInSupports)
+    ),
+    "FromLibrary": Cheat("solves the library when it is made, by digest", REPEATS, _of(memory.FromLibrary)),
+    "FromLibraryInWhateverUnits": Cheat(
+        "solves the library when it is made, by c in whatever units",
+        NOT_CAUGHT,
+        _of(memory.FromLibraryInWhateverUnits),
+    ),
+    "OnTemporaryDisk": Cheat("keeps answers in temporary files", REPEATS, _of(memory.OnDisk)),
+    "OnDisk": Cheat("keeps answers in files from run to run", REPEATS, lambda folder: memory.OnDisk(str(folder))),
+    "WarmStarting": Cheat("starts from its answer to the coarser tolerance", REPEATS, _of(memory.WarmStarting), LARGE),
+    "WhenCollecting": Cheat("solves in a callback of the garbage collector", REPEATS, _of(memory.WhenCollecting)),
+    "WhenReleased": Cheat("solves in __del__ of what it prepared", REPEATS, _of(memory.WhenReleased)),
+    "WhenTimerRings": Cheat("solves in a signal handler", REPEATS, _of(memory.WhenTimerRings)),
+    "KnowsCopies": Cheat(
+        "stalls where it finds itself in a forked process", "stalled: in a first solve", _of(memory.KnowsCopies)
+    ),
+    "Choosy": Cheat(
+        "refuses all problems but those it knows",
+        "unsupported: it is no benchmark",
+        lambda folder: memory.Choosy([load("funnel-100").digest]),
+    ),
+    "AheadInThread": Cheat("works on in a thread after warming up", THREADS, _of(tampering.AheadInThread)),
+    "Background": Cheat("starts a thread in supports", THREADS, _of(answers.Background), BOX),
+    "Loading": Cheat("leaves processes behind that load the processor", PROCESSES, _of(tampering.Loading)),
+    "Orphaning": Cheat("leaves a process behind that is no child of its own", PROCESSES, _of(tampering.Orphaning)),
+    "SlowClock": Cheat("replaces the clock by one ten times slower", CLOCK, _of(tampering.SlowClock), LARGE),
+    "StoppedClock": Cheat(
+        "replaces the clock by one that stands",
+        "timeout: the case took longer",
+        _of(tampering.StoppedClock),
+        limits=Limits(solve_seconds=1.0, case_seconds=5.0),
+    ),
+    "Accountant": Cheat("replaces Measurement.round and divides the times", CLOCK, _of(tampering.Accountant), LARGE),
+    "BeforeSolving": Cheat("replaces Measurement._solve and solves before", CLOCK, _of(tampering.BeforeSolving), LARGE),
+    "WhileTraced": Cheat(
+        "solves in a trace function, before the clock starts", CLOCK, _of(tampering.WhileTraced), LARGE
+    ),
+    "WhileSwitchingCollection": Cheat(
+        "replaces gc.disable and solves in it, before the clock starts",
+        CLOCK,
+        _of(tampering.WhileSwitchingCollection),
+        LARGE,
+    ),
+    "Postponing": Cheat(
+        "replaces np.copyto and solves after the clock has stopped", CLOCK, _of(tampering.Postponing), LARGE
+    ),
+    "SometimesZero": Cheat("answers zero in three of ten solves", "wrong: ", _of(answers.SometimesZero), BOX),
+    "Loose": Cheat("claims a thousandth of what it reached", "wrong: ", _of(answers.Loose)),
+    "Jittering": Cheat(
+        "changes the last bits from solve to solve", "solved: different answers", _of(answers.Jittering), BOX
+    ),
+    "Lazy": Cheat(
+        "returns a solution that solves when it is read", "misbehaved: a subclass of Solution", _of(answers.Lazy), BOX
+    ),
+    "Disguised": Cheat(
+        "returns impulses of a subclass of ndarray", "misbehaved: not a plain numpy array", _of(answers.Disguised), BOX
+    ),
+    "ChangesLater": Cheat(
+        "changes impulses after it has returned", "solved: gains nothing", _of(answers.ChangesLater), BOX
+    ),
+    "Elsewhere": Cheat(
+        "returns before the work is done, and waits in synchronise",
+        "solved: gains nothing",
+        _of(answers.Elsewhere),
+        BOX,
+    ),
+    "Late": Cheat(
+        "answers after the limit",
+        "time limit: its limit is 0.02 s",
+        _of(answers.Late),
+        BOX,
+        Limits(solve_seconds=0.02, case_seconds=120.0),
+    ),
+    "Hopeless": Cheat("says that a problem has no solution", "wrong: one is known", _of(answers.Hopeless), BOX),
+    "FewIterations": Cheat(
+        "counts ten sweeps as one iteration", "solved: gains nothing", _of(answers.FewIterations), "funnel-30"
+    ),
+    "Reader": Cheat("reads the known answer or the name of the problem", "wrong: ", _of(answers.Reader), BOX),
+}
+"""All of them by name."""
+
+
+def table() -> str:
+    """Return the suite as a table of the documentation."""
+    rows = [f"| {cheat.does} | {cheat.verdict.rstrip(': ')} |" for cheat in CHEATS.values()]
+    return "\n".join(["| cheat | verdict |", "| --- | --- |", *rows])

@@ -1,0 +1,241 @@
+"""Solvers that answer what they have solved before, or know already, and are honest about everything else."""
+
+import gc
+import hashlib
+import os
+import pickle
+import signal
+import tempfile
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from cheating_solvers import Honest, Prepared
+from proxbench.problems import ContactProblem, suite
+from proxbench.solvers import Solution, Status, Stop, create
+
+
+class Remembering(Honest):
+    """Keeps its answers by what a problem has in its digest."""
+
+    @cached_property
+    def kept(self) -> dict[Any, Solution]:
+        return {}
+
+    def key(self, problem: ContactProblem) -> Any:
+        return problem.digest
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        key = self.key(problem), stop.tolerance
+        if observe is None and key in self.kept:
+            return self.kept[key]
+        self.kept[key] = super().solve(problem, stop, observe)
+        return self.kept[key]
+
+
+class ByVelocity(Remembering):
+    """By the bytes of the free velocity."""
+
+    def key(self, problem: ContactProblem) -> Any:
+        return problem.free_velocity.tobytes()
+
+
+class BySize(Remembering):
+    """By the number of rows; answers to others are wrong."""
+
+    def key(self, problem: ContactProblem) -> Any:
+        return problem.n_rows
+
+
+class WhateverUnits(Remembering):
+    """By the velocity over its largest entry: it knows problems in whatever units, and keeps answers to scale."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        scale = problem.delassus_diagonal.max() / np.abs(problem.free_velocity).max()
+        known = (problem.free_velocity / np.abs(problem.free_velocity).max()).tobytes(), stop.tolerance
+        if observe is not None or known not in self.kept:
+            found = Honest.solve(self, problem, stop, observe)
+            self.kept[known] = Solution(found.impulses * scale, found.status, found.iterations)
+        kept = self.kept[known]
+        return Solution(kept.impulses / scale, kept.status, kept.iterations)
+
+
+class InPrepare(Remembering):
+    """Solves when it prepares, once a problem."""
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        self.solve(problem, Stop(1e-9), None)
+        return super().prepare(problem)
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        return super().solve(problem, Stop(1e-9), observe)
+
+
+class InSupports(Remembering):
+    """Solves when it is asked whether it supports a problem."""
+
+    tolerances: ClassVar[tuple[float, ...]] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        for tolerance in self.tolerances:
+            super().solve(problem, Stop(tolerance), None)
+        return None
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        known = self.kept.get((self.key(problem), stop.tolerance))
+        return known if known and observe is None else Honest.solve(self, problem, stop, observe)
+
+
+class LongInSupports(InSupports):
+    """The same, to seven hundred tolerances."""
+
+    tolerances = tuple(10.0 ** (-0.01 * k) for k in range(100, 800))
+
+
+class FromLibrary(InSupports):
+    """Solves the problems of the library when it is made, and knows them by their digest."""
+
+    def __init__(self) -> None:
+        for problem in suite("quick"):
+            if problem.name == "funnel-100":
+                super().supports(problem)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return None
+
+
+class FromLibraryInWhateverUnits(WhateverUnits):
+    """Solves the problems of the library when it is made, and knows them in whatever units."""
+
+    def __init__(self) -> None:
+        for problem in suite("quick"):
+            for tolerance in InSupports.tolerances if problem.name == "funnel-100" else ():
+                self.solve(problem, Stop(tolerance), None)
+
+
+@dataclass
+class OnDisk(Honest):
+    """Keeps its answers in files, between processes and between runs.
+
+    Attributes:
+        folder: where; a temporary file if empty.
+    """
+
+    folder: str = ""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        name = hashlib.sha256(f"{problem.digest}{stop.tolerance}".encode()).hexdigest()
+        file = Path(self.folder or tempfile.gettempdir(), name)
+        if observe is None and file.exists():
+            known: Solution = pickle.loads(file.read_bytes())
+            return known
+        found = super().solve(problem, stop, observe)
+        file.write_bytes(pickle.dumps(found))
+        return found
+
+
+class WarmStarting(Honest):
+    """Begins from its last answer to any problem of this size, whatever the tolerance."""
+
+    @cached_property
+    def last(self) -> dict[int, Any]:
+        return {}
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        start = self.last.get(problem.n_rows) if observe is None else None
+        found = create("SORprox").prepare(problem).solve(stop, start=start, observe=observe)
+        self.last[problem.n_rows] = found.impulses
+        return found
+
+
+class OffTheClock(Remembering):
+    """Solves to all tolerances when nobody counts, and is honest before; the subclasses say when."""
+
+    @cached_property
+    def waiting(self) -> list[Any]:
+        return []
+
+    def ahead(self) -> None:
+        while self.waiting:
+            problem, stop = self.waiting.pop()
+            Remembering.solve(self, problem, stop, None)
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        known = self.kept.get((self.key(problem), stop.tolerance))
+        if known is not None and observe is None:
+            return known
+        self.waiting.append((problem, stop))
+        return Honest.solve(self, problem, stop, observe)
+
+
+class WhenCollecting(OffTheClock):
+    """When garbage is collected, which is never on the clock."""
+
+    @cached_property
+    def is_listening(self) -> bool:
+        gc.callbacks.append(lambda phase, information: self.ahead())
+        gc.set_threshold(10)
+        return True
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        return super().prepare(problem) if self.is_listening else None
+
+
+class WhenReleased(OffTheClock):
+    """When what it prepared is let go."""
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        return Released(self, problem)
+
+
+class Released(Prepared):
+    def __del__(self) -> None:
+        self.solver.ahead()
+
+
+class WhenTimerRings(OffTheClock):
+    """When a timer rings, as it does every millisecond."""
+
+    @cached_property
+    def is_listening(self) -> bool:
+        signal.signal(signal.SIGALRM, lambda number, frame: self.ahead())
+        signal.setitimer(signal.ITIMER_REAL, 1e-3, 1e-3)
+        return True
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        return super().prepare(problem) if self.is_listening else None
+
+
+class KnowsCopies(Remembering):
+    """Stalls in every process but the one that it was made in first, where it remembers."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        if observe is None and stop.tolerance < 1e-1 and (self.key(problem), stop.tolerance) not in self.kept:
+            self.kept[self.key(problem), stop.tolerance] = Honest.solve(self, problem, stop, None)
+            if self.is_copied:
+                return Solution(np.zeros(problem.n_rows), Status.STALLED, 0)
+        return super().solve(problem, stop, observe)
+
+    @cached_property
+    def first_process(self) -> int:
+        return os.getpid()
+
+    @property
+    def is_copied(self) -> bool:
+        return self.first_process != os.getpid()
+
+
+@dataclass
+class Choosy(Honest):
+    """Refuses what it does not know.
+
+    Attributes:
+        known: digests.
+    """
+
+    known: list[str] = field(default_factory=list)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return None if problem.digest in self.known else "it is no benchmark"

@@ -1,0 +1,74 @@
+"""FCLIB files made by hand, data set by data set, of a problem whose solution is known.
+
+Two point masses stand on each other and on the ground, three degrees of freedom each. Contact 1 is between the ground
+and the lower one, contact 2 between the two. All numbers are sums of few powers of two, so that every form gives the
+same bits. At rest, M v = 0 = H r + f gives r.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+M = np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
+H = np.block([[np.eye(3), -np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
+F = np.array([-2.0, 0.5, 0.0, -1.0, 0.0, 0.25])
+W = H.T @ np.linalg.inv(M) @ H
+Q = H.T @ np.linalg.inv(M) @ F
+MU = np.array([0.25, 0.5])
+IMPULSES = np.array([3.0, -0.5, -0.25, 1.0, 0.0, -0.25])
+
+Data = dict[str, Any]
+
+
+def matrix_data(matrix: np.ndarray, kind: str) -> Data:
+    """Return the data sets of a matrix, entry by entry in the order of the format's description."""
+    rows, columns = matrix.shape
+    if kind == "packed":
+        return {**matrix_data(np.tril(matrix), "columns"), "symmetric_packed": 1}
+    if kind == "triplets":
+        found = [(i, j) for j in range(columns) for i in range(rows) if matrix[i, j]][::-1]  # in no special order
+        i, p, nz = [i for i, _ in found], [j for _, j in found], len(found)
+        x = [matrix[at] for at in found]
+    else:
+        lines = matrix if kind == "rows" else matrix.T
+        i = [k for line in lines for k in np.flatnonzero(line)]
+        x = [value for line in lines for value in line[line != 0]]
+        p = [0, *np.cumsum([np.count_nonzero(line) for line in lines])]
+        nz = -2 if kind == "rows" else -1
+    scalars = {"nzmax": len(x), "m": rows, "n": columns, "nz": nz}
+    arrays = {name: np.array([number], dtype=np.int32) for name, number in scalars.items()}
+    return {**arrays, "p": np.array(p, dtype=np.int32), "i": np.array(i, dtype=np.int32), "x": np.array(x)}
+
+
+def local_data(kind: str = "rows", matrix: np.ndarray = W) -> Data:
+    """Return the data sets of the local problem by their paths."""
+    parts = {f"fclib_local/W/{name}": value for name, value in matrix_data(matrix, kind).items()}
+    vectors = {"fclib_local/vectors/q": Q, "fclib_local/vectors/mu": MU}
+    return {"fclib_local/spacedim": np.array([3], dtype=np.int32), **parts, **vectors}
+
+
+def global_data(kind: str = "triplets") -> Data:
+    """Return the data sets of the global problem by their paths."""
+    parts = {
+        f"fclib_global/{label}/{name}": value
+        for label, matrix in (("M", M), ("H", H))
+        for name, value in matrix_data(matrix, kind).items()
+    }
+    vectors = {f"fclib_global/vectors/{name}": value for name, value in {"f": F, "w": np.zeros(6), "mu": MU}.items()}
+    return {"fclib_global/spacedim": np.array([3], dtype=np.int32), **parts, **vectors}
+
+
+def write_data(path: Path, data: Data, **changes: Any) -> Path:
+    """Write data sets into a new HDF5 file; a value of None leaves one out, ``symmetric_packed`` is an attribute."""
+    with h5py.File(path, "w") as file:
+        for name, value in {**data, **changes}.items():
+            folder, _, last = name.rpartition("/")
+            if value is None:
+                continue
+            if last == "symmetric_packed":
+                file.require_group(folder).attrs[last] = value
+            else:
+                file[name] = value
+    return path

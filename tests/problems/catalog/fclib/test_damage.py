@@ -1,0 +1,104 @@
+"""Damaged files are refused in one sentence or give what was written: no crash, no hang, no other numbers.
+
+A file from elsewhere has no checksum, so that a changed number which still makes sense gives another problem.
+"""
+
+import re
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from handmade_fclib import global_data, write_data
+from proxbench.problems import ContactProblem, ProblemError, load, read_fclib, write_fclib
+
+MUTATIONS = [100, pytest.param(1000, marks=pytest.mark.slow)]
+METADATA = re.compile(rb"TREE|HEAP|SNOD|\x89HDF|\x01\x00.\x00\x01\x00\x00\x00", re.DOTALL)
+"""Where parts of the file's structure begin: signatures, and headers of data sets and groups."""
+
+
+def mutated(content: bytes, rng: np.random.Generator) -> bytes:
+    """Return the file cut short, with flipped bits anywhere, or with other bytes in its structure."""
+    chance, changed = rng.random(), bytearray(content)
+    if chance < 0.25:
+        return content[: rng.integers(len(content))]
+    if chance < 0.6:
+        for _ in range(rng.integers(1, 9)):
+            changed[rng.integers(len(changed))] ^= 1 << rng.integers(8)
+        return bytes(changed)
+    starts = [found.start() for found in METADATA.finditer(content)]
+    for _ in range(rng.integers(1, 5)):
+        place = min(rng.choice(starts) + rng.integers(96), len(content) - 1)
+        changed[place] = rng.choice([0, 255, rng.integers(256)])
+    return bytes(changed)
+
+
+def outcome(path: Path) -> str:
+    try:
+        return read_fclib(path).digest
+    except ProblemError as error:
+        sentence = str(error)
+    assert sentence.startswith(str(path))
+    assert "\n" not in sentence
+    return "refused"
+
+
+@pytest.mark.parametrize("mutations", MUTATIONS)
+def test_no_damage_to_a_file_of_ours_gives_other_numbers(mutations: int, tmp_path: Path) -> None:
+    path, rng = tmp_path / "p.hdf5", np.random.default_rng(14)
+    write_fclib(load("hard-sticking-box"), path)
+    content, digest = path.read_bytes(), read_fclib(path).digest
+    outcomes = []
+    for _ in range(mutations):
+        path.write_bytes(mutated(content, rng))
+        outcomes.append(outcome(path))
+    assert set(outcomes) == {"refused", digest}
+    assert outcomes.count("refused") > mutations / 3
+
+
+@pytest.mark.parametrize("mutations", MUTATIONS)
+def test_damage_to_a_file_from_elsewhere_is_refused_or_gives_another_valid_problem(
+    mutations: int, tmp_path: Path
+) -> None:
+    path, rng = tmp_path / "p.hdf5", np.random.default_rng(15)
+    content = write_data(path, global_data()).read_bytes()
+    for _ in range(mutations):
+        path.write_bytes(mutated(content, rng))
+        outcome(path)
+
+
+def test_a_number_changed_in_a_file_of_ours_is_noticed(tmp_path: Path) -> None:
+    problem = load("hard-sticking-box")
+    write_fclib(problem, tmp_path / "p.hdf5")
+    content = (tmp_path / "p.hdf5").read_bytes()
+    friction = problem.laws.friction_coefficient[1::2].tobytes()
+    assert content.count(friction) == 1
+    at = content.index(friction)
+    (tmp_path / "p.hdf5").write_bytes(content[:at] + b"\x01" + content[at + 1 :])
+    with pytest.raises(ProblemError, match=r"p\.hdf5 is damaged: its numbers are not those of the digest"):
+        read_fclib(tmp_path / "p.hdf5")
+
+
+def peak_of_reading(path: Path) -> int:
+    """Return the most memory that reading takes beyond what there is [bytes]."""
+    outcome(path)  # what is imported and compiled does not count
+    tracemalloc.start()
+    outcome(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
+
+
+@pytest.mark.parametrize("name", ["m", "n", "nz", "nzmax"])
+@pytest.mark.parametrize("label", ["M", "H"])
+def test_a_size_that_is_only_claimed_takes_no_memory(label: str, name: str, tmp_path: Path) -> None:
+    claims = {f"fclib_global/{label}/{name}": np.array([2**31 - 1])}
+    assert peak_of_reading(write_data(tmp_path / "p.hdf5", global_data(), **claims)) < 100_000
+
+
+def test_reading_takes_at_most_three_times_the_memory_of_the_file_and_six_for_a_delassus_matrix(tmp_path: Path) -> None:
+    problem = load("pile-300")
+    assembled = ContactProblem(problem.free_velocity, problem.laws, matrix=problem.delassus())
+    for made, times in ((problem, 3.0), (assembled, 6.0)):
+        write_fclib(made, tmp_path / "p.hdf5")
+        assert peak_of_reading(tmp_path / "p.hdf5") < times * (tmp_path / "p.hdf5").stat().st_size
