@@ -3,7 +3,8 @@
 The residuals always hold all of it. With z = 1 the step is Newton's, which is fast, and stands still where the path
 turns; z = 0 leaves the term where it is, which makes each step that of a convex cone program and the whole De Saxcé's
 fixed point, slow and safe. In between z follows the steps: one that meets a boundary before half of it reduces z, one
-of more than nine tenths raises it again.
+of more than nine tenths raises it again. Where even the least z leaves a step short, it is not the turn that is met,
+and z goes back to 1: near a contact that neither opens nor closes strictly only Newton's step goes on.
 """
 
 from collections.abc import Callable
@@ -72,7 +73,8 @@ class ContactDamping:
 
 def _adapted(values: FloatArray, parts: FloatArray) -> FloatArray:
     factor = np.where(parts < SHORT, REDUCTION, np.where(parts > LONG, GROWTH, 1.0))
-    adapted: FloatArray = np.clip(factor * values, LEAST_SHARE, 1.0)
+    is_in_vain = (parts < SHORT) & (values == LEAST_SHARE)
+    adapted: FloatArray = np.where(is_in_vain, 1.0, np.clip(factor * values, LEAST_SHARE, 1.0))
     return adapted
 
 
