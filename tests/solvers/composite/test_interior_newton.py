@@ -1,5 +1,7 @@
 """InteriorNewton: each method goes on from what the others have found."""
 
+import math
+
 import numpy as np
 import pytest
 from proxbench.problems import judge, load
@@ -36,6 +38,6 @@ def test_an_iteration_limit_holds_for_all_methods_together() -> None:
 
 def test_the_best_impulses_of_all_methods_are_returned() -> None:
     problem = load("pile-100")
-    solution = create("InteriorNewton").prepare(problem).solve(Stop(1e-15, max_iterations=20))
-    alone = create("InteriorPoint").prepare(problem).solve(Stop(1e-15, max_iterations=20))
+    solution = create("InteriorNewton").prepare(problem).solve(Stop(1e-15, max_iterations=20, max_seconds=math.inf))
+    alone = create("InteriorPoint").prepare(problem).solve(Stop(1e-15, max_iterations=20, max_seconds=math.inf))
     assert np.array_equal(solution.impulses, alone.impulses)

@@ -2,6 +2,7 @@
 
 import itertools
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -116,14 +117,17 @@ def test_a_matrix_that_is_not_symmetric_is_solved_as_it_is() -> None:
     assert solve(problem, "InteriorPoint", tolerance=1e-8).status is Status.SOLVED
 
 
-def test_a_time_limit_is_kept() -> None:
+def test_a_time_limit_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the processor's time, which other programs do not count into."""
     problem = load("pile-1000")
     prepared = create("InteriorPoint").prepare(problem)
     prepared.solve(Stop(1e-12, 1))
-    began = time.perf_counter()
+    clock = SimpleNamespace(perf_counter=time.thread_time)
+    monkeypatch.setattr("proxbench.solvers.iteration.clock.time", clock)
+    began = time.thread_time()
     solution = prepared.solve(Stop(1e-14, max_seconds=0.5))
     assert solution.status is Status.TIME_LIMIT
-    assert time.perf_counter() - began <= 0.5 + 0.2
+    assert time.thread_time() - began <= 0.5 + 0.2
 
 
 def test_laws_without_a_partner_and_with_another_s_are_all_bounded() -> None:
