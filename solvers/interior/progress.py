@@ -14,6 +14,9 @@ from ..iteration.loop import judged, rounding
 FLOPS_A_SECOND = 3e9
 """What a machine does at least in a factorisation; the first step that is measured replaces the guess."""
 
+SLACK = 1.5
+"""What the time of a step is multiplied with to predict the next, because other programs take turns with this one."""
+
 SHORTEST, MOST_SHORT = 1e-9, 5
 """Steps below the first, so many in a row, move nothing any more."""
 
@@ -54,7 +57,7 @@ class Progress:
 
     def factorised(self, factorise: Callable[[], bool]) -> bool:
         """Factorise if a step like the last ends in time; say whether there are factors, or the solve is over."""
-        if self._step_seconds > self._clock.left:
+        if SLACK * self._step_seconds > self._clock.left:
             self.end(Status.TIME_LIMIT, f"{self._reached()}; the next step would not end in time")
             return False
         self._began = self._clock.used
