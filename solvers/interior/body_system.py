@@ -1,0 +1,190 @@
+"""The reduced Newton system over bodies: (Ĝ + D) dr = b with Ĝ = V WᵀM⁻¹W S never assembled.
+
+With W̃ = SᵀW of M⁻¹ = S Sᵀ, L = W̃ times the impulses' scale and R = W̃ times the velocities', so that Ĝ = RᵀL,
+
+    (I + L D⁻¹ Rᵀ) v = L D⁻¹ b,      dr = D⁻¹ (b − Rᵀ v)      (Woodbury).
+
+The system has the degrees of freedom of the bodies, however many contacts over-determine them, and a contact between
+two bodies adds one dense block to it. Each solution is refined against Ĝ and D themselves.
+"""
+
+import numpy as np
+from numba import njit
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from .block_lu import BlockLU
+from .delassus_system import REFINEMENTS
+from .scaled_problem import ScaledProblem
+
+
+class BodySystem:
+    """L, R and the pattern of one problem, and the factors of I + L D⁻¹ Rᵀ."""
+
+    def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
+        pieces, width = problem.factor_pieces(), problem.layout.width
+        block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
+        self._width, self._n_chunks, self._length = width, pieces.n_chunks, pieces.length
+        self._starts, self._chunks = pieces.starts, pieces.chunks
+        self._left: FloatArray = pieces.values * scaled.impulse_scale[block, :width, None]
+        self._right: FloatArray = pieces.values * scaled.velocity_scale[block, :width, None]
+        rows, columns, self._pair_starts, self._targets = _pattern(self._starts, self._chunks, self._n_chunks)
+        self._diagonal = rows[:-1]
+        self._blocks = np.empty((len(columns), self._length, self._length))
+        self._factors = BlockLU(rows, columns, self._length)
+        self._coupled: FloatArray = np.zeros((0, width, width))
+        self._inverse = self._coupled
+
+    @property
+    def flops(self) -> float:
+        """Multiplications and additions of one factorisation."""
+        return self._factors.flops
+
+    def times(self, r: FloatArray) -> FloatArray:
+        """Return Ĝ r, shape (n, 3)."""
+        return self._pull(self._push(r[:, : self._width]))
+
+    def factorise(self, coupled: FloatArray) -> bool:
+        """Factorise for D of shape (n, 3, 3); False if D or the sum is singular."""
+        self._coupled = np.ascontiguousarray(coupled[:, : self._width, : self._width])
+        try:
+            self._inverse = np.asarray(np.linalg.inv(self._coupled), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return False
+        if not np.isfinite(self._inverse).all():
+            return False
+        _assemble(
+            self._starts,
+            self._left,
+            self._right,
+            self._inverse,
+            self._pair_starts,
+            self._targets,
+            self._diagonal,
+            self._blocks,
+        )
+        return self._factors.factorise(self._blocks)
+
+    def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
+        """Return dr for a right side, both of shape (n, 3)."""
+        width, found, left = self._width, np.zeros((len(right), 3)), right
+        for refinement in range(refinements + 1):
+            moved = self._factors.solve(self._push(self._from_inverse(left[:, :width])))
+            found[:, :width] += self._from_inverse(left[:, :width] - self._pull(moved)[:, :width])
+            if refinement < refinements:
+                left = right - self.times(found)
+                left[:, :width] -= (self._coupled @ found[:, :width, None])[:, :, 0]
+        return found
+
+    def _from_inverse(self, lanes: FloatArray) -> FloatArray:
+        product: FloatArray = (self._inverse @ lanes[:, :, None])[:, :, 0]
+        return product
+
+    def _push(self, lanes: FloatArray) -> FloatArray:
+        """Return L x over degrees of freedom."""
+        product: FloatArray = _push(self._starts, self._chunks, self._n_chunks, self._left, np.ascontiguousarray(lanes))
+        return product
+
+    def _pull(self, velocity: FloatArray) -> FloatArray:
+        """Return Rᵀ v, shape (n, 3)."""
+        product: FloatArray = _pull(self._starts, self._chunks, self._n_chunks, self._right, velocity)
+        return product
+
+
+@njit(cache=True)
+def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
+    """Return the block rows over chunks, the diagonal first, and where each pair of a contact's pieces adds to them."""
+    n = len(starts) - 1
+    heads = np.zeros(n_chunks + 2, dtype=np.int64)
+    for p in range(len(chunks)):
+        if chunks[p] < n_chunks:
+            heads[chunks[p] + 1] += 1
+    for chunk in range(n_chunks):
+        heads[chunk + 1] += heads[chunk]
+    contact_of, piece_of, filled = np.empty_like(chunks), np.empty_like(chunks), heads[:-1].copy()
+    pair_starts, most = np.zeros(n + 1, dtype=np.int64), n_chunks
+    for i in range(n):
+        count = starts[i + 1] - starts[i]
+        pair_starts[i + 1] = pair_starts[i] + count * count
+        for p in range(starts[i], starts[i + 1]):
+            if chunks[p] < n_chunks:
+                contact_of[filled[chunks[p]]], piece_of[filled[chunks[p]]] = i, p
+                filled[chunks[p]] += 1
+    most += pair_starts[n]
+    rows, columns = np.zeros(n_chunks + 1, dtype=np.int64), np.empty(most, dtype=np.int64)
+    targets, place, end = np.full(pair_starts[n], -1, dtype=np.int64), np.full(n_chunks, -1, dtype=np.int64), 0
+    for chunk in range(n_chunks):
+        begin = end
+        columns[end] = chunk
+        place[chunk] = end
+        end += 1
+        for m in range(heads[chunk], heads[chunk + 1]):
+            i = contact_of[m]
+            count = starts[i + 1] - starts[i]
+            for k in range(count):
+                other = chunks[starts[i] + k]
+                if other >= n_chunks:
+                    continue
+                if place[other] < begin:
+                    place[other] = end
+                    columns[end] = other
+                    end += 1
+                targets[pair_starts[i] + (piece_of[m] - starts[i]) * count + k] = place[other]
+        rows[chunk + 1] = end
+    return rows, columns[:end], pair_starts, targets
+
+
+@njit(cache=True)
+def _assemble(starts, left, right, inverse, pair_starts, targets, diagonal, blocks):  # type: ignore[no-untyped-def]
+    """Write I + L D⁻¹ Rᵀ in blocks of the pattern."""
+    width, length = left.shape[1], left.shape[2]
+    blocks[:] = 0.0
+    for chunk in range(len(diagonal)):
+        for k in range(length):
+            blocks[diagonal[chunk], k, k] = 1.0
+    product = np.empty((width, length))
+    for i in range(len(starts) - 1):
+        count = starts[i + 1] - starts[i]
+        for k in range(count):
+            piece = right[starts[i] + k]
+            for lane in range(width):
+                for axis in range(length):
+                    product[lane, axis] = 0.0
+                    for other in range(width):
+                        product[lane, axis] += inverse[i, lane, other] * piece[other, axis]
+            for m in range(count):
+                at = targets[pair_starts[i] + m * count + k]
+                if at < 0:
+                    continue
+                for row in range(length):
+                    for axis in range(length):
+                        total = 0.0
+                        for lane in range(width):
+                            total += left[starts[i] + m, lane, row] * product[lane, axis]
+                        blocks[at, row, axis] += total
+
+
+@njit(cache=True)
+def _push(starts, chunks, n_chunks, left, lanes):  # type: ignore[no-untyped-def]
+    width, length = left.shape[1], left.shape[2]
+    product = np.zeros(n_chunks * length)
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            if chunks[p] < n_chunks:
+                for lane in range(width):
+                    for k in range(length):
+                        product[chunks[p] * length + k] += left[p, lane, k] * lanes[i, lane]
+    return product
+
+
+@njit(cache=True)
+def _pull(starts, chunks, n_chunks, right, velocity):  # type: ignore[no-untyped-def]
+    width, length = right.shape[1], right.shape[2]
+    product = np.zeros((len(starts) - 1, 3))
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            if chunks[p] < n_chunks:
+                for lane in range(width):
+                    for k in range(length):
+                        product[i, lane] += right[p, lane, k] * velocity[chunks[p] * length + k]
+    return product

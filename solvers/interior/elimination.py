@@ -1,0 +1,275 @@
+"""The order in which a sparse matrix of blocks is eliminated, and what that fills: found once for a pattern.
+
+Columns are ordered by multiple minimum degree (Liu 1985) on the graph of the blocks, then so that each subtree of the
+elimination tree stands together (Liu 1990). Neighbouring columns of nearly the same structure become one supernode,
+which is eliminated as a dense matrix. The multifrontal method (Duff & Reid 1983) visits supernodes in this order: the
+front of a supernode gathers entries of the matrix and the updates that its children left on a stack.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+from scipy.sparse.linalg import splu
+
+from ...problems.arrays import IntArray
+
+MOST_ZEROS = 0.2
+"""Share of zeros that a supernode may gain by taking in its neighbour."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """How a matrix of blocks with a symmetric pattern is eliminated; all counts are in blocks.
+
+    Attributes:
+        order: block row that is eliminated at each place, shape (n,).
+        nodes: first place of each supernode, shape (n_nodes + 1,).
+        row_starts: where the rows below each supernode begin in ``rows``, shape (n_nodes + 1,).
+        rows: places of the rows below the supernodes.
+        row_places: where each of these rows stands in the front of the parent.
+        child_starts: where the children of each supernode begin in ``children``, shape (n_nodes + 1,).
+        children: supernodes, by parent.
+        entry_starts: where the entries that enter each front begin in ``entries``, shape (n_nodes + 1,).
+        entries: stored blocks of the matrix, by supernode.
+        entry_places: row and column of each of them in its front, shape (2, n_entries).
+        factor_starts: where the factors of each supernode begin, shape (n_nodes + 1,).
+        stack_size: most that the stack of updates holds.
+    """
+
+    order: IntArray
+    nodes: IntArray
+    row_starts: IntArray
+    rows: IntArray
+    row_places: IntArray
+    child_starts: IntArray
+    children: IntArray
+    entry_starts: IntArray
+    entries: IntArray
+    entry_places: IntArray
+    factor_starts: IntArray
+    stack_size: int
+
+    @cached_property
+    def multiplications(self) -> float:
+        """Multiplications of blocks in one factorisation."""
+        pivots, below = np.diff(self.nodes).astype(float), np.diff(self.row_starts).astype(float)
+        return float((pivots**3 + 2.0 * pivots**2 * below + pivots * below**2).sum())
+
+
+def elimination(starts: IntArray, columns: IntArray) -> Elimination:
+    """Return how to eliminate a matrix with the pattern of compressed block rows, symmetric, its diagonal stored.
+
+    Args:
+        starts: first stored block of each block row, shape (n + 1,).
+        columns: block column of each stored block.
+    """
+    starts, columns = np.asarray(starts, dtype=np.int64), np.asarray(columns, dtype=np.int64)
+    order = _minimum_degree(starts, columns)
+    order = order[_postorder(_tree(starts, columns, np.argsort(order), order))]
+    position = np.argsort(order)
+    parent = _tree(starts, columns, position, order)
+    column_starts, column_rows = _structures(starts, columns, position, order, parent)
+    nodes = _supernodes(column_starts, parent, MOST_ZEROS)
+    row_starts, rows, node_of, child_starts, children = _fronts(column_starts, column_rows, nodes, parent)
+    entry_starts, entries, row_of = _entries(starts, columns, position, node_of, len(nodes) - 1)
+    local = _local_places(
+        nodes, row_starts, rows, child_starts, children, entry_starts, entries, row_of, position[columns]
+    )
+    return Elimination(
+        order, nodes, row_starts, rows, local[0], child_starts, children, entry_starts, entries, *local[1:]
+    )
+
+
+def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
+    """Return an order of little fill; SuperLU's, which it finds for a matrix of that pattern with a large diagonal."""
+    n = len(starts) - 1
+    if n < 3:
+        return np.arange(n)
+    pattern = sp.csr_array((np.ones(len(columns)), columns, starts), shape=(n, n))
+    dominant = sp.csc_matrix(pattern + 2.0 * np.diff(starts).max() * sp.eye_array(n))
+    factors = splu(
+        dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
+    )
+    order: IntArray = np.argsort(factors.perm_c).astype(np.int64)
+    return order
+
+
+@njit(cache=True)
+def _tree(starts, columns, position, order):  # type: ignore[no-untyped-def]
+    """Return the parent of each place in the elimination tree, −1 for a root (Liu 1986)."""
+    n = len(order)
+    parent = np.full(n, -1, dtype=np.int64)
+    ancestor = np.full(n, -1, dtype=np.int64)
+    for k in range(n):
+        for p in range(starts[order[k]], starts[order[k] + 1]):
+            i = position[columns[p]]
+            while i != -1 and i < k:
+                above = ancestor[i]
+                ancestor[i] = k
+                if above == -1:
+                    parent[i] = k
+                i = above
+    return parent
+
+
+@njit(cache=True)
+def _postorder(parent):  # type: ignore[no-untyped-def]
+    """Return the places so that each subtree stands together, its root last."""
+    n = len(parent)
+    first, sibling = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    for j in range(n - 1, -1, -1):
+        if parent[j] >= 0:
+            sibling[j] = first[parent[j]]
+            first[parent[j]] = j
+    post, stack, done = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), 0
+    for root in range(n):
+        if parent[root] >= 0:
+            continue
+        stack[0], top = root, 0
+        while top >= 0:
+            j = stack[top]
+            child = first[j]
+            if child == -1:
+                post[done] = j
+                done += 1
+                top -= 1
+            else:
+                first[j] = sibling[child]
+                top += 1
+                stack[top] = child
+    return post
+
+
+@njit(cache=True)
+def _structures(starts, columns, position, order, parent):  # type: ignore[no-untyped-def]
+    """Return the rows below the diagonal of each column of the factor, sorted, in compressed columns."""
+    n = len(order)
+    column_starts, used = np.zeros(n + 1, dtype=np.int64), 0
+    rows = np.empty(16 * n + 16, dtype=np.int64)
+    mark = np.full(n, -1, dtype=np.int64)
+    first, sibling = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    for j in range(n):
+        begin = used
+        if used + n > len(rows):
+            longer = np.empty(2 * len(rows) + n, dtype=np.int64)
+            longer[:used] = rows[:used]
+            rows = longer
+        for p in range(starts[order[j]], starts[order[j] + 1]):
+            i = position[columns[p]]
+            if i > j and mark[i] != j:
+                mark[i] = j
+                rows[used] = i
+                used += 1
+        child = first[j]
+        while child != -1:
+            for p in range(column_starts[child], column_starts[child + 1]):
+                i = rows[p]
+                if i > j and mark[i] != j:
+                    mark[i] = j
+                    rows[used] = i
+                    used += 1
+            child = sibling[child]
+        rows[begin:used] = np.sort(rows[begin:used])
+        column_starts[j + 1] = used
+        if parent[j] >= 0:
+            sibling[j] = first[parent[j]]
+            first[parent[j]] = j
+    return column_starts, rows[:used]
+
+
+@njit(cache=True)
+def _supernodes(column_starts, parent, most_zeros):  # type: ignore[no-untyped-def]
+    """Return the first place of each supernode; a column joins the one before it where few zeros come in."""
+    n = len(parent)
+    nodes, count, zeros = np.empty(n + 1, dtype=np.int64), 0, 0.0
+    for j in range(n):
+        if j > 0 and parent[j - 1] == j:
+            width, below = j - nodes[count - 1], column_starts[j + 1] - column_starts[j]
+            gained = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
+            if zeros + gained <= most_zeros * (width + 1) * (below + 1 + 0.5 * width):
+                zeros += gained
+                continue
+        nodes[count] = j
+        count += 1
+        zeros = 0.0
+    nodes[count] = n
+    return nodes[: count + 1]
+
+
+@njit(cache=True)
+def _fronts(column_starts, column_rows, nodes, parent):  # type: ignore[no-untyped-def]
+    """Return the rows below each supernode, the supernode of each place, and the children of each supernode."""
+    n_nodes = len(nodes) - 1
+    node_of = np.empty(len(parent), dtype=np.int64)
+    row_starts, child_starts = np.zeros(n_nodes + 1, dtype=np.int64), np.zeros(n_nodes + 1, dtype=np.int64)
+    for s in range(n_nodes):
+        node_of[nodes[s] : nodes[s + 1]] = s
+        last = nodes[s + 1] - 1
+        row_starts[s + 1] = row_starts[s] + column_starts[last + 1] - column_starts[last]
+    rows = np.empty(row_starts[n_nodes], dtype=np.int64)
+    above = np.full(n_nodes, -1, dtype=np.int64)
+    for s in range(n_nodes):
+        last = nodes[s + 1] - 1
+        rows[row_starts[s] : row_starts[s + 1]] = column_rows[column_starts[last] : column_starts[last + 1]]
+        if parent[last] >= 0:
+            above[s] = node_of[parent[last]]
+            child_starts[above[s] + 1] += 1
+    for s in range(n_nodes):
+        child_starts[s + 1] += child_starts[s]
+    children, filled = np.empty(child_starts[n_nodes], dtype=np.int64), child_starts[:-1].copy()
+    for s in range(n_nodes):
+        if above[s] >= 0:
+            children[filled[above[s]]] = s
+            filled[above[s]] += 1
+    return row_starts, rows, node_of, child_starts, children
+
+
+@njit(cache=True)
+def _entries(starts, columns, position, node_of, n_nodes):  # type: ignore[no-untyped-def]
+    """Return the stored blocks by the supernode whose front they enter, and the place of each block's row."""
+    row_of = np.empty(len(columns), dtype=np.int64)
+    entry_starts = np.zeros(n_nodes + 1, dtype=np.int64)
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            row_of[p] = position[i]
+            entry_starts[node_of[min(position[i], position[columns[p]])] + 1] += 1
+    for s in range(n_nodes):
+        entry_starts[s + 1] += entry_starts[s]
+    entries, filled = np.empty(len(columns), dtype=np.int64), entry_starts[:-1].copy()
+    for p in range(len(columns)):
+        s = node_of[min(row_of[p], position[columns[p]])]
+        entries[filled[s]] = p
+        filled[s] += 1
+    return entry_starts, entries, row_of
+
+
+@njit(cache=True)
+def _local_places(  # type: ignore[no-untyped-def]
+    nodes, row_starts, rows, child_starts, children, entry_starts, entries, row_of, column_of
+):
+    """Return the places of rows in parents' fronts and of entries in theirs, and the sizes of factors and stack."""
+    n_nodes = len(nodes) - 1
+    local = np.full(nodes[n_nodes], -1, dtype=np.int64)
+    row_places, entry_places = np.zeros(len(rows), dtype=np.int64), np.empty((2, len(entries)), dtype=np.int64)
+    factor_starts, stack, deepest = np.zeros(n_nodes + 1, dtype=np.int64), 0, 0
+    for s in range(n_nodes):
+        width, below = nodes[s + 1] - nodes[s], row_starts[s + 1] - row_starts[s]
+        for k in range(width):
+            local[nodes[s] + k] = k
+        for k in range(below):
+            local[rows[row_starts[s] + k]] = width + k
+        for e in range(entry_starts[s], entry_starts[s + 1]):
+            entry_places[0, e] = local[row_of[entries[e]]]
+            entry_places[1, e] = local[column_of[entries[e]]]
+        for c in range(child_starts[s], child_starts[s + 1]):
+            child = children[c]
+            for k in range(row_starts[child], row_starts[child + 1]):
+                row_places[k] = local[rows[k]]
+            stack -= (row_starts[child + 1] - row_starts[child]) ** 2
+        stack += below**2
+        deepest = max(deepest, stack)
+        factor_starts[s + 1] = factor_starts[s] + width * width + 2 * width * below
+    return row_places, entry_places, factor_starts, deepest

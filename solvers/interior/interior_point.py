@@ -1,0 +1,287 @@
+"""InteriorPoint: Newton's method inside the friction cones, with De Saxcé's term among the unknowns.
+
+With u = ξ + μ‖ξ_T‖ e_N of every contact Coulomb's law is K_μ ∋ Λ ⟂ u ∈ K_μ* (De Saxcé & Feng 1998). In the units of
+``scaled_problem`` both cones are the second-order cone, and with s = ‖û_T‖ as an unknown of its own
+
+    R_p = û − Ĝr − ĉ − s e_N = 0,      R_s = s − ‖û_T‖ = 0,      r ∘ û = τ e,      τ → 0
+
+(Acary, Armand, Nguyen & Shpakovych, Optimization Methods and Software 39(3), 2024). For fixed s this is the central
+path of a convex cone program. One factorisation of Ĝ + D, D block diagonal (``cones``), serves both parts of a step:
+
+    affine      towards τ = 0, with the step length α_a that the cones allow and τ_a at its end
+    combined    towards στ, σ = σ₀ min(1, (τ_a/τ)^β), β = max(1, 3α_a²), with Mehrotra's second-order term if σ < ¼
+
+and where ‖R_s‖ > ‖r∘û‖ the step is one towards σ₀τ alone. One length holds for all contacts.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
+from ..interface import Observer, Solution, Status, Stop
+from ..iteration.loop import first_impulses, refuted
+from ..method import Method, check_form, check_option
+from . import cones
+from .body_system import BodySystem
+from .damping import SHARES, Damping, Share
+from .delassus_system import DelassusSystem
+from .progress import Progress
+from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
+from .smoothing import on_manifold
+
+Scaling = Literal["plain", "nesterov_todd"]
+
+LINEARISATIONS = {"plain": cones.linearise_plainly, "nesterov_todd": cones.linearise_by_nesterov_todd}
+"""How complementarity is linearised, by name."""
+
+START, START_TANGENT = 1.0, 0.1
+"""r_N = û_N and r_T = û_T of every contact at a cold start, in scaled units."""
+
+CENTRING = 0.499
+"""σ₀, the largest σ."""
+
+SECOND_ORDER = 0.25
+"""Mehrotra's term is used below this σ."""
+
+LEAST_FRACTION, FURTHER_FRACTION = 0.9, 0.09
+"""The fraction of the way to the boundary that a step goes is the first, plus the second times the last length."""
+
+WARM_SHARE, LEAST_WARM, LARGEST_WARM = 0.1, 1e-8, 0.5
+"""A warm start begins at τ = share × its residual, at least and at most the others."""
+
+
+class NewtonSystem(Protocol):
+    """Ĝ of one problem, and what solves (Ĝ + D) dr = b."""
+
+    @property
+    def flops(self) -> float:
+        """Multiplications and additions of one factorisation."""
+        ...
+
+    def times(self, r: FloatArray) -> FloatArray:
+        """Return Ĝ r, shape (n, 3)."""
+        ...
+
+    def factorise(self, coupled: FloatArray) -> bool:
+        """Factorise for D of shape (n, 3, 3); False if there is no inverse."""
+        ...
+
+    def solve(self, right: FloatArray, refinements: int = 2) -> FloatArray:
+        """Return dr for a right side, both of shape (n, 3)."""
+        ...
+
+
+@dataclass(frozen=True)
+class InteriorPoint(Method):
+    """A primal-dual interior point method for exact Coulomb friction; one iteration is one Newton step.
+
+    Attributes:
+        scaling: linearise complementarity "plain", or in the metric of "nesterov_todd".
+        damping: of De Saxcé's term in the matrix: "none", "global" or by "contact", see ``damping``.
+        formulation: "de_saxce" puts contact and friction into one cone, with the velocity lifted by s; "bounded" keeps
+            them apart, a disc of the radius a + μΛ_N. Laws with a fixed bound are of the second form always.
+        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
+
+    Raises:
+        SolverError: for an option out of range.
+    """
+
+    scaling: Scaling = "plain"
+    damping: Damping = "none"
+    formulation: Formulation = "de_saxce"
+    form: Literal["delassus", "factors"] = "delassus"
+
+    def __post_init__(self) -> None:
+        check_option("scaling", self.scaling, self.scaling in get_args(Scaling), "'plain' or 'nesterov_todd'")
+        check_option("damping", self.damping, self.damping in get_args(Damping), "'none', 'global' or 'contact'")
+        is_known = self.formulation in get_args(Formulation)
+        check_option("formulation", self.formulation, is_known, "'de_saxce' or 'bounded'")
+        check_form(self.form)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return form_obstacle(problem, self.form)
+
+    def prepare(self, problem: ContactProblem) -> "PreparedInteriorPoint":
+        """Scale the problem, assemble what the form needs, and order the factorisation."""
+        self.check_supports(problem)
+        residual = Residual(problem)
+        scaled = ScaledProblem(problem, residual, self.formulation)
+        return PreparedInteriorPoint(problem, residual, scaled, newton_system(problem, scaled, self.form), self)
+
+
+def form_obstacle(problem: ContactProblem, form: str) -> str | None:
+    """Say why the systems of ``problem`` cannot be of this form, or None."""
+    if form == "factors" and problem.factors is None:
+        return "the problem holds G only, and this form factorises over the bodies of W and M⁻¹"
+    return None
+
+
+def newton_system(problem: ContactProblem, scaled: ScaledProblem, form: str) -> NewtonSystem:
+    """Return the Newton systems of a problem over contacts ("delassus") or over bodies ("factors")."""
+    return BodySystem(problem, scaled) if form == "factors" else DelassusSystem(problem, scaled)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedInteriorPoint:
+    """The scaled problem and its ordered factorisation."""
+
+    problem: ContactProblem
+    residual: Residual
+    scaled: ScaledProblem
+    system: NewtonSystem
+    method: InteriorPoint
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Step until the residual reaches the tolerance; see ``Prepared.solve``."""
+        first = first_impulses(self.problem, self.residual, start)
+        if self.residual.infeasible:
+            return refuted(self.problem)
+        progress = Progress(self.problem, self.residual, stop, observe, self.system.flops, first)
+        if progress.ended is None:
+            iterate = _Iterate(self, first, progress.best_residual)
+            while progress.ended is None:
+                iterate.step(progress)
+        return progress.solution()
+
+
+class _Iterate:
+    """r, û and s of one solve, strictly inside the cones."""
+
+    def __init__(self, prepared: PreparedInteriorPoint, first: FloatArray, residual: float) -> None:
+        self._prepared, self._scaled, self._system = prepared, prepared.scaled, prepared.system
+        self._linearise = LINEARISATIONS[prepared.method.scaling]
+        n, self._kind, self._friction = self._scaled.n_contacts, self._scaled.kind, self._scaled.friction
+        self._share: Share = SHARES[prepared.method.damping](n)
+        self._part = 1.0
+        self._matrices, self._shifts, self._second = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 4))
+        self._coupled, self._right = np.empty((n, 3, 3)), np.empty((n, 3))
+        self._p, self._q, self._longest = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+        self._du, self._ds = np.empty((n, 3)), np.empty(n)
+        if np.any(first):
+            tau = float(np.clip(WARM_SHARE * residual, LEAST_WARM, LARGEST_WARM))
+            r, u = self._scaled.of_impulses(first)
+            bound = self._scaled.bounds(np.maximum(r, 0.0))
+            fixed = np.maximum(bound - self._friction * np.maximum(r[:, 0], 0.0), tau)
+            self._r, self._u, self._s = on_manifold(self._kind, fixed, self._friction, tau, r - u)
+        else:
+            self._start_cold()
+        cones.keep_inside(self._kind, self._scaled.bounds(self._r), self._r, self._u, self._s)
+
+    def _start_cold(self) -> None:
+        kind, uses = self._kind, self._scaled.uses
+        rubs = kind >= cones.CONE
+        self._r, self._u = np.zeros(uses.shape), np.zeros(uses.shape)
+        has_normal = (kind != cones.IDLE) & (kind != cones.DISC)
+        self._r[has_normal, 0] = self._u[has_normal, 0] = START
+        self._u[:, 1:] = np.where(uses[:, 1:] & rubs[:, None], START_TANGENT, 0.0)
+        bound = np.where(kind == cones.CONE, START, self._scaled.bounds(self._r))
+        self._r[:, 1:] = self._u[:, 1:] * bound[:, None]
+        self._s = np.where(kind == cones.CONE, tangential_lengths(self._u), START)
+
+    def step(self, progress: Progress) -> None:
+        """Do one Newton step."""
+        scaled, kind = self._scaled, self._kind
+        self._bound = scaled.bounds(self._r)
+        cones.write_pairs(kind, self._bound, self._r, self._u, self._s, self._p, self._q)
+        tau, norm = cones.complementarity(kind, self._p, self._q, self._r, self._u)
+        self._lag = np.where(scaled.is_cone, self._s - tangential_lengths(self._u), 0.0)
+        self._primal = self._u - self._system.times(self._r) - scaled.free_velocity
+        self._primal[:, 0] += np.where(scaled.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
+        self._values = np.where(scaled.is_remote, 0.0, self._share.values)
+        found = self._combined(tau, bool(np.linalg.norm(self._lag) > norm), progress)
+        if found is None:
+            return
+        longest = self._longest_step(found)
+        self._part = min(1.0, (LEAST_FRACTION + FURTHER_FRACTION * self._part) * longest)
+        self._r, self._u = self._r + self._part * found, self._u + self._part * self._du
+        self._s = self._s + self._part * self._ds
+        cones.keep_inside(kind, scaled.bounds(self._r), self._r, self._u, self._s)
+        self._share.note(self._part, self._longest)
+        progress.arrive(*scaled.judged(self._r), self._part)
+        progress.look_for_proof(self._r)
+
+    def _combined(self, tau: float, lags: bool, progress: Progress) -> FloatArray | None:
+        """Return dr of the combined step, its dû and ds left behind; None where there is none."""
+        self._second[:] = 0.0
+        sigma = CENTRING
+        self._complete(CENTRING * tau if lags else 0.0)
+        if not progress.factorised(lambda: self._system.factorise(self._coupled)):
+            return None
+        found = self._solved()
+        if not lags:
+            part = min(1.0, self._longest_step(found))
+            reached = self._tau_at(found, part)
+            sigma = CENTRING * min(1.0, max(reached / tau, 0.0) ** max(1.0, 3.0 * part**2))
+            if sigma < SECOND_ORDER:
+                cones.write_second_order(self._kind, self._friction, found, self._du, self._ds, self._second)
+            self._complete(sigma * tau)
+            found = self._solved()
+        if not (np.isfinite(found).all() and np.isfinite(self._du).all()):
+            progress.end(Status.STALLED, f"the Newton system is singular at residual {progress.best_residual:.1e}")
+            return None
+        return found
+
+    def _complete(self, target: float) -> None:
+        """Linearise complementarity towards ``target`` = στ, and couple the lanes of each contact."""
+        self._linearise(self._kind, self._p, self._q, target, self._second, self._matrices, self._shifts)
+        cones.couple(
+            self._kind,
+            self._friction,
+            self._values,
+            self._r,
+            self._u,
+            self._matrices,
+            self._shifts,
+            target,
+            self._second,
+            self._coupled,
+            self._right,
+        )
+
+    def _solved(self) -> FloatArray:
+        """Return dr of the linearised equations, and leave dû and ds behind."""
+        uses = self._scaled.uses
+        found = np.where(uses, self._system.solve(np.where(uses, self._right + self._primal, 0.0)), 0.0)
+        cones.follow(
+            self._kind,
+            self._friction,
+            self._values,
+            self._u,
+            self._matrices,
+            self._shifts,
+            self._coupled,
+            self._right,
+            self._lag,
+            found,
+            self._du,
+            self._ds,
+        )
+        return found
+
+    def _longest_step(self, dr: FloatArray) -> float:
+        return float(
+            cones.longest_steps(
+                self._kind,
+                self._friction,
+                self._p,
+                self._q,
+                self._r,
+                self._u,
+                dr,
+                self._du,
+                self._ds,
+                self._longest,
+            )
+        )
+
+    def _tau_at(self, dr: FloatArray, part: float) -> float:
+        """Return τ after ``part`` of a step."""
+        r, u, s = self._r + part * dr, self._u + part * self._du, self._s + part * self._ds
+        p, q = np.empty_like(r), np.empty_like(u)
+        cones.write_pairs(self._kind, self._scaled.bounds(r), r, u, s, p, q)
+        return float(cones.complementarity(self._kind, p, q, r, u)[0])

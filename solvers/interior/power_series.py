@@ -1,0 +1,149 @@
+"""Power series of the central path: one factorisation, as many orders as are worth a solution each.
+
+Along the path every equation is a product of two unknowns at most,
+
+    p ∘ q = τ e,      s² = ‖û_T‖²,      û = Ĝr + ĉ + s e_N,
+
+so with x(a) = Σ x_k aᵏ the orders follow one another, each from the linear system of Newton's method at a = 0 with the
+right side (Cochelin 1994)
+
+    L(p₀) q_k + L(q₀) p_k = τ_k e − Σ_{0<j<k} p_j ∘ q_{k−j},
+    s_k = ζᵀ û_{T,k} + (Σ_{0<j<k} û_{T,j}ᵀ û_{T,k−j} − s_j s_{k−j}) / 2s₀.
+
+The parameter is arc length, so that the path may turn in τ: ⟨x₁, x₁⟩ = 1 and ⟨x₁, x_k⟩ = 0. Its measure is local,
+
+    ⟨x, y⟩ = Σ xᵀQ_p⁻¹y + xᵀQ_q⁻¹y over all cones + τ_x τ_y/τ²,
+
+which is the same for every scaling of the contacts and of the problem.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from ...problems.arrays import FloatArray
+from .cones import BOTH, CONE, DISC, NORMAL, arrow_inverse_times, determinant
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """A direction in the unknowns.
+
+    Attributes:
+        r: shape (n, 3).
+        u: shape (n, 3).
+        s: shape (n,).
+        tau: relative to τ.
+    """
+
+    r: FloatArray
+    u: FloatArray
+    s: FloatArray
+    tau: float
+
+    def plus(self, weight: float, other: "Direction") -> "Direction":
+        """Return this direction and ``weight`` times another."""
+        return Direction(
+            self.r + weight * other.r,
+            self.u + weight * other.u,
+            self.s + weight * other.s,
+            self.tau + weight * other.tau,
+        )
+
+    def times(self, factor: float) -> "Direction":
+        """Return ``factor`` times this direction."""
+        return Direction(factor * self.r, factor * self.u, factor * self.s, factor * self.tau)
+
+
+@njit(cache=True, error_model="numpy")
+def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-untyped-def]
+    """Write −Σ p_j∘q_{k−j} and −Σ r_j û_{k−j} of each contact, (n, 4), and the sum in s_k over 2s₀, (n,), k = order."""
+    for i in range(len(kind)):
+        heads[i] = 0.0
+        lifts[i] = 0.0
+        for j in range(1, order):
+            k = order - j
+            if kind[i] == NORMAL or kind[i] == BOTH:
+                heads[i, 3] -= r[j, i, 0] * u[k, i, 0]
+            if kind[i] < CONE:
+                continue
+            p, q = (r[j, i, 0], u[k, i, 0]) if kind[i] == CONE else (friction[i] * r[j, i, 0], s[k, i])
+            p_other, q_other = (r[k, i, 0], u[j, i, 0]) if kind[i] == CONE else (friction[i] * r[k, i, 0], s[j, i])
+            heads[i, 0] -= p * q + r[j, i, 1] * u[k, i, 1] + r[j, i, 2] * u[k, i, 2]
+            heads[i, 1] -= p_other * u[j, i, 1] + q_other * r[k, i, 1]
+            heads[i, 2] -= p_other * u[j, i, 2] + q_other * r[k, i, 2]
+            if kind[i] == CONE:
+                lifts[i] += u[j, i, 1] * u[k, i, 1] + u[j, i, 2] * u[k, i, 2] - s[j, i] * s[k, i]
+        if lifts[i] != 0.0:
+            lifts[i] = lifts[i] / (2.0 * s[0, i]) if s[0, i] > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def write_right(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
+    """Write L(p)⁻¹ of the heads, and the right side over lanes, De Saxcé's term eliminated."""
+    for i in range(len(kind)):
+        shifts[i] = 0.0
+        right[i] = 0.0
+        if kind[i] == NORMAL or kind[i] == BOTH:
+            right[i, 0] = heads[i, 3] / r[i, 0]
+        if kind[i] < CONE:
+            continue
+        shifts[i, 0], shifts[i, 1], shifts[i, 2] = arrow_inverse_times(
+            p[i, 0], p[i, 1], p[i, 2], heads[i, 0], heads[i, 1], heads[i, 2]
+        )
+        right[i, 1], right[i, 2] = shifts[i, 1], shifts[i, 2]
+        if kind[i] == CONE:
+            length = np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+            along = (u[i, 1] * shifts[i, 1] + u[i, 2] * shifts[i, 2]) / length if length > 0.0 else 0.0
+            right[i, 0] = shifts[i, 0] - along - lifts[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _in_metric(p, x0, x1, x2, y0, y1, y2):  # type: ignore[no-untyped-def]
+    """Return xᵀ Q_p⁻¹ y."""
+    det = determinant(p[0], p[1], p[2])
+    along_x, along_y = p[0] * x0 - p[1] * x1 - p[2] * x2, p[0] * y0 - p[1] * y1 - p[2] * y2
+    return 2.0 * (along_x / det) * (along_y / det) - (x0 * y0 - x1 * y1 - x2 * y2) / det
+
+
+@njit(cache=True, error_model="numpy")
+def local_product(kind, friction, p, q, r, u, r_x, u_x, s_x, r_y, u_y, s_y):  # type: ignore[no-untyped-def]
+    """Return ⟨x, y⟩ without its part in τ."""
+    total = 0.0
+    for i in range(len(kind)):
+        if kind[i] == NORMAL or kind[i] == BOTH:
+            total += r_x[i, 0] * r_y[i, 0] / r[i, 0] ** 2 + u_x[i, 0] * u_y[i, 0] / u[i, 0] ** 2
+        if kind[i] < CONE:
+            continue
+        p_x, q_x, p_y, q_y = r_x[i, 0], u_x[i, 0], r_y[i, 0], u_y[i, 0]
+        if kind[i] >= DISC:
+            p_x, q_x, p_y, q_y = friction[i] * p_x, s_x[i], friction[i] * p_y, s_y[i]
+        total += _in_metric(p[i], p_x, r_x[i, 1], r_x[i, 2], p_y, r_y[i, 1], r_y[i, 2])
+        total += _in_metric(q[i], q_x, u_x[i, 1], u_x[i, 2], q_y, u_y[i, 1], u_y[i, 2])
+    return total
+
+
+class Series:
+    """x(a) = Σ x_k aᵏ of r, û and s, and τ(a) = τ₀ Σ t_k aᵏ, from the path's point at a = 0."""
+
+    def __init__(self, order: int, r: FloatArray, u: FloatArray, s: FloatArray) -> None:
+        self.r: FloatArray = np.zeros((order + 1, *r.shape))
+        self.u: FloatArray = np.zeros((order + 1, *u.shape))
+        self.s: FloatArray = np.zeros((order + 1, *s.shape))
+        self.tau: FloatArray = np.zeros(order + 1)
+        self.r[0], self.u[0], self.s[0], self.tau[0] = r, u, s, 1.0
+
+    def put(self, order: int, direction: Direction) -> None:
+        """Keep the coefficients of an order."""
+        self.r[order], self.u[order], self.s[order] = direction.r, direction.u, direction.s
+        self.tau[order] = direction.tau
+
+    def tau_at(self, a: float) -> float:
+        """Return τ(a)/τ₀."""
+        return float(np.polynomial.polynomial.polyval(a, self.tau))
+
+    def manifold_vector(self, a: float) -> FloatArray:
+        """Return v = r − û at a, shape (n, 3)."""
+        vector: FloatArray = np.tensordot(np.power(a, np.arange(len(self.tau))), self.r - self.u, 1)
+        return vector

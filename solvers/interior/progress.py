@@ -1,0 +1,132 @@
+"""How a solve by interior points goes on: the best iterate, the limits, and what ends it."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
+from ..interface import Observer, Solution, Status, Stop
+from ..iteration.clock import Clock
+from ..iteration.loop import judged, rounding
+
+FLOPS_A_SECOND = 3e9
+"""What a machine does at least in a factorisation; the first step that is measured replaces the guess."""
+
+SLACK = 1.5
+"""What the time of a step is multiplied with to predict the next, because other programs take turns with this one."""
+
+SHORTEST, MOST_SHORT = 1e-9, 5
+"""Steps below the first, so many in a row, move nothing any more."""
+
+PATIENCE = 20
+"""Steps without a better residual after which rounding is looked at."""
+
+LARGE = 1e6
+"""Scaled impulses beyond this may grow without bound."""
+
+CERTAINTY = 1e-12
+"""What ‖Gd‖ and c·d are compared with, relative to what their terms add up to, in a proof of infeasibility."""
+
+
+class Progress:
+    """The best iterate of one solve, and why it ended.
+
+    Attributes:
+        best_residual: lowest judged residual so far.
+        ended: status and reason once the solve is over.
+    """
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        residual: Residual,
+        stop: Stop,
+        observe: Observer | None,
+        flops: float,
+        first: FloatArray,
+    ) -> None:
+        self._problem, self._residual = problem, residual
+        self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
+        self._best, self._latest, self._iteration = first, first, 0
+        self.best_residual = judged(problem, residual, first)
+        self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
+        self.ended: tuple[Status, str] | None = None
+        self._look()
+
+    def factorised(self, factorise: Callable[[], bool]) -> bool:
+        """Factorise if a step like the last ends in time; say whether there are factors, or the solve is over."""
+        if SLACK * self._step_seconds > self._clock.left:
+            self.end(Status.TIME_LIMIT, f"{self._reached()}; the next step would not end in time")
+            return False
+        self._began = self._clock.used
+        done = factorise()
+        if not done:
+            self.end(Status.STALLED, f"the Newton system is singular at residual {self.best_residual:.1e}")
+        return done
+
+    def arrive(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
+        """Count a step, of which ``part`` was done, to Λ of a judged residual."""
+        self._iteration += 1
+        self._latest = impulses
+        self._step_seconds = self._clock.used - self._began
+        self._clock.show(self._observe, self._iteration, impulses)
+        self._waited += 1
+        if residual < self.best_residual:
+            self._best, self.best_residual, self._waited = impulses, residual, 0
+        self._short = self._short + 1 if part < SHORTEST else 0
+        self._look()
+        if self._short >= MOST_SHORT:
+            self.end(Status.STALLED, f"steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
+        if not np.isfinite(residual):
+            self.end(Status.DIVERGED, f"the iterates leave all bounds, best residual {self.best_residual:.1e}")
+        if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self._best):
+            self.end(Status.STALLED, f"rounding leaves the residual at {self.best_residual:.1e}")
+
+    def end(self, status: Status, reason: str) -> None:
+        """End the solve, if nothing has before."""
+        self.ended = self.ended or (status, reason)
+
+    def look_for_proof(self, r: FloatArray) -> None:
+        """Where scaled impulses grow as if nothing could hold the contacts apart, end if that can be proven."""
+        if self.ended is None and np.abs(r).max(initial=0.0) > LARGE and proven_infeasible(self._problem, self._latest):
+            self.end(Status.INFEASIBLE, "normal impulses that move nothing would have to hold contacts apart")
+
+    def solution(self) -> Solution:
+        """Return the best Λ with the status the solve ended in."""
+        assert self.ended is not None
+        status, reason = self.ended
+        return Solution(self._best, status, self._iteration, reason)
+
+    def _look(self) -> None:
+        if self.best_residual <= self._stop.tolerance:
+            self.end(Status.SOLVED, "")
+        limit = self._clock.limit_met(self._stop, self._iteration)
+        if limit is not None:
+            self.end(limit, self._reached())
+
+    def _reached(self) -> str:
+        return f"residual {self.best_residual:.1e} after {self._iteration} Newton steps"
+
+
+def proven_infeasible(problem: ContactProblem, impulses: FloatArray) -> bool:
+    """Whether normal impulses d ≥ 0 with Gd = 0 and c·d < 0 exist along Λ: then no Λ keeps every ξ_N ≥ 0.
+
+    For ξ·d = (Gd)·Λ + c·d = c·d < 0 contradicts d ≥ 0, ξ_N ≥ 0, whatever friction does (Farkas).
+    """
+    laws = problem.laws
+    rows = laws.first_row[~laws.is_friction]
+    direction = np.zeros(problem.n_rows)
+    direction[rows] = np.maximum(impulses[rows], 0.0)
+    largest = float(direction.max(initial=0.0))
+    if not 0.0 < largest < np.inf:
+        return False
+    direction /= largest
+    direction[direction < CERTAINTY] = 0.0
+    moved = problem.relative_velocity(direction) - problem.free_velocity
+    weights = np.sqrt(np.maximum(problem.delassus_diagonal, 0.0))
+    held = float((weights * direction).sum())
+    gain = float(problem.free_velocity @ direction)
+    is_free = bool((np.abs(moved) <= CERTAINTY * weights * held).all())
+    return is_free and gain < -CERTAINTY * float(np.abs(problem.free_velocity) @ direction) and gain < 0.0

@@ -1,0 +1,110 @@
+"""From any vector to impulses and velocities on the central manifold: the projection onto cones, rounded off.
+
+Every v is r − û of exactly one pair with r ∘ û = τ e inside the cone, on the common axes of v:
+
+    r = ½ (v + √(v² + 4τ e)),      û = r − v                  (Fukushima, Luo & Tseng 2001),
+
+which is the projection onto the cone, and that onto its dual, for τ → 0. So complementarity holds by construction, and
+what is left of the problem are equations in v without any boundary. A start Λ gives v = r(Λ) − û(Λ).
+
+A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²), û = −τr/(b² − r²), and
+r the one root of r + τr/(b² − r²) = ‖v_T‖ below b.
+"""
+
+import numpy as np
+from numba import njit
+
+from ...problems.arrays import FloatArray
+from .cones import BOTH, CONE, DISC, NORMAL
+
+MOST_STEPS = 60
+"""Of bisected Newton steps for the radius in a disc."""
+
+
+@njit(cache=True, error_model="numpy")
+def rounded_positive_part(x, tau):  # type: ignore[no-untyped-def]
+    """Return ½ (x + √(x² + 4τ)) without cancellation."""
+    root = np.sqrt(x * x + 4.0 * tau)
+    return 0.5 * (x + root) if x >= 0.0 else 2.0 * tau / (root - x)
+
+
+@njit(cache=True, error_model="numpy")
+def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
+    """Return r in [0, b) with r + τr/(b² − r²) = length, and the rest b − r, neither by cancellation."""
+    half = 0.5 * bound
+    if half * (1.0 + tau / (half * 1.5 * bound)) < length:
+        rest = _rest_in_disc(length, bound, tau)
+        return bound - rest, rest
+    # convex and rising in r: Newton's method comes down to the root from above
+    radius = min(half, length / (1.0 + tau / (bound * bound)))
+    for _ in range(MOST_STEPS):
+        within = (bound - radius) * (bound + radius)
+        value = radius * (1.0 + tau / within) - length
+        following = radius - value / (1.0 + tau / within + 2.0 * tau * (radius / within) ** 2)
+        if not abs(following - radius) > 1e-15 * radius:
+            break
+        radius = following
+    return radius, bound - radius
+
+
+@njit(cache=True, error_model="numpy")
+def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
+    """Return y = b − r below ½b, where (b − y)(1 + τ/(y(2b − y))), falling in y, is ``length``."""
+    low, high = 0.0, 0.5 * bound
+    excess = length - bound
+    y = min(high, 0.5 * tau / excess) if excess > 0.0 else high
+    for _ in range(MOST_STEPS):
+        wide = 2.0 * bound - y
+        weight = tau / (y * wide)
+        value = (bound - y) * (1.0 + weight) - length
+        if value > 0.0:
+            low = y
+        else:
+            high = y
+        following = y + value / (1.0 + weight + (bound - y) * weight * (1.0 / y - 1.0 / wide))
+        if not low < following < high:
+            following = np.sqrt(low * high) if low > 0.0 else 0.1 * high
+        if not abs(following - y) > 1e-15 * y:
+            break
+        y = following
+    return y
+
+
+@njit(cache=True, error_model="numpy")
+def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-untyped-def]
+    """Write r, û and s of v, with r∘û = τ e in every cone; s is ‖û_T‖ where the term of De Saxcé has it."""
+    for i in range(len(kind)):
+        r[i] = 0.0
+        u[i] = 0.0
+        slack[i] = 0.0
+        length = np.sqrt(v[i, 1] ** 2 + v[i, 2] ** 2)
+        if kind[i] == NORMAL or kind[i] == BOTH:
+            r[i, 0], u[i, 0] = rounded_positive_part(v[i, 0], tau), rounded_positive_part(-v[i, 0], tau)
+        if kind[i] == CONE:
+            upper, lower = v[i, 0] + length, v[i, 0] - length
+            r_upper, r_lower = rounded_positive_part(upper, tau), rounded_positive_part(lower, tau)
+            u_upper, u_lower = rounded_positive_part(-upper, tau), rounded_positive_part(-lower, tau)
+            r[i, 0], u[i, 0] = 0.5 * (r_upper + r_lower), 0.5 * (u_upper + u_lower)
+            if length > 0.0:
+                along_r, along_u = 0.5 * (r_upper - r_lower) / length, 0.5 * (u_upper - u_lower) / length
+                for lane in range(1, 3):
+                    r[i, lane], u[i, lane] = along_r * v[i, lane], along_u * v[i, lane]
+                slack[i] = abs(along_u) * length
+        if kind[i] >= DISC:
+            bound = fixed_bound[i] + friction[i] * r[i, 0]
+            radius, rest = radius_in_disc(length, bound, tau)
+            weight = tau / (rest * (bound + radius))
+            slack[i] = weight * bound
+            if length > 0.0:
+                for lane in range(1, 3):
+                    r[i, lane] = radius / length * v[i, lane]
+                    u[i, lane] = -weight * r[i, lane]
+
+
+def on_manifold(
+    kind: np.ndarray, fixed_bound: FloatArray, friction: FloatArray, tau: float, v: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return r and û, shape (n, 3), and s, shape (n,), of v, shape (n, 3), at τ > 0."""
+    r, u, slack = np.empty_like(v), np.empty_like(v), np.empty(len(v))
+    split(kind, fixed_bound, friction, tau, v, r, u, slack)
+    return r, u, slack

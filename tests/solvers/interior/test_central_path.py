@@ -1,0 +1,79 @@
+"""CentralPath follows one curve, through its turns, to an answer that other methods find too."""
+
+import numpy as np
+import pytest
+from proxbench.problems import judge, load
+from proxbench.solvers import SolverError, Status, Stop, create, solve
+from proxbench.solvers.interior.central_path import CentralPath, _Path, _Point
+from proxbench.solvers.interior.power_series import Direction, Series
+from proxbench.solvers.interior.progress import Progress
+
+
+@pytest.mark.parametrize("name", ["hard-supports-32", "hard-tresca-joint", "hard-mixed-laws", "funnel-planar-30"])
+def test_it_ends_at_an_answer_under_every_law(name: str) -> None:
+    problem = load(name)
+    solution = solve(problem, "CentralPath", tolerance=1e-7)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-7
+
+
+def test_it_goes_through_turns_where_newton_s_method_towards_zero_stands_still() -> None:
+    """The path of pile-100 turns back twice."""
+    problem = load("pile-100")
+    damped = solve(problem, "InteriorPoint(damping='global')", tolerance=1e-8, max_iterations=200)
+    followed = solve(problem, "CentralPath", tolerance=1e-8, max_iterations=400)
+    assert damped.status is not Status.SOLVED
+    assert followed.status is Status.SOLVED
+    assert judge(problem, followed.impulses).residual <= 1e-8
+
+
+def test_velocities_agree_with_those_of_sweeps() -> None:
+    problem = load("funnel-30")
+    followed, swept = (solve(problem, solver, tolerance=1e-10) for solver in ("CentralPath", "NSGS"))
+    assert followed.status is swept.status is Status.SOLVED
+    difference = problem.relative_velocity(followed.impulses) - problem.relative_velocity(swept.impulses)
+    assert np.abs(difference).max() <= 1e-8 * np.abs(problem.free_velocity).max()
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order: int) -> None:
+    """What is left of the equations at a is O(aᴺ⁺¹): half of a leaves 2⁻⁽ᴺ⁺¹⁾ of it."""
+    problem = load("funnel-30")
+    prepared = CentralPath(order=order).prepare(problem)
+    zeros = np.zeros(problem.n_rows)
+    path = _Path(prepared, Progress(problem, prepared.residual, Stop(1e-15), None, prepared.system.flops, zeros))
+    path.begin(zeros)
+    point = path._point
+    assert path._factorised(point)
+    series = path._series(point, path._oriented(point))
+
+    def left(a: float) -> float:
+        end = _Point(prepared.scaled, prepared.system, series.manifold_vector(a), series.tau_at(a) * point.tau)
+        return float(np.abs(end.primal - point.primal).max())
+
+    reach = 0.05 * path._range(series)
+    assert np.log2(left(reach) / left(0.5 * reach)) == pytest.approx(order + 1, abs=0.35)
+
+
+def test_a_series_is_its_polynomial() -> None:
+    random = np.random.default_rng(0)
+    r, u, s = random.normal(size=(2, 3)), random.normal(size=(2, 3)), random.normal(size=2)
+    series = Series(2, r, u, s)
+    first, second = (Direction(k * r, -k * u, k * s, float(k)) for k in (1, 2))
+    series.put(1, first)
+    series.put(2, second)
+    assert series.tau_at(0.5) == pytest.approx(1.0 + 0.5 + 2.0 * 0.25)
+    expected = (r - u) + 0.5 * (r + u) + 0.25 * 2.0 * (r + u)
+    assert np.abs(series.manifold_vector(0.5) - expected).max() <= 1e-14
+
+
+def test_a_bound_by_another_contact_is_refused_in_words() -> None:
+    reason = create("CentralPath").supports(load("hard-remote-partner"))
+    assert reason is not None
+    assert "bounded by a unilateral law that it does not follow" in reason
+
+
+@pytest.mark.parametrize("order", [1, 2.5, 51])
+def test_an_order_out_of_range_is_refused(order: float) -> None:
+    with pytest.raises(SolverError, match="order must be a whole number"):
+        create("CentralPath", order=order)

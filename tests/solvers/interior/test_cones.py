@@ -1,0 +1,86 @@
+"""The algebra of second-order cones, against its definitions."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from proxbench.solvers.interior import cones
+
+Vector = NDArray[np.float64]
+
+numbers = st.floats(-10.0, 10.0)
+
+
+@st.composite
+def vectors(draw: st.DrawFn) -> Vector:
+    return np.array([draw(numbers) for _ in range(3)])
+
+
+@st.composite
+def interior(draw: st.DrawFn) -> Vector:
+    tangent = np.array([draw(numbers), draw(numbers)])
+    return np.array([np.hypot(*tangent) + draw(st.floats(0.01, 10.0)), *tangent])
+
+
+def jordan(x: Vector, y: Vector) -> Vector:
+    return np.array([x @ y, *(x[0] * y[1:] + y[0] * x[1:])])
+
+
+def quadratic(x: Vector) -> Vector:
+    """Q_x = 2xxᵀ − det(x) J."""
+    return 2.0 * np.outer(x, x) - cones.determinant(*x) * np.diag([1.0, -1.0, -1.0])
+
+
+def linearised(linearise: object, p: Vector, q: Vector, target: float) -> tuple[Vector, Vector]:
+    matrices, shifts = np.zeros((1, 3, 3)), np.zeros((1, 3))
+    linearise(np.array([cones.CONE]), p[None], q[None], target, np.zeros((1, 4)), matrices, shifts)  # type: ignore[operator]
+    return matrices[0], shifts[0]
+
+
+@given(p=interior(), q=interior(), dp=vectors(), target=st.floats(0.0, 5.0))
+def test_a_plain_step_satisfies_complementarity_to_first_order(p: Vector, q: Vector, dp: Vector, target: float) -> None:
+    matrix, shift = linearised(cones.linearise_plainly, p, q, target)
+    dq = shift - matrix @ dp
+    left = jordan(p, q) + jordan(dp, q) + jordan(p, dq)
+    size = 1.0 + np.abs(p).max() * (np.abs(dq).max() + np.abs(q).max()) + np.abs(q).max() * np.abs(dp).max()
+    assert np.abs(left - [target, 0.0, 0.0]).max() <= 1e-10 * size
+
+
+@given(p=interior(), q=interior())
+def test_nesterov_todd_maps_the_primal_point_onto_the_dual_and_is_symmetric_positive_definite(
+    p: Vector, q: Vector
+) -> None:
+    matrix, _ = linearised(cones.linearise_by_nesterov_todd, p, q, 0.0)
+    assert np.abs(matrix @ p - q).max() <= 1e-7 * np.abs(q).max()
+    assert np.array_equal(matrix, matrix.T)
+    assert np.linalg.eigvalsh(matrix)[0] > -1e-10 * np.abs(matrix).max()
+
+
+@given(p=interior(), target=st.floats(0.1, 5.0))
+def test_both_scalings_agree_on_the_central_path(p: Vector, target: float) -> None:
+    q = target * np.array([p[0], -p[1], -p[2]]) / cones.determinant(*p)
+    plain, _ = linearised(cones.linearise_plainly, p, q, target)
+    inverse = target * np.linalg.inv(quadratic(p))
+    scaled, _ = linearised(cones.linearise_by_nesterov_todd, p, q, target)
+    assert np.abs(scaled - inverse).max() <= 1e-6 * np.abs(inverse).max()
+    step = np.array([0.3, -0.2, 0.1])
+    # plainly D₀ is L(p)⁻¹L(q), which is the same where both share their axes
+    assert np.abs(jordan(p, plain @ step) - jordan(q, step)).max() <= 1e-9 * (
+        1.0 + np.abs(plain).max() * np.abs(p).max()
+    )
+
+
+@given(x=interior(), d=vectors())
+def test_a_step_to_the_boundary_ends_there_and_no_earlier(x: Vector, d: Vector) -> None:
+    t = cones.to_boundary(*x, *d)
+    inside = x + (0.999 * t if np.isfinite(t) else 1e6) * d
+    assert inside[0] >= np.hypot(inside[1], inside[2]) * (1.0 - 1e-9)
+    if np.isfinite(t):
+        end = x + t * d
+        assert abs(end[0] - np.hypot(end[1], end[2])) <= 1e-6 * (np.abs(x).max() + t * np.abs(d).max())
+
+
+def test_a_determinant_near_the_boundary_keeps_its_digits() -> None:
+    gap = 2.0**-50
+    assert cones.determinant(1.0 + gap, 1.0, 0.0) == pytest.approx(2.0 * gap, rel=1e-12)
