@@ -10,7 +10,8 @@ from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
-from ..store.records import MOST_PASSES, Limits, TrajectoryRecord
+from ..store.records import MOST_PASSES, Limits
+from ..store.trajectory_records import TrajectoryRecord
 from .selection import Given, name_of, select
 from .trajectories.methods import Method
 

@@ -31,9 +31,8 @@ from ...problems.stepping.extrapolation import is_reversible
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
-from ..store.fields import Count, Number, Positive
+from ..store.fields import Count, Number, Positive, Record
 from ..store.outcome import Outcome
-from ..store.records import Record
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from rich.text import Text
 from ...problems.trajectories.pour import UNITS
 from ...problems.trajectories.problem import Aggregates
 from ..store.frames import RunFrames
-from ..store.records import TrajectoryRecord
+from ..store.trajectory_records import TrajectoryRecord
 from .fitting import hanging, print_table
 
 _POINT = ("problem", "solver", "tolerance")

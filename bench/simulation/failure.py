@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from ..errors import FailedSimulationError
-from ..store.fields import Count, Number
-from ..store.records import Record
+from ..store.fields import Count, Number, Record
 
 
 class Failure(Record, frozen=True, kw_only=True):

@@ -28,8 +28,8 @@ from ..errors import BenchError
 from ..plugins.files import check_again, sources
 from ..report.output_file import refuse_links_out
 from ..store.conversion import content_of, printable
-from ..store.fields import Count, Number
-from ..store.records import PluginUse, Record
+from ..store.fields import Count, Number, Record
+from ..store.records import PluginUse
 from .beside import beside_from
 from .failure import Failure
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan

@@ -16,8 +16,7 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote
-from ..store.fields import Count, Positive, Tolerance
-from ..store.records import Record
+from ..store.fields import Count, Positive, Record, Tolerance
 from .step_solver import StepSolver
 from .thinning import STATES
 

@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from ..errors import BenchError
-from .records import CaseRecord, Record, RunRecord
+from .fields import Record
+from .records import CaseRecord, RunRecord
 
 _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Characters that steer a terminal, turn text around, or are halves that no file can hold."""

@@ -1,4 +1,4 @@
-"""What the fields of stored records may hold.
+"""What all stored records have in common, and what their fields may hold.
 
 Files may come from elsewhere: a checksum shows that they are whole, not that they are honest. Numbers that are not
 finite stand as null in files and as None in what is read.
@@ -7,7 +7,7 @@ finite stand as null in files and as None in what is read.
 import math
 from typing import Annotated
 
-from msgspec import Meta
+from msgspec import Meta, Struct
 
 LARGEST = 1e300
 """Numbers of files are smaller."""
@@ -18,3 +18,7 @@ Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
 Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
 """A judged residual; the infinite ones are None in what is read."""
+
+
+class Record(Struct, frozen=True, kw_only=True):
+    """Something stored; fields beyond those of its class are ignored when it is read."""

@@ -17,7 +17,8 @@ from msgspec import Struct
 from ...problems.contact.judge import NO_NUMBERS, Verdict
 from ...problems.errors import suggestion
 from ..errors import BenchError
-from .records import CaseRecord, Point, QuantityError, Quartiles, Record, Round, RunRecord
+from .fields import Record
+from .records import CaseRecord, Point, QuantityError, Quartiles, Round, RunRecord
 from .store import Store
 
 JUDGED, LOCAL = "judged", "local"

@@ -1,25 +1,22 @@
 """What a run stores, as typed records: files are written from them, checked against them, and made frames by them."""
 
 import itertools
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta, Struct
 
 from ...problems.catalog.families import family_of
 from ..errors import BenchError
-from .fields import LARGEST, Count, Number, Positive, Residual, Tolerance
+from .fields import LARGEST, Count, Number, Record, Residual, Tolerance
 from .outcome import Outcome
+from .trajectory_records import MethodRecord, TrajectoryRecord
 
 MOST_PASSES = 1000
 """Passes that a run may have."""
 
 MOST_ANSWERS = 20
 """Different answers of a point that are told apart."""
-
-
-class Record(Struct, frozen=True, kw_only=True):
-    """Something stored; fields beyond those of its class are ignored when it is read."""
 
 
 class Limits(Struct, frozen=True):
@@ -44,52 +41,6 @@ class Limits(Struct, frozen=True):
         for name, value in msgspec.structs.asdict(self).items():
             if not 0 < value < LARGEST:
                 raise BenchError(f"{name} must be positive and finite, got {value}.")
-
-
-class MethodRecord(Record, frozen=True, kw_only=True):
-    """A stepper with a solver: its name, its ladder of steps [s] or tolerances, and the limits of its solves."""
-
-    name: str
-    values: Annotated[list[Tolerance], Meta(min_length=1)]
-    tolerance: Tolerance
-    max_iterations: Count
-
-
-class KnownRecord(Record, frozen=True, kw_only=True):
-    """What one member of the reference of a trajectory came to, by name; none with the reason if it failed."""
-
-    member: Number
-    values: dict[str, Number]
-    failure: str = ""
-
-
-class TrajectoryRecord(Record, frozen=True, kw_only=True):
-    """A problem for steppers with solvers.
-
-    Attributes:
-        name: the scene with its options.
-        duration: simulated time [s].
-        members: seeds of the scene where aggregates are compared, else factors on steps or tolerances.
-        error: how it is computed.
-        reference: what simulates the reference, with one value; None where the end of the motion is known otherwise.
-        known: the reference, or the known end, as far as it is generated.
-        scale: what differences from a known end are related to.
-
-    Raises:
-        ValueError: if members of the reference differ in what is known of them.
-    """
-
-    name: str
-    duration: Positive
-    members: Annotated[list[Number], Meta(min_length=1)]
-    error: Literal["limit cycle", "end position", "aggregates"]
-    reference: MethodRecord | None = None
-    known: list[KnownRecord] = []
-    scale: Positive = 1.0
-
-    def __post_init__(self) -> None:
-        if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
-            raise ValueError("its reference has other values for each member")
 
 
 class PlanRecord(Record, frozen=True, kw_only=True):

@@ -13,7 +13,7 @@ from ....problems.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, V
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
 from ...plugins.describing import contestant
-from ...store.records import MethodRecord
+from ...store.trajectory_records import MethodRecord
 
 WITH, IN = " with ", " in "
 

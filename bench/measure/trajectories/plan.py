@@ -14,7 +14,8 @@ from ....solvers.interface import Solver
 from ...errors import BenchError
 from ...plugins.describing import contestant
 from ...plugins.remote_scene import local_or_remote_scene
-from ...store.records import Limits, TrajectoryRecord
+from ...store.records import Limits
+from ...store.trajectory_records import TrajectoryRecord
 from ..plan import Plan
 from .defaults import added_methods, default_methods, default_reference
 from .methods import make_method

@@ -9,7 +9,8 @@ from ....problems.trajectories.problem import Aggregates, EndPosition, LimitCycl
 from ....solvers.interface import Status
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
-from ...store.records import KnownRecord, Limits, TrajectoryRecord
+from ...store.records import Limits
+from ...store.trajectory_records import KnownRecord, TrajectoryRecord
 from .case import simulated
 from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask

@@ -10,14 +10,7 @@ from msgspec.structs import replace
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import (
-    CaseRecord,
-    Curve,
-    Measured,
-    Point,
-    Quartiles,
-    RunRecord,
-)
+from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, Quartiles, RunRecord
 from proxbench.bench.store.store import Store
 from proxbench.problems import Verdict
 
