@@ -17,7 +17,7 @@ from ...problems.contact.residual import ModelResidual, Residual
 from ..interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
 from ..iteration.clock import Clock
 from ..iteration.loop import judged
-from ..method import Method, check_option
+from ..iteration.method import Method, check_option
 
 WARM_ITERATIONS = 500
 """In flow either start is as good as the other; in a pile at rest the impulses of the last step are nearly the answer,

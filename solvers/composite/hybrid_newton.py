@@ -21,8 +21,8 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import Advance, first_impulses, looked, refuted, rounding
+from ..iteration.method import Method
 from ..iteration.stopping import Monitor
-from ..method import Method
 from ..newton.linearised import Equations
 from ..newton.steps import DAMPED, SHARP, THOROUGH
 from ..sweeps.delassus import DelassusIterates, DelassusSweep

@@ -25,7 +25,7 @@ from ..interior.central_path import CentralPath
 from ..interior.interior_point import InteriorPoint
 from ..iteration.clock import Clock
 from ..iteration.loop import judged
-from ..method import Method
+from ..iteration.method import Method
 from ..newton.semismooth_newton import SemismoothNewton
 from .hybrid_newton import HybridNewton
 

@@ -18,7 +18,7 @@ from ...problems.contact.residual import Residual
 from ..interface import Prepared, SolverError
 from ..iteration.clock import Clock
 from ..iteration.correction import Correctable
-from ..method import Method
+from ..iteration.method import Method
 from ..newton.linearised import Equations
 from ..newton.steps import SEARCHING, THOROUGH, Attempt, Newton
 from ..newton.work import Work

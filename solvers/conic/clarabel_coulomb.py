@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from ...problems.contact.problem import ContactProblem
-from ..method import check_form
+from ..iteration.method import check_form
 from .fixed_point import FixedPointMethod, check_memory
 from .programs import ClarabelProgram, Form, obstacle
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..method import check_form
+from ..iteration.method import check_form
 from .convex import ConvexMethod
 from .programs import ClarabelProgram, Form, obstacle
 

@@ -19,7 +19,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import judged, refuted
-from ..method import Method
+from ..iteration.method import Method
 from .programs import ConicProgram, Ended
 
 LADDER = tuple(10.0**-digits for digits in range(3, 16))

@@ -37,8 +37,8 @@ from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
 from ..iteration.correction import BeginCorrection, Correction, NoCorrection
 from ..iteration.loop import first_impulses, refuted, rounding
+from ..iteration.method import Method, check_option
 from ..iteration.stopping import ROUNDING
-from ..method import Method, check_option
 from .programs import ConicProgram, ConicResult, Ended, largest_curvatures
 
 LOOSEST = 1e-8

@@ -25,7 +25,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
-from ..method import Method, check_form, check_option
+from ..iteration.method import Method, check_form, check_option
 from . import cones
 from .interior_point import NewtonSystem, form_obstacle, newton_system
 from .power_series import Direction, Series, local_product, products, write_right

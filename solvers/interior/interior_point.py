@@ -24,7 +24,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
-from ..method import Method, check_form, check_option
+from ..iteration.method import Method, check_form, check_option
 from . import cones
 from .body_system import BodySystem
 from .damping import SHARES, Damping, Share

@@ -19,7 +19,7 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted
-from ..method import Method, beyond_contacts
+from ..iteration.method import Method, beyond_contacts
 
 MOST_CONTACTS = 6
 """Contacts up to which it is a matter of a second."""

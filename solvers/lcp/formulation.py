@@ -24,7 +24,7 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..method import check_option
+from ..iteration.method import check_option
 
 _Entries = tuple[IntArray, IntArray, FloatArray | float]
 """Rows, columns and values in a sparse matrix, which may be broadcast."""

@@ -18,7 +18,7 @@ from ...problems.contact.residual import ModelResidual, Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted
-from ..method import Method, beyond_contacts
+from ..iteration.method import Method, beyond_contacts
 from .formulation import Complementarity, check_sides, complementarity, unknowns_of_laws
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 

@@ -20,7 +20,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ..iteration.loop import PreparedIteration
-from ..method import Method, beyond_contacts, check_option
+from ..iteration.method import Method, beyond_contacts, check_option
 from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, law_arguments, spatial_velocity
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides

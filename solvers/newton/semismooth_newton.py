@@ -16,8 +16,8 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import first_impulses, refuted, rounding
+from ..iteration.method import Method
 from ..iteration.stopping import ROUNDING
-from ..method import Method
 from .linearised import Equations
 from .steps import DIVERGENCE, THOROUGH, Attempt, Newton
 from .work import Work

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal, get_args
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ..method import Method, check_option
+from ..iteration.method import Method, check_option
 from .installed import check_installed, imported
 from .pinocchio_problem import Contacts, obstacle, on_deep_stack
 from .rounds import Call, InRounds, Round

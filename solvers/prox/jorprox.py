@@ -6,7 +6,7 @@ from functools import partial
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
-from ..method import Method
+from ..iteration.method import Method
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.jacobi import JacobiIterates
 from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, step_sizes

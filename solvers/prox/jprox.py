@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import PreparedIteration
-from ..method import Method
+from ..iteration.method import Method
 from .jorprox import JORprox
 
 

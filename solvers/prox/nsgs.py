@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
-from ..method import Method
+from ..iteration.method import Method
 from ..sweeps.blocks import BlockIterates, BlockSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import check_relaxation

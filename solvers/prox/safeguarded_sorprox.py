@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
-from ..method import Method
+from ..iteration.method import Method
 from ..sweeps.delassus import DelassusIterates, DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes

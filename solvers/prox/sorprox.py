@@ -14,7 +14,7 @@ from typing import Literal
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
-from ..method import Method, check_form, check_option
+from ..iteration.method import Method, check_form, check_option
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.factors import FactorSweep
 from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, row_sums_of_factors, step_sizes

@@ -19,7 +19,7 @@ from numba import njit
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import row_lengths
-from ..method import check_option
+from ..iteration.method import check_option
 
 StepSize = Literal["diagonal", "row_sum"]
 

@@ -1,9 +1,9 @@
 """What the built-in solvers share beside their methods: a name, and how they refuse problems and options."""
 
-from ..problems.contact.model import Model
-from ..problems.contact.problem import ContactProblem
-from ..problems.names import described
-from .interface import SolverError
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
+from ...problems.names import described
+from ..interface import SolverError
 
 
 class Method:
