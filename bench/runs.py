@@ -58,7 +58,7 @@ class Run(RunFrames, os.PathLike[str]):
             memory [bytes], and what a failed one left.
         points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
             quartiles, the other numbers of the verdict.
-        rounds: in which points were measured: problem, solver, tolerance, session, number, median times [s].
+        rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``.
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories: problem, solver, tolerance, quantity, error, low, high.
         info: plan, machine, plugins, and sessions with drift and load of the machine.
@@ -99,9 +99,9 @@ class Run(RunFrames, os.PathLike[str]):
                 no such residuals.
         """
         from .report.accuracy import summary_table
-        from .report.output_file import refuse_links_out
         from .report.studies import points_table
         from .report.tables import results_table, write_tables
+        from .store.links import refuse_links_out
 
         frames = self.judged_by(residual or self.residual)
         folder = self.folder if frames.residual == JUDGED else self.folder / frames.residual

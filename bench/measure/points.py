@@ -10,21 +10,8 @@ from ...problems.arrays import FloatArray
 from ..store.outcome import Outcome
 from ..store.records import MOST_ANSWERS, Measured, Point, Quartiles, Round
 
-UNDISTURBED = 0.9
-"""A process that computed for less than this share of the time on its clock was disturbed, or waited by itself."""
-
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 """Outcomes from good to bad; the others stand between being relaxed and being wrong."""
-
-
-def is_marred(point: Point) -> bool:
-    """Whether a point ended at its limit of time while other programs took part of it."""
-    return point.outcome is Outcome.TIME_LIMIT and bool(point.rounds) and all(map(is_disturbed, point.rounds))
-
-
-def is_disturbed(one: Round) -> bool:
-    """Whether a process waited for a part of the time on its clock."""
-    return one.cpu < UNDISTURBED
 
 
 def marked(rounds: Sequence[Round]) -> list[Round]:
@@ -32,19 +19,21 @@ def marked(rounds: Sequence[Round]) -> list[Round]:
 
     A solver all of whose rounds waited does so by itself, and none of them is marred.
     """
-    are_own_waits = all(map(is_disturbed, rounds))
-    return [replace(one, is_marred=is_disturbed(one) and not are_own_waits) for one in rounds]
+    are_own_waits = all(one.is_disturbed for one in rounds)
+    return [replace(one, is_marred=one.is_disturbed and not are_own_waits) for one in rounds]
 
 
 def joined(before: Point, now: Point) -> Point:
     """Return a point of the rounds of both; the worse outcome with its reason counts, and the worse answer.
 
-    A limit of time that was reached while other programs disturbed is forgotten.
+    A limit of time that was reached while other programs disturbed is forgotten once a round was not disturbed.
     """
-    if before.measured is None or now.measured is None or is_marred(before):
+    if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
-    if is_marred(now):
-        return before
+    if before.is_marred is not now.is_marred:
+        kept, measured = (now, now.measured) if before.is_marred else (before, before.measured)
+        rounds = marked([*before.rounds, *now.rounds])
+        return replace(kept, measured=replace(measured, **times_of(rounds), rounds=rounds))
     worse = before if _rank(before) >= _rank(now) else now
     return replace(worse, measured=_joined(before.measured, now.measured))
 

@@ -1,16 +1,15 @@
 """Files that commands write: refused before any work, written as a whole and in their folder, or not at all."""
 
-import os
 import tempfile
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
-from itertools import accumulate
 from pathlib import Path
 
 from ...problems.catalog.atomic_file import replacing
 from ...problems.errors import said
 from ...problems.spelling import either, option, switch
 from ..errors import BenchError, UnwritableError
+from ..store.links import refuse_links_out
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
 """Endings of pictures and pages that are never part of a name."""
@@ -32,26 +31,6 @@ def write_file(file: Path, content: bytes) -> Path:
         remedy = "choose a place that has room and may be written"
         raise UnwritableError(f"cannot write {file}: {error.strerror}; {remedy}.") from None
     return file
-
-
-def refuse_links_out(place: Path, folder: Path) -> None:
-    """Find out whether a link on the way from a folder to a place in it, or below that place, leads out of the folder.
-
-    Results may come from elsewhere: showing them must not replace files wherever their links say.
-
-    Raises:
-        BenchError: if one does.
-    """
-    inside = os.path.realpath(folder)
-    way = list(accumulate(place.relative_to(folder).parts, Path.joinpath, initial=folder))[1:]
-    below = [Path(top, name) for top, folders, files in os.walk(place) for name in (*folders, *files)]
-    for link in (*way, *below):
-        target = os.path.realpath(link)
-        if os.path.islink(link) and not Path(target).is_relative_to(inside):
-            raise BenchError(
-                f"{link} is a link out of {folder}, to {target}, and nothing is written through it; "
-                "remove it, or name another place."
-            )
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:

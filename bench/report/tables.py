@@ -11,7 +11,7 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from ...problems.spelling import for_command_line
+from ...problems.spelling import either, for_command_line
 from ...solvers.interface import Status
 from ..store.condition import basis, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
@@ -193,7 +193,9 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
         note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
         console.print(Text(hanging(note, console.width), style="dim"))
-    console.print(Text(f"one of them: proxbench report {frames.folder} --problem NAME", style="dim"))
+    in_python = f"proxbench.bench.load({str(frames.folder)!r}).points"
+    one = either(f"proxbench report {frames.folder} --problem NAME", in_python)
+    console.print(Text(f"one of them: {one}", style="dim"))
     console.print()
 
 

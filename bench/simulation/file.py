@@ -26,9 +26,9 @@ from ...problems.stepping.contact_states import LawStates
 from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
-from ..report.output_file import refuse_links_out
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
+from ..store.links import refuse_links_out
 from ..store.records import PluginUse
 from .beside import beside_from
 from .failure import Failure

@@ -43,9 +43,9 @@ def differences(before: Machine, now: Machine) -> list[str]:
 
 
 def mixtures(run: RunRecord) -> list[str]:
-    """Return in words what the sessions of a run differ in from its first one."""
+    """Return in words what the sessions of a run differ in from what it was begun on."""
     machines = [session.machine for session in run.sessions if session.machine is not None]
-    return list(dict.fromkeys(said for machine in machines[1:] for said in differences(machines[0], machine)))
+    return list(dict.fromkeys(said for machine in machines for said in differences(run.machine, machine)))
 
 
 def _short(value: object) -> str:

@@ -15,6 +15,9 @@ from .trajectory_records import MethodRecord, TrajectoryRecord
 MOST_PASSES = 1000
 """Passes that a run may have."""
 
+UNDISTURBED = 0.9
+"""A process that computed for less than this share of the time on its clock was disturbed, or waited by itself."""
+
 MOST_ANSWERS = 20
 """Different answers of a point that are told apart."""
 
@@ -96,7 +99,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         """Whether nothing of a case is left to measure."""
         if case.outcome is not Outcome.MEASURED:
             return True
-        repeated = itertools.takewhile(lambda point: point.is_repeated, case.points)
+        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_marred, case.points)
         is_repeated_enough = all(point.n_passes >= self.passes for point in repeated)
         return is_repeated_enough and len(case.points) >= len(self.ladder(case.solver))
 
@@ -242,6 +245,11 @@ class Round(Record, frozen=True, kw_only=True):
     slowness: Number = 1.0
     is_marred: bool = False
 
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether its process waited for a part of the time on its clock."""
+        return self.cpu < UNDISTURBED
+
 
 class Measured(Record, frozen=True, kw_only=True):
     """What was measured at one tolerance, or at one step of a trajectory.
@@ -311,6 +319,11 @@ class Point(Record, frozen=True, kw_only=True):
     def n_passes(self) -> int:
         """The number of passes that it was measured in."""
         return len({(one.session, one.number) for one in self.rounds})
+
+    @property
+    def is_marred(self) -> bool:
+        """Whether it ended at its limit of time while other programs took part of it."""
+        return self.outcome is Outcome.TIME_LIMIT and bool(self.rounds) and all(one.is_disturbed for one in self.rounds)
 
     @property
     def is_repeated(self) -> bool:

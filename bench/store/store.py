@@ -25,6 +25,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.spelling import either, option
 from ..errors import BenchError
 from .conversion import R, content_of, of_format_1, record_of
+from .links import refuse_links_out
 from .records import CaseRecord, RunRecord
 
 FORMAT = 2
@@ -84,8 +85,10 @@ class Store:
         The lock is one of the system's on the folder, which goes with the process however that ends.
 
         Raises:
-            BenchError: if another process is writing to it.
+            BenchError: if another process is writing to it, or a link leads out of it.
         """
+        for place in (self._cases, self._problems):
+            refuse_links_out(place, self.folder)
         try:
             folder = os.open(self._cases, os.O_RDONLY)
         except OSError as error:

@@ -40,6 +40,10 @@ class InteriorNewton(Method):
     One iteration is a Newton step, a factorisation of the path, or a sweep.
     """
 
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return InteriorPoint().supports(problem)
+
     def prepare(self, problem: ContactProblem) -> "PreparedRelay":
         """Prepare the first method; the others are prepared when their turn comes."""
         first = InteriorPoint().prepare(problem)

@@ -25,7 +25,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
-from ..iteration.method import Method, check_form, check_option
+from ..iteration.method import Method, beyond_contacts, check_form, check_option
 from . import cones
 from .interior_point import NewtonSystem, form_obstacle, newton_system
 from .power_series import Direction, Series, local_product, products, write_right
@@ -94,6 +94,9 @@ class CentralPath(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
+        reason = beyond_contacts(problem)
+        if reason:
+            return reason
         layout = problem.layout
         remote = np.flatnonzero((layout.partner != np.arange(layout.n_blocks)) & (layout.friction_coefficient > 0.0))
         if len(remote):

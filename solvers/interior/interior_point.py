@@ -24,7 +24,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
-from ..iteration.method import Method, check_form, check_option
+from ..iteration.method import Method, beyond_contacts, check_form, check_option
 from . import cones
 from .body_system import BodySystem
 from .damping import SHARES, Damping, Share
@@ -104,7 +104,7 @@ class InteriorPoint(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        return form_obstacle(problem, self.form)
+        return beyond_contacts(problem) or form_obstacle(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorPoint":
         """Scale the problem, assemble what the form needs, and order the factorisation."""

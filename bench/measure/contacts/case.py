@@ -22,7 +22,7 @@ from ...store.outcome import Outcome, claim_reason, late_reason, point_outcome, 
 from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
 from ..pace import free_probe_seconds, free_share, slowness
-from ..points import is_marred, joined, number_of, times_of
+from ..points import joined, number_of, times_of
 from .clock_account import ClockAccount
 from .control import THOROUGH, Controls, Solve, explains
 from .protocol import TIMED, MeasuringTask, medians_on_free_core, round_fault
@@ -105,7 +105,7 @@ class Case(LadderCase):
         point = self.points[level]
         if point.is_repeated:
             return self.visit.points is not None or point.n_passes <= self.visit.number
-        return (is_marred(point) or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
+        return (point.is_marred or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
         """Start the process, warm up on another problem of the same kinds, and take the convergence curve of this one.

@@ -107,6 +107,22 @@ def test_levels_behind_one_that_ended_the_ladder_need_no_more_rounds() -> None:
     assert PLAN.has_finished(replace(found, points=[ended, found.points[1]]))
 
 
+def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
+    plan = replace(PLAN, passes=2)
+    waited = [timed_round(number, 9.0, cpu=0.5) for number in range(2)]
+    found = [
+        replace(
+            case("slow", STEADY, STEADY).points[0],
+            outcome=Outcome.TIME_LIMIT,
+            status="time limit",
+            measured=measured_in(waited[:count]),
+        )
+        for count in (1, 2)
+    ]
+    rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="1e-2 already ended")
+    assert [plan.has_finished(case_record(points=[one, rest])) for one in found] == [False, True]
+
+
 def test_a_case_that_fails_gets_no_more_rounds_and_stays_failed(tmp_path_factory: pytest.TempPathFactory) -> None:
     made = run(
         "hard-sticking-box",

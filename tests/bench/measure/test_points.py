@@ -58,7 +58,13 @@ def test_a_solver_that_always_waits_is_not_disturbed() -> None:
 
 def test_a_time_limit_that_others_caused_is_forgotten() -> None:
     late = point(one_round(0, 9.0, cpu=0.5), Outcome.TIME_LIMIT)
-    assert joined(late, point(one_round(1))).outcome is Outcome.SOLVED
-    assert joined(point(one_round(1)), late) == point(one_round(1))
+    for found in (joined(late, point(one_round(1))), joined(point(one_round(1)), late)):
+        assert found.outcome is Outcome.SOLVED
+        assert found.measured is not None
+        assert found.measured.total_seconds.q3 == 1.0
+        assert sorted(one.is_marred for one in found.rounds) == [False, True]
+    twice = joined(late, point(one_round(1, 9.0, cpu=0.5), Outcome.TIME_LIMIT))
+    assert twice.is_marred
+    assert twice.n_passes == 2
     by_itself = point(one_round(0, 9.0, cpu=0.98), Outcome.TIME_LIMIT)
     assert joined(by_itself, point(one_round(1))).outcome is Outcome.TIME_LIMIT

@@ -148,6 +148,18 @@ def test_two_writers_are_kept_apart(store: Store) -> None:
         pass
 
 
+@pytest.mark.parametrize("name", ["cases", "problems"])
+def test_a_run_is_not_continued_through_a_link_out_of_it(store: Store, tmp_path: Path, name: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    place = store.folder / name
+    if place.exists():
+        place.rmdir()
+    place.symlink_to(elsewhere)
+    with pytest.raises(BenchError, match="is a link out of"), store.alone():
+        pass
+
+
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BenchError, match="cannot write"):
