@@ -61,7 +61,7 @@ def test_a_hostile_name_stays_in_its_folder_and_is_shown_harmlessly(copied: Path
     for file in files:
         assert file.parent == copied
     pages = [file.read_text() for file in files if file.suffix in (".md", ".svg")]
-    assert len(pages) == 7
+    assert len(pages) == 9
     for page in (*pages, text.getvalue()):
         assert not set("\x1b\x07\u202e") & set(page)
     for page in pages:

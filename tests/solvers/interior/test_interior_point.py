@@ -2,6 +2,7 @@
 
 import itertools
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.laws import Laws
 from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import Solver, SolverError, Status, Stop, create, solve
+from proxbench.solvers.interior.progress import proven_infeasible
 from threadpoolctl import threadpool_limits
 
 VARIANTS = [
@@ -147,3 +150,11 @@ def test_laws_without_a_partner_and_with_another_s_are_all_bounded() -> None:
 def test_an_unknown_option_is_refused_in_words(options: dict[str, str]) -> None:
     with pytest.raises(SolverError, match="must be"):
         create("InteriorPoint", **options)
+
+
+@pytest.mark.parametrize("small", [1e-9, 1e-6, 1.0, 1e6])
+def test_what_is_too_small_beside_the_free_velocity_still_moves_contacts(small: float) -> None:
+    """G d is compared with what its own terms add up to, however small both are beside c."""
+    stack = load("hard-stack-2-top-1e8")
+    pressed = replace(in_units(stack, mass=small, length=small).problem, name="pressed", answer=None)
+    assert not proven_infeasible(pressed, np.ones(pressed.n_rows))
