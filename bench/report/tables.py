@@ -292,4 +292,4 @@ def _markdown_head(frames: RunFrames) -> str:
 
 def _markdown(shown: pd.DataFrame) -> str:
     heads = [str(column).replace("\n", " ") for column in shown.columns]
-    return markdown_table(heads, shown.map(inline).itertuples(index=False))
+    return markdown_table(map(inline, heads), shown.map(inline).itertuples(index=False))
