@@ -43,12 +43,14 @@ class BlockLayout:
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
-        width = 1 + int(laws.kind.max(initial=0))
-        slot, owners, bounds, partner = _lay_out(
-            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, width, laws.n_rows
-        )
-        read_only(slot, owners, bounds, partner)
-        return BlockLayout(width, slot, owners[0], owners[1], bounds[0], bounds[1], partner)
+        n_laws = laws.n_laws
+        slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((4, n_laws), np.int64), np.empty((2, n_laws))
+        arguments = (laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound)
+        width, n = _lay_out(*arguments, slot, numbers, bounds)
+        normal, friction, partner = numbers[0, :n], numbers[1, :n], numbers[2, :n]
+        coefficient, fixed = bounds[0, :n], bounds[1, :n]
+        read_only(slot, normal, friction, partner, coefficient, fixed)
+        return BlockLayout(width, slot, normal, friction, coefficient, fixed, partner)
 
     @property
     def n_blocks(self) -> int:
@@ -96,30 +98,35 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 @njit(cache=True)
-def _lay_out(kind, partner_law, mu, fixed, width, n_rows):  # type: ignore[no-untyped-def]
-    """Return slots of the rows, normal and friction law, μ and a, and partner of each block."""
-    block, n_blocks = np.empty(len(kind), dtype=np.int64), 0
+def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds):  # type: ignore[no-untyped-def]
+    """Return lanes a block and the number of blocks.
+
+    Writes slots of the rows, normal law, friction law and partner of each block, block of each law, and μ and a of each
+    block.
+    """
+    block, n_blocks, width = numbers[3], 0, 1
     for law in range(len(kind)):  # friction right behind its partner shares its block
+        width = max(width, 1 + kind[law])
         if law == 0 or kind[law] == 0 or partner_law[law] != law - 1:
             n_blocks += 1
         block[law] = n_blocks - 1
-    slot = np.empty(n_rows, dtype=np.int64)
-    owners = np.full((2, n_blocks), -1, dtype=np.int64)
-    bounds = np.zeros((2, n_blocks))
-    partner = np.arange(n_blocks)
+    normal, friction, partner = numbers[0], numbers[1], numbers[2]
+    for b in range(n_blocks):
+        normal[b], friction[b], partner[b] = -1, -1, b
+        bounds[0, b] = bounds[1, b] = 0.0
     row = 0
     for law in range(len(kind)):
         b = block[law]
         if kind[law] == 0:
-            owners[0, b] = law
+            normal[b] = law
             slot[row] = width * b
             row += 1
             continue
-        owners[1, b] = law
+        friction[b] = law
         bounds[0, b], bounds[1, b] = mu[law], fixed[law]
         if partner_law[law] >= 0:
             partner[b] = block[partner_law[law]]
         for lane in range(kind[law]):
             slot[row] = width * b + 1 + lane
             row += 1
-    return slot, owners, bounds, partner
+    return width, n_blocks

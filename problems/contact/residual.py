@@ -14,7 +14,7 @@ from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import ratio
 from .coupling import components
-from .laws import ROWS_OF_KIND, LawKind, Laws
+from .laws import LawKind, Laws
 from .model import Model
 from .problem import FREE_FALL, ContactProblem
 from .projections import onto_friction_cone, onto_polygon
@@ -34,7 +34,6 @@ class Residual:
         alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
         speeds: ‖c_i‖ of each law [m/s], shape (n_laws,).
         scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
-        components: the connected component of each law, shape (n_laws,).
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
         stuck_law: a unilateral law with α_i = 0 and c_i < 0, −1 if there is none.
         infeasible: whether there is one.
@@ -43,25 +42,32 @@ class Residual:
     """
 
     def __init__(self, problem: ContactProblem) -> None:
-        laws, layout = problem.laws, problem.layout
+        laws = problem.laws
         self.alpha: FloatArray
         self.speeds: FloatArray
-        self.alpha, self.speeds, self.stuck_law = _scales(
-            laws.kind, laws.first_row, laws.partner, problem.delassus_diagonal, problem.free_velocity
+        self.alpha, self.speeds, self.ratios, self._squares = np.empty((4, laws.n_laws))
+        self._diagonal = problem.delassus_diagonal
+        self.stuck_law, self.scale = _write_scales(
+            laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity, self.alpha, self.speeds
         )
-        self.scale = float(self.speeds.max(initial=0.0))
-        self.components: IntArray = components(problem)[layout.contact_of_row[laws.first_row]]
-        self.ratios: FloatArray = _ratios(self.components, self.speeds, self.scale)
+        self._contacts, self._layout = components(problem), problem.layout
+        _write_ratios(
+            self._contacts, self._layout.slot, self._layout.width, laws.first_row, self.speeds, self.scale, self.ratios
+        )
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
-        self._squares = np.empty(laws.n_laws)
+        self._scale = self.unit * self.scale
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
         self._arguments = laws.kind, laws.first_row, laws.friction_coefficient, fixed, laws.partner, self.alpha
 
     @cached_property
-    def row_ratios(self) -> FloatArray:
-        """``ratios`` of the law of each row, shape (n_rows,)."""
-        return np.repeat(self.ratios, ROWS_OF_KIND[self._arguments[0]])
+    def components(self) -> IntArray:
+        """The connected component of each law, shape (n_laws,)."""
+        return self._contacts[self._layout.contact_of_row[self._arguments[1]]]
+
+    def largest_held(self, impulses: FloatArray) -> float:
+        """Return the largest G_hh |Λ_h| over all rows h, each times the ratio of its law [m/s]."""
+        return float(_largest_held(self._arguments[0], self._arguments[1], self.ratios, self._diagonal, impulses))
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
@@ -70,7 +76,7 @@ class Residual:
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
         largest = _squared_violations(*self._arguments, impulses, velocity, self.ratios, self._squares)
-        return ratio(largest, self.unit * self.scale)
+        return ratio(largest, self._scale)
 
 
 class ModelResidual(Residual):
@@ -115,17 +121,29 @@ def _unit(scale: float) -> float:
 
 
 @njit(cache=True)
-def _ratios(component, speeds, scale):  # type: ignore[no-untyped-def]
-    """Return ``scale`` over the largest speed in the component of each law; 1 where that is rounding of ``scale``."""
+def _write_ratios(component, slot, width, first_row, speeds, scale, ratios):  # type: ignore[no-untyped-def]
+    """Write ``scale`` over the largest speed in the component of each law; 1 where that is rounding of ``scale``.
+
+    ``component`` is that of each contact.
+    """
     largest = np.zeros(len(component))
-    for law in range(len(component)):
-        largest[component[law]] = max(largest[component[law]], speeds[law])
-    ratios = np.ones(len(component))
-    for law in range(len(component)):
-        own = largest[component[law]]
-        if own > ROUNDING * scale:
-            ratios[law] = scale / own
-    return ratios
+    for law in range(len(speeds)):
+        own = component[slot[first_row[law]] // width]
+        largest[own] = max(largest[own], speeds[law])
+    for law in range(len(speeds)):
+        own = largest[component[slot[first_row[law]] // width]]
+        ratios[law] = scale / own if own > ROUNDING * scale else 1.0
+
+
+@njit(cache=True)
+def _largest_held(kind, first_row, ratios, diagonal, impulses):  # type: ignore[no-untyped-def]
+    """Return the largest ratio · |G_hh Λ_h| over the rows of all laws; NaN if any is."""
+    largest = 0.0
+    for law in range(len(kind)):
+        for row in range(first_row[law], first_row[law] + max(kind[law], 1)):
+            held = ratios[law] * abs(diagonal[row] * impulses[row])
+            largest = held if held > largest or held != held else largest
+    return largest
 
 
 @njit(cache=True)
@@ -260,10 +278,9 @@ def tangents(problem: ContactProblem, rows: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[no-untyped-def]
-    """Return α_i and ‖c_i‖ of every law, and a unilateral law with α_i = 0 and c_i < 0, −1 if there is none."""
-    alpha, speeds = np.empty(len(kind)), np.empty(len(kind))
-    stuck = -1
+def _write_scales(kind, first_row, partner, diagonal, free_velocity, alpha, speeds):  # type: ignore[no-untyped-def]
+    """Write α_i and ‖c_i‖ of every law; return a unilateral law with α_i = 0 and c_i < 0, −1 if none, and max ‖c_i‖."""
+    stuck, largest = -1, 0.0
     for law in range(len(kind)):
         row = first_row[law]
         alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
@@ -272,8 +289,9 @@ def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[
             speeds[law] = np.hypot(speeds[law], free_velocity[row + 1])
         if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
             stuck = law
+        largest = max(largest, speeds[law])
     for law in range(len(kind)):
         normal = partner[law]
         if normal >= 0 and diagonal[first_row[normal]] == 0.0:
             alpha[normal] = max(alpha[normal], alpha[law])
-    return alpha, speeds, stuck
+    return stuck, largest

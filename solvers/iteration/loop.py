@@ -139,8 +139,7 @@ def confirmed(
 
 def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
     """Return the residual that rounding of ξ may leave at Λ, shape (n_rows,), if c is not zero: a generous guess."""
-    largest = float((residual.row_ratios * np.abs(problem.delassus_diagonal * impulses)).max(initial=0.0))
-    return ROUNDING * largest / residual.scale if residual.scale > 0.0 else 0.0
+    return ROUNDING * residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
 
 
 def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monitor) -> tuple[Status, str] | None:
