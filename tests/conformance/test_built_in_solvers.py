@@ -11,6 +11,7 @@ from proxbench.bench.conformance.invariance_checks import INVARIANCE_CHECKS
 from proxbench.solvers import Solver, create
 
 VARIANTS = [
+    "Robust",
     "Jprox",
     "JORprox(relaxation=0.5)",
     "JORprox(step_size='row_sum')",
