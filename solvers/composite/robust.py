@@ -5,7 +5,7 @@ method often has what they lack, once they have found which contacts stick and s
 is left, redundant piles and stacks above all. So
 
     sweeps          while every window of them gains a digit
-    Newton steps    a few full ones from the best swept impulses
+    Newton steps    a few from the last swept impulses
     InteriorNewton  interior points, their path, Newton's method, and sweeps with it to the end
 
 A window is as many sweeps as take about a fifth of the time of an interior point method, measured from 2 to 2400
@@ -30,11 +30,11 @@ from .interior_newton import taken_in_turn
 from .relay import Relay
 from .sweeping import sweeps_for
 
-WINDOW, WINDOW_A_CONTACT = 400, 3
+WINDOW, WINDOW_A_CONTACT = 400, 1
 """Sweeps of a window: the first, and the second for each contact."""
 
 FEW_STEPS = replace(SEARCHING, most_steps=8)
-"""Newton steps from swept impulses: where they help they need one to four, and fourteen at a mass ratio of 1e8."""
+"""Newton steps from the last swept impulses, which know the states even where the residual has not fallen yet."""
 
 OVER = (Status.SOLVED, Status.ITERATION_LIMIT, Status.TIME_LIMIT)
 """Ends of the sweeps that are the end of the solve."""
@@ -72,7 +72,7 @@ class PreparedRobust:
         advance = Advance(self.sweeps.begin(first), monitor, observe)
         window = Window(WINDOW + WINDOW_A_CONTACT * problem.n_contacts)
         while True:
-            ended = looked(problem, residual, advance)[2]
+            latest, present, ended = looked(problem, residual, advance)
             if ended is not None and ended[0] in OVER:
                 return Solution(_best(monitor, first), ended[0], advance.iteration, _said(self.name, *ended))
             if ended is not None or window.is_lost(advance.iteration, monitor.best_residual):
@@ -81,13 +81,15 @@ class PreparedRobust:
         relay = Relay(problem, residual, self.prepared, stop, observe, monitor.clock, advance.iteration)
         relay.ran.append(f"{self.name}: {ended[0] if ended else 'slow'}")
         relay.best, relay.lowest = _best(monitor, first), monitor.best_residual
-        return self._finished(relay, advance)
+        return self._finished(relay, advance, latest, present)
 
-    def _finished(self, relay: Relay, advance: Advance) -> Solution:
-        """Try Newton's method from the swept impulses, then let the others take turns."""
+    def _finished(self, relay: Relay, advance: Advance, latest: FloatArray, present: float) -> Solution:
+        """Try Newton's method from Λ = ``latest`` of the residual ``present``, then let the others take turns."""
         assert relay.best is not None
         attempts = Attempts(self.problem, relay.residual, Equations(self.problem, relay.residual), advance)
-        relay.best, relay.lowest = attempts.tried(FEW_STEPS, relay.best, relay.lowest)
+        found, reached = attempts.tried(FEW_STEPS, latest, present)
+        if reached < relay.lowest:
+            relay.best, relay.lowest = found, reached
         relay.used = advance.iteration
         is_solved = relay.lowest <= relay.stop.tolerance
         relay.ran.append(f"Newton steps: {Status.SOLVED if is_solved else 'no further'}")
