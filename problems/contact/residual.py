@@ -45,6 +45,8 @@ class Residual:
         laws = problem.laws
         self.alpha: FloatArray
         self.speeds: FloatArray
+        self.stuck_law: int
+        self.scale: float
         self.alpha, self.speeds, self.ratios, self._squares = np.empty((4, laws.n_laws))
         self._diagonal = problem.delassus_diagonal
         self.stuck_law, self.scale = _write_scales(

@@ -25,6 +25,9 @@ from ..sweeps.cone import ConeProblem
 SHRINK, GROW = 0.5, 1.1
 """What t is multiplied with where the bound fails, and after an iteration."""
 
+LONGEST = 100.0
+"""Largest t relative to 1/λ_max(G): impulses that move nothing must not grow until rounding hides what they miss."""
+
 MOST_HALVINGS = 60
 """Of one iteration."""
 
@@ -53,7 +56,7 @@ class APGD(Method):
 
 
 def _steps(cone: ConeProblem, step: float, start: FloatArray) -> Iterator[FloatArray]:
-    present, theta = cone.projected(start), 1.0
+    present, theta, longest = cone.projected(start), 1.0, LONGEST * step
     ahead = present
     while True:
         gradient = np.asarray(cone.matrix @ ahead + cone.free)
@@ -71,4 +74,4 @@ def _steps(cone: ConeProblem, step: float, start: FloatArray) -> Iterator[FloatA
             following = 0.5 * (np.sqrt(theta**4 + 4.0 * theta**2) - theta**2)
             ahead = newest + theta * (1.0 - theta) / (theta**2 + following) * (newest - present)
             theta = following
-        present, step = newest, GROW * step
+        present, step = newest, min(GROW * step, longest)
