@@ -30,7 +30,7 @@ from .interior_newton import taken_in_turn
 from .relay import Relay
 from .sweeping import sweeps_for
 
-WINDOW, WINDOW_A_CONTACT = 400, 1
+WINDOW, WINDOW_A_CONTACT = 400, 3
 """Sweeps of a window: the first, and the second for each contact."""
 
 FEW_STEPS = replace(SEARCHING, most_steps=8)

@@ -72,8 +72,8 @@ def test_a_tighter_tolerance_begins_with_the_same_iterates() -> None:
 def test_the_best_impulses_of_all_parts_are_returned() -> None:
     """At a limit in the middle of the path, whose iterates are far from the cones, the swept impulses are the best."""
     problem = load("pile-100")
-    sweeps = sweeps_for(problem).prepare(problem).solve(Stop(1e-15, 1300, math.inf))
-    solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2010, math.inf))
+    sweeps = sweeps_for(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
+    solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2310, math.inf))
     assert "InteriorPoint" in solution.message
     assert judge(problem, solution.impulses).residual <= judge(problem, sweeps.impulses).residual * (1 + 1e-9)
 
