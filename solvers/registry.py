@@ -13,12 +13,18 @@ from . import contract
 from .interface import Solution, Solver, SolverError, Status, Stop
 
 BUILT_IN = {
+    "Robust": "composite.robust",
     "Jprox": "prox.jprox",
     "JORprox": "prox.jorprox",
     "SORprox": "prox.sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
     "NSGS": "prox.nsgs",
     "SemismoothNewton": "newton.semismooth_newton",
+    "ProximalADMM": "prox.proximal_admm",
+    "FBF": "prox.fbf",
+    "TrescaFixedPoint": "prox.tresca_fixed_point",
+    "APGD": "prox.apgd",
+    "ProximalPoint": "newton.proximal_point",
     "InteriorPoint": "interior.interior_point",
     "CentralPath": "interior.central_path",
     "HybridNewton": "composite.hybrid_newton",
@@ -171,14 +177,12 @@ def parse(text: str) -> Name:
     return read_name(text, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
-def solve(
-    problem: ContactProblem, solver: str | Solver = "SORprox", tolerance: float = 1e-6, **limits: Any
-) -> Solution:
-    """Solve one problem: ``solve(problem, "SORprox", tolerance=1e-6)``.
+def solve(problem: ContactProblem, solver: str | Solver = "Robust", tolerance: float = 1e-6, **limits: Any) -> Solution:
+    """Solve one problem: ``solve(problem, tolerance=1e-6)``, or ``solve(problem, "SORprox")``.
 
     Args:
         problem: the contact problem.
-        solver: a solver, or its name.
+        solver: a solver, or its name; ``Robust`` sweeps while that is fast, and goes on with other methods.
         tolerance: the judge's residual to reach.
         limits: max_iterations, max_seconds.
 

@@ -30,8 +30,8 @@ class _Default(NamedTuple):
 _MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
 """The fastest way to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
 
-_FEW_CONTACTS = _Default("SORprox", 1e-10, 5000)
-"""A few contacts afford more accuracy, and need no relaxation above 1."""
+_FEW_CONTACTS = _Default("Fallback(SORprox, Robust)", 1e-10, 5000)
+"""A few contacts afford more accuracy, and need no relaxation above 1; what sweeps leave is solved by other methods."""
 
 _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
 """Switching points are found from forces, which lose as many digits as a step is shorter than the others."""

@@ -56,28 +56,15 @@ class BlockLayout:
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
-        last = int(laws.kind.max(initial=0))
-        sliding = last if last <= 2 else int(laws.kind[laws.kind <= 2].max(initial=0))
-        width = 1 + sliding + max(last - 3, 0)
-        slot, owners, bounds, partner = _lay_out(
-            laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, width, sliding, laws.n_rows
-        )
-        is_bilateral = laws.is_bilateral[owners[0]] if last > 2 else np.zeros(len(partner), dtype=np.bool_)
-        read_only(slot, owners, bounds, partner, is_bilateral)
-        return BlockLayout(
-            width=width,
-            sliding=sliding,
-            slot=slot,
-            normal_law=owners[0],
-            friction_law=owners[1],
-            rolling_law=owners[2],
-            friction_coefficient=bounds[0],
-            fixed_bound=bounds[1],
-            rolling_coefficient=bounds[2],
-            rolling_bound=bounds[3],
-            partner=partner,
-            is_bilateral=is_bilateral,
-        )
+        n_laws = laws.n_laws
+        slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
+        is_bilateral = np.empty(n_laws, np.bool_)
+        arguments = (laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound)
+        sliding, width, n = _lay_out(*arguments, slot, numbers, bounds, is_bilateral)
+        read_only(slot, numbers, bounds, is_bilateral)
+        owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
+        limits = (bounds[0, :n], bounds[1, :n], bounds[2, :n], bounds[3, :n])
+        return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n])
 
     @property
     def n_blocks(self) -> int:
@@ -135,27 +122,34 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 @njit(cache=True)
-def _lay_out(kind, partner_law, mu, fixed, width, sliding, n_rows):  # type: ignore[no-untyped-def]
-    """Return slots of the rows; normal, friction and rolling law, μ, a, μ_r and a of rolling, and partner of blocks."""
-    block, n_blocks = np.empty(len(kind), dtype=np.int64), 0
+def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral):  # type: ignore[no-untyped-def]
+    """Return tangential lanes a block, all lanes a block, and the number of blocks.
+
+    Writes slots of the rows; normal, friction and rolling law and partner of each block, block of each law; μ, a, μ_r
+    and the a of rolling of each block, and whether it is a joint.
+    """
+    block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0
     for law in range(len(kind)):  # friction right behind its partner shares its block, and so does rolling friction
+        sliding = max(sliding, kind[law] if kind[law] < 3 else 0)
+        rolling = max(rolling, kind[law] - 3)
         if law == 0 or kind[law] == 0 or (kind[law] < 4 and partner_law[law] != law - 1):
             n_blocks += 1
         block[law] = n_blocks - 1
-    slot = np.empty(n_rows, dtype=np.int64)
-    owners = np.full((3, n_blocks), -1, dtype=np.int64)
-    bounds = np.zeros((4, n_blocks))
-    partner = np.arange(n_blocks)
+    width, partner = 1 + sliding + rolling, numbers[3]
+    for b in range(n_blocks):
+        numbers[0, b], numbers[1, b], numbers[2, b], partner[b] = -1, -1, -1, b
+        bounds[0, b] = bounds[1, b] = bounds[2, b] = bounds[3, b] = 0.0
+        is_bilateral[b] = False
     row = 0
     for law in range(len(kind)):
         b = block[law]
         if kind[law] == 0 or kind[law] == 3:
-            owners[0, b] = law
+            numbers[0, b], is_bilateral[b] = law, kind[law] == 3
             slot[row] = width * b
             row += 1
             continue
         rolls = 1 if kind[law] > 3 else 0
-        owners[1 + rolls, b] = law
+        numbers[1 + rolls, b] = law
         bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed[law]
         if rolls == 0 and partner_law[law] >= 0:
             partner[b] = block[partner_law[law]]
@@ -163,4 +157,4 @@ def _lay_out(kind, partner_law, mu, fixed, width, sliding, n_rows):  # type: ign
         for lane in range(kind[law] - 3 * rolls):
             slot[row] = width * b + first + lane
             row += 1
-    return slot, owners, bounds, partner
+    return sliding, width, n_blocks

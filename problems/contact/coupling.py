@@ -25,11 +25,14 @@ def components(problem: ContactProblem) -> IntArray:
     layout = problem.layout
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
-    n_bodies, starts, bodies, contacts = _touching(problem)
-    root = np.arange(layout.n_blocks)
-    if not layout.bounds_are_own:
-        _unite_partners(root, layout.partner)
-    found: IntArray = _components(root, n_bodies, starts, bodies, contacts)
+    found: IntArray
+    if problem.factors is None:
+        matrix = problem.delassus()
+        pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
+        found = _components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
+    else:
+        pieces = problem.factor_pieces()
+        found = _components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
     return found
 
 
@@ -104,6 +107,20 @@ def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
+    """Return the component of each contact where G alone is known."""
+    starts, bodies = _coupled(indptr, indices, data, np.sqrt(diagonal), contact_of_row)
+    return _components(partner, len(partner), starts, bodies, contact_of_row)
+
+
+@njit(cache=True)
+def _components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
+    """Return the component of each contact where the factors are known."""
+    starts, bodies = _moved(first, chunks, values, n_chunks)
+    return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
+
+
+@njit(cache=True)
 def _root_of(root, contact):  # type: ignore[no-untyped-def]
     while root[contact] != contact:
         root[contact] = root[root[contact]]
@@ -119,12 +136,14 @@ def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _components(root, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
-    """Unite each contact with the one that touched the body before it, and number the sets (union–find).
+def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
+    """Unite each contact with its partner and the one that touched the body before it; number the sets (union–find).
 
     Where bodies are contacts themselves each has touched its own before, because its diagonal block is not zero or it
     is alone.
     """
+    root = np.arange(len(partner))
+    _unite_partners(root, partner)
     last = np.full(n_bodies, -1, dtype=np.int64)
     for row in range(len(contacts)):
         contact = contacts[row]

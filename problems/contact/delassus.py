@@ -39,20 +39,9 @@ class DelassusBlocks:
 
 
 def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlocks:
-    """Return the block rows of a given G, shape (n_rows, n_rows)."""
-    entries = matrix.tocoo()
-    row, column = layout.slot[entries.row], layout.slot[entries.col]
-    block_row, block_column = row // layout.width, column // layout.width
-    # the diagonal is always stored, and first: its key precedes every other of its row
-    n = layout.n_blocks
-    diagonal = np.arange(n)
-    key = block_row * (n + 1) + np.where(block_row == block_column, 0, block_column + 1)
-    keys, position = np.unique(np.concatenate([diagonal * (n + 1), key]), return_inverse=True)
-    values = np.zeros((len(keys), layout.width, layout.width))
-    values[position[n:], row % layout.width, column % layout.width] = entries.data
-    rows, columns = keys // (n + 1), keys % (n + 1) - 1
-    columns = np.where(columns < 0, rows, columns).astype(np.int32)
-    starts = np.searchsorted(rows, np.arange(n + 1)).astype(np.int64)
+    """Return the block rows of a given G, shape (n_rows, n_rows), columns ascending after the diagonal."""
+    pattern = (matrix.indptr, matrix.indices, layout.slot, layout.n_blocks, layout.width)
+    starts, columns, values = _gather(*pattern, matrix.data)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
@@ -62,6 +51,59 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
     starts, columns, values = _multiply(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
+
+
+def diagonal_of(matrix: sp.csr_array) -> FloatArray:
+    """Return the diagonal of G, a fresh array of shape (n_rows,)."""
+    diagonal = np.zeros(matrix.shape[0])
+    _write_diagonal(matrix.indptr, matrix.indices, matrix.data, diagonal)
+    return diagonal
+
+
+@njit(cache=True)
+def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-def]
+    for row in range(len(diagonal)):
+        for p in range(indptr[row], indptr[row + 1]):
+            if indices[p] == row:
+                diagonal[row] += data[p]
+
+
+@njit(cache=True)
+def _gather(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
+    """Return starts, columns and values of the block rows: find and sort the columns of each, then fill the blocks.
+
+    The rows of a block stand one after the other. ``place`` says where a block column of the present row is stored.
+    """
+    starts, place = np.zeros(n_blocks + 1, dtype=np.int64), np.full(n_blocks, -1, dtype=np.int64)
+    block_of, lane_of = slot // width, slot % width
+    columns = np.empty(n_blocks + len(indices), dtype=np.int32)
+    row, end = 0, 0
+    for block in range(n_blocks):
+        columns[end], place[block] = block, end
+        begin, end = end + 1, end + 1
+        while row < len(slot) and block_of[row] == block:
+            for p in range(indptr[row], indptr[row + 1]):
+                column = block_of[indices[p]]
+                if place[column] < begin - 1:
+                    place[column] = end
+                    k = end
+                    while k > begin and columns[k - 1] > column:
+                        columns[k] = columns[k - 1]
+                        k -= 1
+                    columns[k] = column
+                    end += 1
+            row += 1
+        starts[block + 1] = end
+    values, row = np.zeros((end, width, width)), 0
+    for block in range(n_blocks):
+        for k in range(starts[block], starts[block + 1]):
+            place[columns[k]] = k
+        while row < len(slot) and block_of[row] == block:
+            for p in range(indptr[row], indptr[row + 1]):
+                column = indices[p]
+                values[place[block_of[column]], lane_of[row], lane_of[column]] += data[p]
+            row += 1
+    return starts, columns[:end].copy(), values
 
 
 @njit(cache=True)

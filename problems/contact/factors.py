@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
@@ -50,7 +51,7 @@ class InverseMass:
             matrix = sp.csr_array(as_sparse_input(given, "M⁻¹"), dtype=np.float64, copy=True)
         _check_square(matrix, "M⁻¹")
         inverse = InverseMass(matrix)
-        _ = inverse.root  # fails here, with the reason, if M⁻¹ is not positive definite
+        inverse.check()
         return inverse
 
     @staticmethod
@@ -70,25 +71,35 @@ class InverseMass:
         matrix = _block_inverse(mass)
         check_finite(matrix, "M⁻¹")
         inverse = InverseMass(matrix, mass)
-        _ = inverse.root
+        inverse.check()
         return inverse
+
+    def check(self) -> None:
+        """Raise ``ProblemError`` unless M⁻¹ is positive definite."""
+        _ = self.root_diagonal if self.is_diagonal else self.root
 
     @cached_property
     def is_diagonal(self) -> bool:
         """Whether M⁻¹ has no entries off its diagonal."""
         matrix = self.matrix
-        return bool(matrix.nnz == matrix.shape[0] and np.array_equal(matrix.indices, np.arange(matrix.shape[0])))
+        return len(matrix.data) == matrix.shape[0] and _counts_up(matrix.indices)
+
+    @cached_property
+    def root_diagonal(self) -> FloatArray:
+        """The diagonal of S, shape (n_dofs,), where M⁻¹ is diagonal."""
+        diagonal = self.matrix.data
+        if (diagonal <= 0).any():
+            dof = int(np.argmax(diagonal <= 0))
+            raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
+        root: FloatArray = np.sqrt(diagonal)
+        return root
 
     @cached_property
     def root(self) -> sp.csr_array[Any]:
         """S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
         if not self.is_diagonal:
             return _block_cholesky(self.matrix)
-        diagonal = self.matrix.data
-        if (diagonal <= 0).any():
-            dof = int(np.argmax(diagonal <= 0))
-            raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
-        return sp.csr_array((np.sqrt(diagonal), self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
+        return sp.csr_array((self.root_diagonal, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
 
     def times(self, vector: FloatArray) -> FloatArray:
         """Return M⁻¹ x, shape (n_dofs,)."""
@@ -97,7 +108,7 @@ class InverseMass:
 
     def root_times(self, vector: FloatArray) -> FloatArray:
         """Return S x, M⁻¹ = S Sᵀ, shape (n_dofs,)."""
-        product: FloatArray = self.root.data * vector if self.is_diagonal else self.root @ vector
+        product: FloatArray = self.root_diagonal * vector if self.is_diagonal else self.root @ vector
         return product
 
     def fresh(self) -> "InverseMass":
@@ -111,11 +122,11 @@ class InverseMass:
         return self._root_blocks[length]
 
     def _cut_root(self, length: int) -> FloatArray | None:
-        n_dofs = self.root.shape[0]
+        n_dofs = self.matrix.shape[0]
         if n_dofs % length:
             return None
         if self.is_diagonal:
-            return frozen(self.root.data, np.float64)
+            return frozen(self.root_diagonal, np.float64)
         blocks = sp.bsr_array(self.root, blocksize=(length, length))
         is_blocked = np.array_equal(blocks.indices, np.arange(n_dofs // length))
         return frozen(blocks.data, np.float64) if is_blocked else None
@@ -184,17 +195,17 @@ class Factors:
             if blocks is not None:
                 return given.scaled(blocks)
         if self.inverse_mass.is_diagonal:
-            return cut_into_pieces(self.force_directions, self.inverse_mass.root.data, layout)
+            return cut_into_pieces(self.force_directions, self.inverse_mass.root_diagonal, layout)
         return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)
 
     @cached_property
     def scaled_directions(self) -> sp.csc_array[Any]:
         """W̃ = Sᵀ W, so that G = W̃ᵀ W̃, shape (n_dofs, n_rows), columns sorted."""
-        directions, root = self.force_directions, self.inverse_mass.root
-        if self.inverse_mass.is_diagonal:
-            values = directions.data * root.data[directions.indices]
+        directions, inverse = self.force_directions, self.inverse_mass
+        if inverse.is_diagonal:
+            values = directions.data * inverse.root_diagonal[directions.indices]
             return sp.csc_array((values, directions.indices, directions.indptr), shape=directions.shape)
-        scaled = sp.csc_array(root.T @ directions)
+        scaled = sp.csc_array(inverse.root.T @ directions)
         scaled.sort_indices()
         return scaled
 
@@ -334,3 +345,12 @@ def _block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
         inverse = np.linalg.inv(blocks)
         inverses.append((dofs, 0.5 * (inverse + inverse.transpose(0, 2, 1))))
     return _from_blocks(inverses, mass.shape[0])
+
+
+@njit(cache=True)
+def _counts_up(indices):  # type: ignore[no-untyped-def]
+    """Whether the indices are the natural numbers from 0."""
+    count = 0
+    while count < len(indices) and indices[count] == count:
+        count += 1
+    return count == len(indices)

@@ -119,18 +119,9 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
     The chunk length is the one that makes them cheapest, counting the numbers to read plus four for each piece; it is
     chosen by the first rows, because a problem's contacts are alike.
     """
-    dofs = np.arange(columns.shape[0])
-    sample = layout.slot[:SAMPLED_ROWS]
-    cost = {
-        length: _count_pieces(columns.indptr, columns.indices, sample, layout.n_blocks, layout.width, dofs // length)[
-            -1
-        ]
-        * (layout.width * length + 4)
-        for length in CHUNK_LENGTHS
-    }
-    length = min(CHUNK_LENGTHS, key=lambda candidate: cost[candidate])
+    pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
+    length = _cheapest_length(*pattern, columns.shape[0])
     n_chunks = -(-columns.shape[0] // length)
-    pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width, dofs // length)
     starts, chunks, values = _cut(*pattern, length, n_chunks, columns.data, root)
     return Pieces(starts, chunks, values, n_chunks)
 
@@ -173,7 +164,8 @@ def _square_sums(lanes, axes, starts, chunks, values):  # type: ignore[no-untype
         for p in range(uint64(starts[i]), uint64(starts[i + one])):
             for lane in range(width):
                 for k in range(length):
-                    sums[i, lane] += values[length * (width * p + lane) + k] ** 2
+                    entry = values[length * (width * p + lane) + k]
+                    sums[i, lane] += entry * entry  # a power is rounded as the first kernel that took one asks for
     return sums
 
 
@@ -206,14 +198,26 @@ def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of):  # type: ignore[no-untyped-def]
-    """Return the first piece of each block, shape (n_blocks + 1,), from the chunk of each degree of freedom."""
-    last_block = np.full(len(chunk_of), -1, dtype=np.int64)
+def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: ignore[no-untyped-def]
+    """Return the chunk length with the cheapest pieces, by the first rows."""
+    cheapest, least = CHUNK_LENGTHS[0], np.inf
+    for length in CHUNK_LENGTHS:
+        starts = _count_pieces(indptr, indices, slot[:SAMPLED_ROWS], n_blocks, width, length, -(-n_dofs // length))
+        cost = starts[n_blocks] * (width * length + 4)
+        if cost < least:
+            cheapest, least = length, cost
+    return cheapest
+
+
+@njit(cache=True)
+def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # type: ignore[no-untyped-def]
+    """Return the first piece of each block, shape (n_blocks + 1,), for one chunk length."""
+    last_block = np.full(n_chunks, -1, dtype=np.int64)
     starts = np.zeros(n_blocks + 1, dtype=np.int64)
     for row in range(len(slot)):
         block = slot[row] // width
         for p in range(indptr[row], indptr[row + 1]):
-            chunk = chunk_of[indices[p]]
+            chunk = indices[p] // length
             if last_block[chunk] != block:
                 last_block[chunk] = block
                 starts[block + 1] += 1
@@ -223,12 +227,12 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of):  # type: ig
 
 
 @njit(cache=True)
-def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, n_chunks, data, root):  # type: ignore[no-untyped-def]
+def _cut(indptr, indices, slot, n_blocks, width, length, n_chunks, data, root):  # type: ignore[no-untyped-def]
     """Return starts, chunks and values of the pieces for one chunk length, entries scaled by ``root`` of their row.
 
     They come in pairs where a block has two pieces and none has more.
     """
-    starts = _count_pieces(indptr, indices, slot, n_blocks, width, chunk_of)
+    starts = _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks)
     most = 0
     for block in range(n_blocks):
         most = max(most, starts[block + 1] - starts[block])
@@ -241,7 +245,7 @@ def _cut(indptr, indices, slot, n_blocks, width, chunk_of, length, n_chunks, dat
     for row in range(len(slot)):
         block, lane = slot[row] // width, slot[row] % width
         for p in range(indptr[row], indptr[row + 1]):
-            chunk = chunk_of[indices[p]]
+            chunk = indices[p] // length
             piece = starts[block]
             while piece < filled[block] and chunks[piece] != chunk:
                 piece += 1

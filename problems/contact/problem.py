@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, frozen, read_only, real_numbers
 from ..errors import ProblemError
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
-from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces
+from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
 from .factors import Factors, as_sparse_input, check_finite, sparse_numbers
 from .laws import Laws
 from .pieces import Pieces
@@ -161,7 +162,7 @@ class ContactProblem:
         known = self.provenance.get(FREE_FALL, 0.0)
         return float(known) if isinstance(known, int | float) and 0.0 < known < np.inf else 0.0
 
-    @property
+    @cached_property
     def layout(self) -> BlockLayout:
         """How laws group into contacts of equal, padded width, for kernels."""
         return layout_of(self.laws)
@@ -202,8 +203,11 @@ class ContactProblem:
     def delassus_diagonal(self) -> FloatArray:
         """Diagonal of G [1/kg], shape (n_rows,), found without assembling G."""
         if self.matrix is not None:
-            return frozen(self.matrix.diagonal(), np.float64)
-        return frozen(self.layout.unpad(self.factor_pieces().square_sums()), np.float64)
+            diagonal = diagonal_of(self.matrix)
+        else:
+            diagonal = self.layout.unpad(self.factor_pieces().square_sums())
+        read_only(diagonal)
+        return diagonal
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
         """Return ξ = G Λ + c [m/s], shape (n_rows,), from whichever form the problem holds."""
@@ -299,11 +303,8 @@ def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_a
 
 
 def _check_symmetry(matrix: sp.csr_array, tolerance: float) -> None:
-    difference = abs(matrix - matrix.T).tocoo()
-    largest = abs(matrix.data).max(initial=0.0)
-    if difference.nnz and difference.data.max() > tolerance * largest:
-        worst = int(np.argmax(difference.data))
-        row, column = int(difference.row[worst]), int(difference.col[worst])
+    difference, row, column = _largest_asymmetry(matrix.indptr, matrix.indices, matrix.data)
+    if difference > tolerance * np.abs(matrix.data).max(initial=0.0):
         raise ProblemError(
             f"G[{row}, {column}] = {matrix[row, column]} but G[{column}, {row}] = {matrix[column, row]}: "
             "G must be symmetric (allow_asymmetric=True admits public data that is not)."
@@ -316,21 +317,52 @@ def _check_definite(matrix: sp.csr_array, tolerance: float) -> None:
     Its 2×2 minors g_ii g_jj − g_ij² and a few Ritz values are looked at: each bounds the least eigenvalue from above,
     so what is refused is indefinite, and what passes may be so by little beside its largest eigenvalue.
     """
-    entries, diagonal = matrix.tocoo(), matrix.diagonal()
-    roots = np.sqrt(diagonal[entries.row]) * np.sqrt(diagonal[entries.col])
-    excess = np.abs(entries.data) - roots
-    worst = int(np.argmax(excess)) if len(excess) else 0
-    if len(excess) and excess[worst] > tolerance * diagonal.max():
-        row, column = int(entries.row[worst]), int(entries.col[worst])
+    diagonal = diagonal_of(matrix)
+    excess, row, column = _largest_excess(matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal))
+    if excess > tolerance * diagonal.max(initial=0.0):
+        root = np.sqrt(diagonal[row]) * np.sqrt(diagonal[column])
         raise ProblemError(
-            f"G[{row}, {column}] = {entries.data[worst]} exceeds the root of G[{row}, {row}] G[{column}, {column}], "
-            f"{roots[worst]}: G must be positive semidefinite."
+            f"G[{row}, {column}] = {matrix[row, column]} exceeds the root of G[{row}, {row}] G[{column}, {column}], "
+            f"{root}: G must be positive semidefinite."
         )
     values = np.linalg.eigvalsh(matrix.toarray()) if matrix.shape[0] <= DENSE_ROWS else _ritz_values(matrix)
     if len(values) and values[0] < -tolerance * values[-1]:
         raise ProblemError(
             f"G has an eigenvalue of {values[0]:.3g} or less beside {values[-1]:.3g}: G must be positive semidefinite."
         )
+
+
+@njit(cache=True)
+def _largest_asymmetry(indptr, indices, data):  # type: ignore[no-untyped-def]
+    """Return the largest |g_ij − g_ji| and its place, the first of equals; the columns of each row ascend.
+
+    ``following`` is the entry of each row from which on its columns are not below the present row.
+    """
+    largest, at_row, at_column = 0.0, 0, 0
+    following = indptr[:-1].copy()
+    for row in range(len(indptr) - 1):
+        for p in range(indptr[row], indptr[row + 1]):
+            column = indices[p]
+            while following[column] < indptr[column + 1] and indices[following[column]] < row:
+                following[column] += 1
+            q = following[column]
+            mirrored = data[q] if q < indptr[column + 1] and indices[q] == row else 0.0
+            difference = abs(data[p] - mirrored)
+            if difference > largest:
+                largest, at_row, at_column = difference, row, column
+    return largest, at_row, at_column
+
+
+@njit(cache=True)
+def _largest_excess(indptr, indices, data, root):  # type: ignore[no-untyped-def]
+    """Return the largest |g_ij| − √g_ii √g_jj and its place, the first of equals."""
+    largest, at_row, at_column = -np.inf, 0, 0
+    for row in range(len(root)):
+        for p in range(indptr[row], indptr[row + 1]):
+            excess = abs(data[p]) - root[row] * root[indices[p]]
+            if excess > largest:
+                largest, at_row, at_column = excess, row, indices[p]
+    return largest, at_row, at_column
 
 
 def _ritz_values(matrix: sp.csr_array) -> FloatArray:

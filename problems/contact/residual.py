@@ -39,7 +39,6 @@ class Residual:
             shape (n_laws,).
         speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
         scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
-        components: the connected component of each law, shape (n_laws,).
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
         stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
         infeasible: whether there is one.
@@ -48,28 +47,37 @@ class Residual:
     """
 
     def __init__(self, problem: ContactProblem) -> None:
-        laws, layout = problem.laws, problem.layout
+        laws = problem.laws
         self.alpha: FloatArray
         self.lengths: FloatArray
         self.speeds: FloatArray
-        self.alpha, self.lengths, self.speeds, self.stuck_law = _scales(
-            laws.kind, laws.first_row, laws.partner, problem.delassus_diagonal, problem.free_velocity
+        self.stuck_law: int
+        self.scale: float
+        self.alpha, self.lengths, self.speeds, self.ratios, self._squares = np.empty((5, laws.n_laws))
+        self._diagonal = problem.delassus_diagonal
+        given = laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity
+        self.stuck_law, self.scale = _write_scales(*given, self.alpha, self.lengths, self.speeds)
+        self._contacts, self._layout = components(problem), problem.layout
+        _write_ratios(
+            self._contacts, self._layout.slot, self._layout.width, laws.first_row, self.speeds, self.scale, self.ratios
         )
-        self.scale = float(self.speeds.max(initial=0.0))
-        self.components: IntArray = components(problem)[layout.contact_of_row[laws.first_row]]
-        self.ratios: FloatArray = _ratios(self.components, self.speeds, self.scale)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
-        self._squares = np.empty(laws.n_laws)
+        self._scale = self.unit * self.scale
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
         bounds = laws.friction_coefficient, fixed, laws.partner
         self._arguments = laws.kind, laws.first_row, *bounds, self.alpha
-        self._has_contacts_only = layout.has_contacts_only
+        self._has_contacts_only = problem.layout.has_contacts_only
 
     @cached_property
-    def row_ratios(self) -> FloatArray:
-        """``ratios`` times ``lengths`` of the law of each row, shape (n_rows,)."""
-        return np.repeat(self.ratios * self.lengths, ROWS_OF_KIND[self._arguments[0]])
+    def components(self) -> IntArray:
+        """The connected component of each law, shape (n_laws,)."""
+        return self._contacts[self._layout.contact_of_row[self._arguments[1]]]
+
+    def largest_held(self, impulses: FloatArray) -> float:
+        """Return the largest G_hh |Λ_h| over all rows h, each times ratio and length of its law [m/s]."""
+        kind, first_row = self._arguments[:2]
+        return float(_largest_held(kind, first_row, self.ratios, self.lengths, self._diagonal, impulses))
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
@@ -78,7 +86,7 @@ class Residual:
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
         largest = self.square(self._arguments, impulses, velocity, self._squares)
-        return ratio(largest, self.unit * self.scale)
+        return ratio(largest, self._scale)
 
     def square(self, laws: LawArrays, impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
         """Write the squared violation of each law, given by its arrays up to α; return the largest one with its ratio.
@@ -132,17 +140,30 @@ def _unit(scale: float) -> float:
 
 
 @njit(cache=True)
-def _ratios(component, speeds, scale):  # type: ignore[no-untyped-def]
-    """Return ``scale`` over the largest speed in the component of each law; 1 where that is rounding of ``scale``."""
+def _write_ratios(component, slot, width, first_row, speeds, scale, ratios):  # type: ignore[no-untyped-def]
+    """Write ``scale`` over the largest speed in the component of each law; 1 where that is rounding of ``scale``.
+
+    ``component`` is that of each contact.
+    """
     largest = np.zeros(len(component))
-    for law in range(len(component)):
-        largest[component[law]] = max(largest[component[law]], speeds[law])
-    ratios = np.ones(len(component))
-    for law in range(len(component)):
-        own = largest[component[law]]
-        if own > ROUNDING * scale:
-            ratios[law] = scale / own
-    return ratios
+    for law in range(len(speeds)):
+        own = component[slot[first_row[law]] // width]
+        largest[own] = max(largest[own], speeds[law])
+    for law in range(len(speeds)):
+        own = largest[component[slot[first_row[law]] // width]]
+        ratios[law] = scale / own if own > ROUNDING * scale else 1.0
+
+
+@njit(cache=True)
+def _largest_held(kind, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
+    """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if any is."""
+    largest = 0.0
+    for law in range(len(kind)):
+        rows = max(kind[law] if kind[law] < 3 else kind[law] - 3, 1)
+        for row in range(first_row[law], first_row[law] + rows):
+            held = ratios[law] * lengths[law] * abs(diagonal[row] * impulses[row])
+            largest = held if held > largest or held != held else largest
+    return largest
 
 
 @njit(cache=True)
@@ -324,8 +345,10 @@ def friction_bounds(problem: ContactProblem, impulses: FloatArray) -> FloatArray
 def row_lengths(problem: ContactProblem) -> FloatArray:
     """Return ℓ_i of the law of each row, see ``Residual``, shape (n_rows,)."""
     laws = problem.laws
+    alpha, lengths, speeds = np.empty((3, laws.n_laws))
     numbers = problem.delassus_diagonal, problem.free_velocity
-    return np.repeat(_scales(laws.kind, laws.first_row, laws.partner, *numbers)[1], ROWS_OF_KIND[laws.kind])
+    _write_scales(laws.kind, laws.first_row, laws.partner, *numbers, alpha, lengths, speeds)
+    return np.repeat(lengths, ROWS_OF_KIND[laws.kind])
 
 
 def friction_norms(problem: ContactProblem, rows: FloatArray) -> FloatArray:
@@ -340,10 +363,14 @@ def friction_norms(problem: ContactProblem, rows: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[no-untyped-def]
-    """Return α_i, ℓ_i and ℓ_i ‖c_i‖ of every law, and a law that no impulse can satisfy, −1 if there is none."""
-    alpha, lengths, speeds = np.empty(len(kind)), np.ones(len(kind)), np.empty(len(kind))
-    stuck = -1
+def _write_scales(  # type: ignore[no-untyped-def]
+    kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
+):
+    """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
+
+    Returns a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
+    """
+    stuck, largest = -1, 0.0
     for law in range(len(kind)):
         row = first_row[law]
         alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
@@ -359,7 +386,9 @@ def _scales(kind, first_row, partner, diagonal, free_velocity):  # type: ignore[
         if normal >= 0 and diagonal[first_row[normal]] == 0.0:
             alpha[normal] = max(alpha[normal], alpha[law])
     for law in range(len(kind)):
+        lengths[law] = 1.0
         if kind[law] > 3 and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
             lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
             speeds[law] *= lengths[law]
-    return alpha, lengths, speeds, stuck
+        largest = max(largest, speeds[law])
+    return stuck, largest

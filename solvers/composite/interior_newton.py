@@ -14,44 +14,49 @@ The first three have budgets of iterations, so that what is done does not depend
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Prepared, Solution, Solver, Status, Stop
+from ..interface import Observer, Prepared, Solution, Stop
 from ..interior.central_path import CentralPath
 from ..interior.interior_point import InteriorPoint
 from ..iteration.clock import Clock
-from ..iteration.loop import judged
 from ..iteration.method import Method
 from ..newton.semismooth_newton import SemismoothNewton
 from .hybrid_newton import HybridNewton
+from .relay import Relay, Turn
 
 STRAIGHT, THROUGH_TURNS, LAST_DIGITS = 80, 200, 90
 """Most iterations of the first three methods."""
+
+FEW_BODIES = 8
+"""Rows for each degree of freedom from which on interior points factorise over bodies."""
 
 
 @dataclass(frozen=True)
 class InteriorNewton(Method):
     """Interior points, their path through its turns, Newton's method on the states found, and sweeps where all fail.
 
-    One iteration is a Newton step, a factorisation of the path, or a sweep.
+    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies where
+    there are far fewer of these than contacts, else over contacts.
     """
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
         return InteriorPoint().supports(problem)
 
-    def prepare(self, problem: ContactProblem) -> "PreparedRelay":
+    def prepare(self, problem: ContactProblem) -> "PreparedInteriorNewton":
         """Prepare the first method; the others are prepared when their turn comes."""
-        first = InteriorPoint().prepare(problem)
-        return PreparedRelay(problem, Residual(problem), {"InteriorPoint": first})
+        first = InteriorPoint(form=form_for(problem))
+        return PreparedInteriorNewton(problem, Residual(problem), {first.name: first.prepare(problem)})
 
 
 @dataclass(frozen=True, eq=False)
-class PreparedRelay:
+class PreparedInteriorNewton:
     """The methods for one problem that have been prepared, by name."""
 
     problem: ContactProblem
@@ -60,44 +65,34 @@ class PreparedRelay:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Let the methods take turns until one solves the problem; see ``Prepared.solve``."""
-        clock, used, ran = Clock(stop.max_seconds), 0, []
-        best, lowest, last = None, np.inf, None
-        for method, first, most in self._turns(start, stop.max_iterations):
-            left = stop.max_iterations - used
-            if last is not None and (left < 1 or clock.is_up):
-                break
-            limits = Stop(stop.tolerance, min(most, left), max(clock.left, 1e-9))
-            origin = best if first is None else first
-            last = self._ready(method).solve(limits, origin, _shown(observe, clock, used))
-            used += last.iterations
-            ran.append(f"{method.name}: {last.status}")
-            residual = judged(self.problem, self.residual, last.impulses)
-            if best is None or residual < lowest:
-                best, lowest = last.impulses, residual
-            if last.status in (Status.SOLVED, Status.INFEASIBLE):
-                return Solution(last.impulses, last.status, used, "; ".join(ran))
-        assert best is not None
-        assert last is not None
-        status = clock.limit_met(stop, used) or last.status
-        return Solution(best, status, used, f"{'; '.join(ran)}; residual {lowest:.1e}")
-
-    def _turns(self, start: FloatArray | None, most: int) -> Iterator[tuple[Solver, FloatArray | None, int]]:
-        """Yield each method, where it begins (None for the best so far), and its limit of iterations."""
-        zeros = np.zeros(self.problem.n_rows)
-        yield InteriorPoint(), zeros if start is None else start, STRAIGHT
-        if CentralPath().supports(self.problem) is None:
-            yield CentralPath(), zeros, THROUGH_TURNS
-        yield SemismoothNewton(), None, LAST_DIGITS
-        yield HybridNewton(), None, most
-
-    def _ready(self, method: Solver) -> Prepared:
-        if method.name not in self.prepared:
-            self.prepared[method.name] = method.prepare(self.problem)
-        return self.prepared[method.name]
+        relay = Relay(self.problem, self.residual, self.prepared, stop, observe, Clock(stop.max_seconds))
+        return taken_in_turn(relay, start)
 
 
-def _shown(observe: Observer | None, clock: Clock, before: int) -> Observer | None:
-    """Return an observer of one turn that counts the iterations of those before."""
-    if observe is None:
-        return None
-    return lambda iteration, impulses: clock.show(observe, before + iteration, impulses)
+def taken_in_turn(relay: Relay, start: FloatArray | None) -> Solution:
+    """Let the methods take turns; the first begins at ``start``, shape (n_rows,), or at zero."""
+    for turn in _turns(relay.problem, start, relay.stop.max_iterations):
+        solution = relay.take(turn)
+        if solution is not None:
+            return solution
+    return relay.ended(relay.status, f"residual {relay.lowest:.1e}")
+
+
+def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
+    """Return the form of interior points: over bodies where these are far fewer, else over contacts.
+
+    Over bodies a step ends at a larger residual on redundant piles, because the contacts' velocities are differences
+    of the bodies'.
+    """
+    factors = problem.factors
+    return "factors" if factors is not None and FEW_BODIES * factors.n_dofs < problem.n_rows else "delassus"
+
+
+def _turns(problem: ContactProblem, start: FloatArray | None, most: int) -> Iterator[Turn]:
+    zeros, form = np.zeros(problem.n_rows), form_for(problem)
+    if InteriorPoint(form=form).supports(problem) is None:
+        yield Turn(InteriorPoint(form=form), zeros if start is None else start, STRAIGHT)
+    if CentralPath(form=form).supports(problem) is None:
+        yield Turn(CentralPath(form=form), zeros, THROUGH_TURNS)
+    yield Turn(SemismoothNewton(), None, LAST_DIGITS)
+    yield Turn(HybridNewton(), None, most)

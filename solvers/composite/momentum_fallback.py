@@ -2,26 +2,26 @@
 
 Moderate momentum is the fastest way to the usual accuracy on hundreds of contacts and more. While a pile settles a rare
 step stays on a plateau, which long momentum leads off; the three further parts were chosen because they solve most of
-the steps that the first one leaves.
+the steps that the first one leaves. What none of them solves is left to ``Robust``.
 """
 
 from dataclasses import dataclass
 
 from ..prox.sorprox import SORprox
 from .fallback import Fallback
-
-FIRST = (1.1, 0.8)
-"""Relaxation and momentum of the first part."""
+from .robust import Robust
+from .sweeping import FIRST
 
 FURTHER = ((1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
-"""Those of the parts after it."""
+"""Relaxation and momentum of the parts after the first."""
 
 
 @dataclass(frozen=True, init=False)
 class MomentumFallback(Fallback):
     """A ``Fallback`` of SORprox over the factors with momentum 0.8, then 0.97, 0.985 and 0.985 at other relaxations.
 
-    What ``proxbench simulate`` takes for scenes with many contacts.
+    The last part is ``Robust``, the only one where the problem holds G alone. What ``proxbench simulate`` takes for
+    scenes with many contacts.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,8 @@ class MomentumFallback(Fallback):
             *(
                 SORprox(relaxation=relaxation, form="factors", momentum=momentum)
                 for relaxation, momentum in (FIRST, *FURTHER)
-            )
+            ),
+            Robust(),
         )
 
     @property

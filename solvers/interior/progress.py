@@ -124,7 +124,8 @@ def proven_infeasible(problem: ContactProblem, impulses: FloatArray) -> bool:
         return False
     direction /= largest
     direction[direction < CERTAINTY] = 0.0
-    moved = problem.matrix @ direction if problem.factors is None else problem.factors.delassus_times(direction)
+    factors = problem.factors
+    moved = problem.delassus() @ direction if factors is None else factors.delassus_times(direction)
     weights = np.sqrt(np.maximum(problem.delassus_diagonal, 0.0))
     held = float((weights * direction).sum())
     gain = float(problem.free_velocity @ direction)

@@ -42,4 +42,4 @@ class Clock:
         """Return the limit of a solve that is met after ``iterations``, or None."""
         if iterations >= stop.max_iterations:
             return Status.ITERATION_LIMIT
-        return Status.TIME_LIMIT if self.is_up else None
+        return Status.TIME_LIMIT if time.perf_counter() - self._began > self._limit else None

@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
+from ...problems.contact.residual import ModelResidual, Residual
 from ...problems.errors import ProblemError
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from .stopping import Monitor, sweeps_to_next_look
@@ -143,8 +144,7 @@ def confirmed(
 
 def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
     """Return the residual that rounding of ξ may leave at Λ, shape (n_rows,), if c is not zero: a generous guess."""
-    largest = float((residual.row_ratios * np.abs(problem.delassus_diagonal * impulses)).max(initial=0.0))
-    return ROUNDING * largest / residual.scale if residual.scale > 0.0 else 0.0
+    return ROUNDING * residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
 
 
 def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monitor) -> tuple[Status, str] | None:
@@ -159,7 +159,11 @@ def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monit
     return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
 
 
-def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]]) -> PreparedIteration:
+def iterate(
+    problem: ContactProblem,
+    sweeps: Callable[[FloatArray], Iterator[FloatArray]],
+    model: Model = Model.COULOMB,
+) -> PreparedIteration:
     """Return an iteration made ready for ``problem`` from a generator: all that a simple method has to say.
 
     Tolerance, limits, cycles, stalls (impulses that are the same over twenty looks in a row), divergence, infeasible
@@ -170,12 +174,13 @@ def iterate(problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[Flo
         sweeps: ``sweeps(start)`` yields Λ [N s], shape (n_rows,), after each sweep, without end. It must not write to
             ``start``, and may use one array for all it yields.
 
+        model: what is solved, by whose residual the solve stops.
+
     Raises:
         SolverError: from ``solve``, if the generator ends or yields an array of another shape.
     """
-    return PreparedIteration(
-        problem, Residual(problem), lambda start: _GeneratedIterates(problem, sweeps(start), start)
-    )
+    residual = Residual(problem) if model == Model.COULOMB else ModelResidual(problem, model)
+    return PreparedIteration(problem, residual, lambda start: _GeneratedIterates(problem, sweeps(start), start))
 
 
 @dataclass

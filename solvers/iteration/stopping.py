@@ -75,9 +75,9 @@ class Monitor:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
         self._iteration = iteration
         self._looks_without_progress += 1
-        if residual < MARK * self.best_residual:
-            self._looks_without_progress = 0
         if residual < self.best_residual:
+            if residual < MARK * self.best_residual:
+                self._looks_without_progress = 0
             self.best_residual, self.best_impulses = residual, impulses
         if not self._marks or self.best_residual < MARK * self._marks[-1][1]:
             self._marks.append((iteration, self.best_residual))

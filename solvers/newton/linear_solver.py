@@ -95,9 +95,10 @@ class LinearSolver:
         return float(SLACK * self._seconds * max(1.0, entries / self._entries) ** EXPONENT)
 
     def _note(self, matrix: sp.csr_array, seconds: float) -> None:
-        """Keep a measured time, unless a larger system is known that took longer."""
-        if matrix.nnz >= self._entries or seconds >= self._seconds:
-            self._entries, self._seconds = matrix.nnz, seconds
+        """Keep a measured time, unless a larger system is known that took longer; small ones all count as SMALL."""
+        entries = max(matrix.nnz, SMALL)
+        if entries >= self._entries or seconds >= self._seconds:
+            self._entries, self._seconds = entries, seconds
         self._rows = max(self._rows, matrix.shape[0])
 
 

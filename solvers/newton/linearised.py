@@ -17,6 +17,7 @@ times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
     P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            where it slips.
 """
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,15 @@ class Equations:
         partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
         self._laws = (laws.kind, laws.first_row, rows, laws.friction_coefficient, laws.fixed_bound, partner_row)
         self._alpha = residual.alpha
+
+    def regularised(self, weight: float, centre: FloatArray) -> "Equations":
+        """Return the equations with a pull to Λ = ``centre``, shape (n_rows,): ξ = GΛ + c + weight · α (Λ − centre)."""
+        other = copy(self)
+        pull = weight * self.row_alpha
+        other._delassus = sp.csr_array(self._delassus + sp.diags_array(pull))
+        other._free = self._free - pull * centre
+        other._alpha, other.row_alpha = (1.0 + weight) * self._alpha, (1.0 + weight) * self.row_alpha
+        return other
 
     def velocity(self, impulses: FloatArray) -> FloatArray:
         """Return ξ = GΛ + c over rows."""

@@ -1,1 +1,1 @@
-"""The paper's projected fixed-point iterations (Studer & Glocker 2005, section 4)."""
+"""Projected iterations, one method a file: those of Studer & Glocker 2005, section 4, and splittings to compare."""

@@ -40,16 +40,17 @@ class FlatDelassus:
     def of(problem: ContactProblem) -> "FlatDelassus":
         """Return G and c of ``problem``."""
         layout, blocks = problem.layout, problem.delassus_blocks()
-        lanes = (layout.width * blocks.columns).astype(np.uint32)
+        lanes = (layout.width * blocks.columns).view(np.uint32)
         free = layout.pad(problem.free_velocity).reshape(-1)
-        return FlatDelassus(layout, (blocks.starts.astype(np.uint64), lanes, blocks.values.reshape(-1), free))
+        return FlatDelassus(layout, (blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free))
 
     def relative_velocity(self, impulses: FloatArray, velocity: FloatArray) -> None:
         """Write ξ = GΛ + c, padded and flat."""
+        starts, lanes, values, free = self.arrays
         if self.layout.width == 3:
-            _product_spatial(*self.arrays, impulses, velocity)
+            _product_spatial(starts, lanes, values, free, impulses, velocity)
         else:
-            _product(self.layout.width, *self.arrays, impulses, velocity)
+            _product(self.layout.width, starts, lanes, values, free, impulses, velocity)
 
 
 class DelassusState:
@@ -112,15 +113,17 @@ class DelassusIterates(DelassusState):
         self.step_sizes = sweep.laws[0].reshape(-1, 2 if self.layout.has_contacts_only else 3)
         if self.layout.has_contacts_only:
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
-        self._laws = sweep.laws
+        self._laws = sweep.laws[1:]
+        self._arguments = (*self._delassus.arrays, *sweep.laws, self.padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._kernel(count, *self._delassus.arrays, *self._laws, self.padded)
+        self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Let the step of each block be this fraction of what it was at first, shape (n_blocks,)."""
-        self._laws = ((self.step_sizes * fraction[:, None]).reshape(-1), *self._laws[1:])
+        sizes = (self.step_sizes * fraction[:, None]).reshape(-1)
+        self._arguments = (*self._delassus.arrays, sizes, *self._laws, self.padded)
 
     def linear(self) -> tuple[FloatArray, int]:
         """Return Λ, which sweeps change in place, and its length."""
@@ -129,7 +132,7 @@ class DelassusIterates(DelassusState):
 
 def law_arguments(layout: BlockLayout, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Any]:
     """Return step sizes, μ, a and the N lane of each partner, as every sweep kernel takes them."""
-    partner_lanes = (layout.width * layout.partner).astype(np.uint64)
+    partner_lanes = (layout.width * layout.partner).view(np.uint64)
     return sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes
 
 

@@ -11,6 +11,7 @@ from proxbench.bench.conformance.invariance_checks import INVARIANCE_CHECKS
 from proxbench.solvers import Solver, create
 
 VARIANTS = [
+    "Robust",
     "Jprox",
     "JORprox(relaxation=0.5)",
     "JORprox(step_size='row_sum')",
@@ -19,6 +20,12 @@ VARIANTS = [
     "SafeguardedSORprox",
     "NSGS",
     "SemismoothNewton",
+    "TrescaFixedPoint",
+    "FBF",
+    "ProximalADMM",
+    "ProximalADMM(memory=0)",
+    "APGD",
+    "ProximalPoint",
     "InteriorPoint",
     "InteriorPoint(scaling='nesterov_todd', damping='contact')",
     "InteriorPoint(damping='global')",

@@ -9,6 +9,7 @@ from proxbench.solvers import Solver, Status, Stop, available, create
 from proxbench.solvers.registry import composites
 
 VARIANTS = [
+    "Robust",
     "Jprox",
     "JORprox(relaxation=0.2)",
     "JORprox(step_size='row_sum')",
@@ -21,6 +22,12 @@ VARIANTS = [
     "SafeguardedSORprox",
     "NSGS",
     "SemismoothNewton",
+    "TrescaFixedPoint",
+    "FBF",
+    "ProximalADMM",
+    "ProximalADMM(memory=0)",
+    "APGD",
+    "ProximalPoint",
     "InteriorPoint",
     "InteriorPoint(form='factors')",
     "CentralPath",

@@ -1,5 +1,6 @@
 """Contact problems check what they are given, freeze it, and know their numbers by a digest."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, ProblemError
 from proxbench.problems.contact.blocks import BlockLayout
+from proxbench.problems.contact.problem import _largest_asymmetry, _largest_excess
 
 G = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.1], [0.0, 0.1, 3.0]])
 C = np.array([-1.0, 0.5, 0.2])
@@ -168,6 +170,25 @@ def test_blocks_hold_the_matrix_with_the_diagonal_first(seed: int, n: int) -> No
     blocks = problem.delassus_blocks()
     assert np.array_equal(blocks.to_csr(problem.layout).toarray(), dense)
     assert np.array_equal(blocks.columns[blocks.starts[:-1]], np.arange(problem.layout.n_blocks))
+    for begin, end in pairwise(blocks.starts):
+        assert (np.diff(blocks.columns[begin + 1 : end]) > 0).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**31), n=st.integers(1, 8))
+def test_the_largest_asymmetry_and_the_largest_minor_are_found_in_any_sparsity(seed: int, n: int) -> None:
+    """Against the dense differences; entries may stand on one side of the diagonal alone."""
+    rng = np.random.default_rng(seed)
+    dense = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
+    np.fill_diagonal(dense, rng.uniform(0.0, 1.0, n))
+    matrix, root = sp.csr_array(dense), np.sqrt(np.diag(dense))
+    difference, row, column = _largest_asymmetry(matrix.indptr, matrix.indices, matrix.data)
+    assert difference == np.abs(dense - dense.T).max()
+    assert difference == abs(dense[row, column] - dense[column, row])
+    excess, row, column = _largest_excess(matrix.indptr, matrix.indices, matrix.data, root)
+    of_entries = np.where(dense != 0.0, np.abs(dense) - np.outer(root, root), -np.inf)
+    assert excess == of_entries.max()
+    assert excess == of_entries[row, column]
 
 
 @settings(max_examples=40, deadline=None)

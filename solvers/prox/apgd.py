@@ -1,0 +1,77 @@
+"""APGD: accelerated projected gradients on the convex model (Mazhar, Heyn, Negrut & Tasora, ACM ToG 34, 2015).
+
+Nesterov's method for ½ΛᵀGΛ + cᵀΛ over the product K of friction cones,
+
+    Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k),
+
+with a step t that is halved as long as the function lies above its quadratic bound, grows by a tenth after each
+iteration, and with a restart, β = 0, where the gradient and the last step are at an acute angle (O'Donoghue & Candès
+2015).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import convex_obstacle
+from ..iteration.loop import PreparedIteration, iterate
+from ..iteration.method import Method, beyond_contacts
+from ..sweeps.cone import ConeProblem
+
+SHRINK, GROW = 0.5, 1.1
+"""What t is multiplied with where the bound fails, and after an iteration."""
+
+LONGEST = 100.0
+"""Largest t relative to 1/λ_max(G): impulses that move nothing must not grow until rounding hides what they miss."""
+
+MOST_HALVINGS = 60
+"""Of one iteration."""
+
+
+@dataclass(frozen=True)
+class APGD(Method):
+    """Accelerated projected gradient descent for the convex (associated) model; one iteration is one step."""
+
+    @property
+    def model(self) -> Model:
+        """The convex model."""
+        return Model.CONVEX
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return beyond_contacts(problem) or convex_obstacle(problem)
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Assemble G and estimate its largest eigenvalue."""
+        self.check_supports(problem)
+        cone = ConeProblem.of(problem)
+        step = 1.0 / cone.largest_eigenvalue()
+        return iterate(
+            problem, lambda start: (cone.size * x for x in _steps(cone, step, start / cone.size)), self.model
+        )
+
+
+def _steps(cone: ConeProblem, step: float, start: FloatArray) -> Iterator[FloatArray]:
+    present, theta, longest = cone.projected(start), 1.0, LONGEST * step
+    ahead = present
+    while True:
+        gradient = np.asarray(cone.matrix @ ahead + cone.free)
+        for _ in range(MOST_HALVINGS):
+            newest = cone.projected(ahead - step * gradient)
+            change = newest - ahead
+            # the quadratic part of the bound: the linear one is the same on both sides
+            if step * float(change @ (cone.matrix @ change)) <= float(change @ change):
+                break
+            step *= SHRINK
+        yield newest
+        if float(gradient @ (newest - present)) > 0.0:
+            theta, ahead = 1.0, newest
+        else:
+            following = 0.5 * (np.sqrt(theta**4 + 4.0 * theta**2) - theta**2)
+            ahead = newest + theta * (1.0 - theta) / (theta**2 + following) * (newest - present)
+            theta = following
+        present, step = newest, min(GROW * step, longest)

@@ -1,0 +1,111 @@
+"""ProximalADMM: impulses that obey the equations and impulses that obey the laws, drawn together by multipliers.
+
+    x ← −(G + (ρ+η) I)⁻¹ (c + s e_N − η x − ρ y + z),      y ← P_K(x + z/ρ),      z ← z + ρ (x − y)
+
+with De Saxcé's shift s = μ‖z_T‖ renewed in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
+& Montaut, RSS 2024). ρ begins at √(Lm) (L/m)^0.2, L and m the largest eigenvalue and the proximal η, and is changed by
+(L/m)^±0.05 where primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ tenfold. Each ρ costs a factorisation.
+
+Anderson's acceleration works on w = x + z/ρ, on which one iteration is a map; it begins anew where ρ changes or where
+w moves further than before.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import convex_obstacle
+from ..interface import SolverError
+from ..iteration.anderson import Anderson
+from ..iteration.loop import PreparedIteration, iterate
+from ..iteration.method import Method, beyond_contacts, check_option
+from ..newton.linear_solver import factorised
+from ..sweeps.cone import ConeProblem
+
+PROXIMAL = 1e-6
+"""η relative to L."""
+
+EXPONENT, UPDATE, TENFOLD = 0.2, 0.05, 10.0
+"""Of the first ρ, of its changes, and the ratio of residuals from which on there is one."""
+
+INTERVAL = 10
+"""Iterations from one look at the residuals to the next: a change costs as much as some dozen of them."""
+
+MOST = 1e3
+"""Largest ρ relative to L."""
+
+GROWTH = 2.0
+"""Acceleration begins anew where w moves this many times as far as before."""
+
+
+@dataclass(frozen=True)
+class ProximalADMM(Method):
+    """The alternating direction method of multipliers with a proximal term; one iteration is one pass over x, y, z.
+
+    Attributes:
+        memory: differences that Anderson's acceleration keeps, 0 for none.
+
+    Raises:
+        SolverError: for an option out of range.
+    """
+
+    memory: int = 5
+
+    def __post_init__(self) -> None:
+        check_option("memory", self.memory, type(self.memory) is int and self.memory >= 0, "a whole number, 0 or more")
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Say why ``problem`` cannot be treated, or None."""
+        return beyond_contacts(problem) or convex_obstacle(problem)
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Assemble G and estimate its largest eigenvalue."""
+        self.check_supports(problem)
+        cone = ConeProblem.of(problem)
+        largest = cone.largest_eigenvalue()
+        return iterate(
+            problem, lambda start: (cone.size * y for y in _passes(cone, largest, self.memory, start / cone.size))
+        )
+
+
+def _passes(cone: ConeProblem, largest: float, memory: int, start: FloatArray) -> Iterator[FloatArray]:
+    eta = PROXIMAL * largest
+    rho = float(np.sqrt(largest * eta) * (largest / eta) ** EXPONENT)
+    solve = _solution(cone, rho + eta)
+    velocity = cone.matrix @ start + cone.free
+    x, y = start, start
+    w = x - (velocity + cone.lift(velocity)) / rho
+    acceleration, moved, passes = Anderson(memory), np.inf, 0
+    while True:
+        y_before, y = y, cone.projected(w)
+        z = rho * (w - y)
+        x = solve(eta * x + rho * y - z - cone.free - cone.lift(z))
+        yield y
+        image, passes = x + z / rho, passes + 1
+        further = float(np.linalg.norm(image - w))
+        if further > GROWTH * moved:
+            acceleration.forget()
+        moved, w = further, acceleration.next(w, image)
+        if passes % INTERVAL:
+            continue
+        primal, dual = float(np.linalg.norm(x - y)), rho * float(np.linalg.norm(y - y_before))
+        if primal > TENFOLD * dual or dual > TENFOLD * primal:
+            factor = (largest / eta) ** (UPDATE if primal > dual else -UPDATE)
+            rho = float(np.clip(factor * rho, eta, MOST * largest))
+            solve = _solution(cone, rho + eta)
+            w, moved = x + z / rho, np.inf
+            acceleration.forget()
+
+
+def _solution(cone: ConeProblem, weight: float) -> Callable[[FloatArray], FloatArray]:
+    """Return what solves (G + weight · I) x = b."""
+    if len(cone.free) == 0:
+        return lambda right: right
+    factors = factorised(sp.csr_array(cone.matrix + weight * sp.eye_array(len(cone.free))))
+    if factors is None:
+        raise SolverError("G + (rho + eta) I is singular; ProximalADMM needs a positive semidefinite G.")
+    return lambda right: np.asarray(factors.solve(right))

@@ -1,0 +1,124 @@
+"""The contact problem over whole friction cones, in units of its contacts, and sweeps over it.
+
+With Λ = d x, d_i = 1/√α_i for all rows of contact i and α_i its largest diagonal entry, the matrix d G d has the
+diagonal 1 whatever the masses are, and the cones keep their form,
+
+    K = {x_N ≥ 0, ‖x_T‖ ≤ a/d + μ x_N}.
+
+Splittings and gradient methods, which weigh all contacts alike, work on x.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.delassus import blocks_from_matrix
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.projections import onto_friction_cone
+
+POWER_STEPS = 20
+"""Steps of the power method for the largest eigenvalue."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConeProblem:
+    """A contact problem whose friction laws are bounded by their own contacts, in x.
+
+    Attributes:
+        layout: the padded blocks.
+        matrix: d G d, shape (n_rows, n_rows).
+        free: d c, shape (n_rows,).
+        fixed_bound: a/d of each block, shape (n_blocks,).
+        size: d of each row, shape (n_rows,).
+    """
+
+    layout: BlockLayout
+    matrix: sp.csr_array
+    free: FloatArray
+    fixed_bound: FloatArray
+    size: FloatArray
+
+    @staticmethod
+    def of(problem: ContactProblem) -> "ConeProblem":
+        """Return ``problem`` in x."""
+        layout = problem.layout
+        largest = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
+        of_block = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))
+        size = of_block[layout.contact_of_row]
+        scaling = sp.diags_array(size)
+        matrix = sp.csr_array(scaling @ problem.delassus() @ scaling)
+        return ConeProblem(layout, matrix, size * problem.free_velocity, layout.fixed_bound / of_block, size)
+
+    def projected(self, x: FloatArray) -> FloatArray:
+        """Return the projection of x, shape (n_rows,), onto the product of all K."""
+        layout, padded = self.layout, self.layout.pad(x)
+        bounds = (layout.friction_coefficient, self.fixed_bound)
+        normal, tangent = onto_friction_cone(padded[:, 0], padded[:, 1:], *bounds)
+        return layout.unpad(np.column_stack([normal, tangent]))
+
+    def lift(self, velocity: FloatArray) -> FloatArray:
+        """Return De Saxcé's term μ‖ξ_T‖ e_N of a velocity in the units of x, both of shape (n_rows,)."""
+        lifted = np.zeros((self.layout.n_blocks, self.layout.width))
+        tangent = self.layout.pad(velocity)[:, 1:]
+        lifted[:, 0] = self.layout.friction_coefficient * np.sqrt((tangent**2).sum(axis=1))
+        return self.layout.unpad(lifted)
+
+    def largest_eigenvalue(self) -> float:
+        """Return about the largest eigenvalue of d G d, from below, by the power method; 1 where that is zero."""
+        vector = np.random.default_rng(0).uniform(0.5, 1.0, len(self.free))
+        for _ in range(POWER_STEPS):
+            length = float(np.linalg.norm(vector))
+            if length == 0.0:
+                return 1.0
+            vector = self.matrix @ (vector / length)
+        return float(np.linalg.norm(vector)) or 1.0
+
+
+class ConeSweep:
+    """Block sweeps that descend ½ xᵀ(d G d + w I) x + qᵀx over K: a projected step of each contact in turn.
+
+    x_i ← P_{K_i}( x_i − (row i of the gradient) / (β_i + w) ), β_i at least the largest eigenvalue of block ii.
+    """
+
+    def __init__(self, cone: ConeProblem) -> None:
+        self._cone, blocks = cone, blocks_from_matrix(cone.matrix, cone.layout)
+        own = blocks.values[blocks.starts[:-1]]
+        self._curvature = np.abs(own).sum(axis=2).max(axis=1, initial=0.0)
+        self._matrix = (blocks.starts, blocks.columns, blocks.values)
+
+    def swept(self, count: int, x: FloatArray, linear: FloatArray, weight: float) -> FloatArray:
+        """Return x after ``count`` sweeps, with q = ``linear``, both of shape (n_rows,), and w = ``weight``."""
+        layout, padded = self._cone.layout, self._cone.layout.pad(x)
+        laws = (layout.friction_coefficient, self._cone.fixed_bound)
+        _sweep(count, *self._matrix, self._curvature, *laws, weight, layout.pad(linear), padded)
+        return layout.unpad(padded)
+
+
+@njit(cache=True)
+def _sweep(count, starts, columns, values, curvature, friction, fixed, weight, linear, x):  # type: ignore[no-untyped-def]
+    width = x.shape[1]
+    moved = np.empty(width)
+    for _ in range(count):
+        for i in range(len(curvature)):
+            if curvature[i] + weight <= 0.0:
+                continue
+            length = 0.0
+            for lane in range(width):
+                slope = linear[i, lane] + weight * x[i, lane]
+                for p in range(starts[i], starts[i + 1]):
+                    for other in range(width):
+                        slope += values[p, lane, other] * x[columns[p], other]
+                moved[lane] = x[i, lane] - slope / (curvature[i] + weight)
+                length += moved[lane] * moved[lane] if lane > 0 else 0.0
+            length, normal = np.sqrt(length), moved[0]
+            if length > fixed[i] + friction[i] * normal:
+                normal = (normal + friction[i] * (length - fixed[i])) / (1.0 + friction[i] * friction[i])
+            normal = max(normal, 0.0)
+            bound = fixed[i] + friction[i] * normal
+            x[i, 0] = normal
+            for lane in range(1, width):
+                x[i, lane] = moved[lane] * (bound / length if length > bound else 1.0)

@@ -1,0 +1,103 @@
+"""Robust: sweeps solve what is easy, other methods the rest, and the message says which parts ran."""
+
+import math
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, judge, load
+from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers.composite.robust import WINDOW, Window
+from proxbench.solvers.composite.sweeping import sweeps_for
+
+
+@pytest.mark.parametrize("name", ["funnel-30", "funnel-100-late", "hard-sticking-box", "woodpecker-upper-impact"])
+def test_what_flows_is_solved_by_sweeps_alone_and_by_the_same_ones(name: str) -> None:
+    """No other method is prepared, and the impulses are those of the sweeps to the last bit."""
+    problem = load(name)
+    solution = solve(problem, tolerance=1e-8)
+    sweeps = solve(problem, sweeps_for(problem), tolerance=1e-8)
+    assert solution.status is Status.SOLVED
+    assert solution.message == f"{sweeps_for(problem).name}: solved"
+    assert (solution.impulses.tobytes(), solution.iterations) == (sweeps.impulses.tobytes(), sweeps.iterations)
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("hard-stack-10-top-heavy", "Newton steps"),
+        ("hard-tower-10-top-1e4", "Newton steps"),
+        ("funnel-30-late", "InteriorPoint"),
+        ("hard-stack-100-alternating-1e4", "Newton steps"),
+        ("hard-stack-2-top-1e8", "InteriorPoint"),
+    ],
+)
+def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: str, part: str) -> None:
+    problem = load(name)
+    solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-8
+    assert solution.message.endswith(f"{part}: solved")
+    assert ": slow; " in solution.message
+
+
+def test_a_problem_without_a_solution_is_proven_to_have_none() -> None:
+    """Two walls closer than the body between them: sweeps go on for ever, interior points find the proof."""
+    assert solve(load("hard-squeezed"), tolerance=1e-8).status is Status.INFEASIBLE
+
+
+def test_iterations_are_counted_through_all_parts_and_each_is_shown() -> None:
+    seen: list[int] = []
+    prepared = create("Robust").prepare(load("funnel-30-late"))
+    solution = prepared.solve(Stop(1e-8), observe=lambda iteration, _: seen.append(iteration))
+    assert "InteriorPoint" in solution.message
+    assert seen == list(range(1, solution.iterations + 1))
+
+
+@pytest.mark.parametrize("most", [1, WINDOW, WINDOW + 100])
+def test_an_iteration_limit_holds_in_every_part(most: int) -> None:
+    prepared = create("Robust").prepare(load("hard-stack-100-top-1e8"))
+    solution = prepared.solve(Stop(1e-14, most, math.inf))
+    assert solution.iterations <= most
+    assert solution.status is Status.ITERATION_LIMIT
+
+
+def test_a_tighter_tolerance_begins_with_the_same_iterates() -> None:
+    """No decision depends on the tolerance, so what solves to 1e-6 is an iterate on the way to 1e-10."""
+    problem, shown = load("funnel-30-late"), []
+    loose = solve(problem, tolerance=1e-6)
+    create("Robust").prepare(problem).solve(Stop(1e-10), observe=lambda _, impulses: shown.append(impulses.tobytes()))
+    assert loose.impulses.tobytes() in shown
+
+
+def test_the_best_impulses_of_all_parts_are_returned() -> None:
+    """At a limit in the middle of the path, whose iterates are far from the cones, the swept impulses are the best."""
+    problem = load("pile-100")
+    sweeps = sweeps_for(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
+    solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2310, math.inf))
+    assert "InteriorPoint" in solution.message
+    assert judge(problem, solution.impulses).residual <= judge(problem, sweeps.impulses).residual * (1 + 1e-9)
+
+
+def test_a_slab_on_many_supports_is_swept_over_its_factors() -> None:
+    """512 contacts of one body couple each with each: G has a million entries and more, and is not assembled."""
+    assert sweeps_for(load("hard-sliding-block-512")).name == "SORprox(relaxation=1.5, form='factors')"
+    assert "form" not in sweeps_for(load("funnel-1000")).name
+
+
+def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:
+    window = Window(100)
+    assert not window.is_lost(0, 1.0)
+    assert not window.is_lost(99, 0.5)
+    assert not window.is_lost(100, 0.09)
+    assert not window.is_lost(199, 0.09)
+    assert window.is_lost(200, 0.01)
+
+
+def test_two_contacts_of_a_mass_ratio_of_1e8_are_solved() -> None:
+    """A block of 1e8 kg on one of 1 kg, without friction: Λ₂ = M₂ g Δt, Λ₁ = (M₁ + M₂) g Δt."""
+    light, heavy, push = 1.0, 1e8, 9.81e-3
+    delassus = np.array([[1.0 / light, -1.0 / light], [-1.0 / light, 1.0 / light + 1.0 / heavy]])
+    problem = ContactProblem.from_delassus(delassus, [-push, 0.0], dim=1)
+    solution = solve(problem, tolerance=1e-7)
+    assert solution.status is Status.SOLVED
+    assert solution.impulses == pytest.approx([(light + heavy) * push, heavy * push], rel=1e-6)

@@ -1,0 +1,84 @@
+"""Splittings and gradients over whole cones reach the answers of other methods, and decline what is no cone."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, Laws, Model, judge, load
+from proxbench.solvers import Status, create, solve
+from proxbench.solvers.sweeps.cone import ConeProblem, ConeSweep
+
+COULOMB = ["TrescaFixedPoint", "FBF", "ProximalADMM", "ProximalADMM(memory=0)", "ProximalPoint"]
+OVER_CONES = ["FBF", "ProximalADMM", "APGD"]
+
+
+def slider(friction: float) -> ContactProblem:
+    """A point of 2 kg that slides at 1 m/s over the ground and is pushed onto it by 0.5 N s."""
+    return ContactProblem.from_factors(np.eye(3), np.full(3, 0.5), [-0.25, 0.6, -0.8], friction)
+
+
+@pytest.mark.parametrize("name", COULOMB)
+def test_a_sliding_point_is_braked_by_mu_times_its_normal_impulse_and_does_not_lift_off(name: str) -> None:
+    solution = solve(slider(0.3), name, tolerance=1e-9)
+    assert solution.status is Status.SOLVED
+    assert solution.impulses == pytest.approx([0.5, -0.3 * 0.5 * 0.6, 0.3 * 0.5 * 0.8], abs=1e-8)
+
+
+@pytest.mark.parametrize("name", [*COULOMB, "APGD"])
+def test_a_point_that_friction_can_hold_stops(name: str) -> None:
+    """Here both models agree: −ξ = 0 lies in every normal cone."""
+    solution = solve(slider(5.0), name, tolerance=1e-9)
+    assert solution.impulses == pytest.approx([0.5, -1.2, 1.6], abs=1e-7)
+
+
+def test_the_gradient_method_lifts_a_sliding_point_off_as_the_convex_model_says() -> None:
+    """With G = I/2 the associated answer is the projection of −2c onto the cone, and ξ_N = μ‖ξ_T‖."""
+    problem = slider(0.3)
+    solution = solve(problem, "APGD", tolerance=1e-10)
+    velocity = problem.relative_velocity(solution.impulses)
+    assert velocity[0] == pytest.approx(0.3 * np.hypot(velocity[1], velocity[2]), abs=1e-8)
+    assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-9
+
+
+@pytest.mark.parametrize("name", ["FBF", "ProximalADMM", "ProximalPoint", "TrescaFixedPoint"])
+def test_they_reach_the_velocities_of_sweeps_on_a_flow(name: str) -> None:
+    problem = load("funnel-30-early")
+    solution, swept = (solve(problem, each, tolerance=1e-9) for each in (name, "NSGS"))
+    assert solution.status is Status.SOLVED
+    difference = problem.relative_velocity(solution.impulses) - problem.relative_velocity(swept.impulses)
+    assert np.abs(difference).max() <= 1e-6 * np.abs(problem.free_velocity).max()
+
+
+@pytest.mark.parametrize("name", OVER_CONES)
+def test_friction_that_another_contact_bounds_is_declined(name: str) -> None:
+    laws = Laws.in_order([0, 0, 1], np.array([0.0, 0.0, 0.5]), np.zeros(3), np.array([-1, -1, 0]))
+    problem = ContactProblem.from_delassus(np.eye(3), [-1.0, -1.0, 0.2], laws=laws)
+    assert "contact and cone are apart" in str(create(name).supports(problem))
+
+
+def test_acceleration_saves_most_passes_where_masses_differ() -> None:
+    problem = load("hard-stack-10-top-heavy")
+    fast, slow = (solve(problem, name, max_iterations=2000) for name in ("ProximalADMM", "ProximalADMM(memory=0)"))
+    assert fast.status is Status.SOLVED
+    assert 5 * fast.iterations < slow.iterations
+
+
+def test_regularisation_bridges_what_newton_alone_diverges_on() -> None:
+    problem = load("hard-duplicated-slider-mu10")
+    solution = solve(problem, "ProximalPoint", tolerance=1e-8)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-8
+
+
+def test_units_of_contacts_make_the_diagonal_one_and_keep_every_velocity() -> None:
+    problem = load("hard-tower-10-top-1e4")
+    cone = ConeProblem.of(problem)
+    impulses = np.random.default_rng(1).uniform(size=problem.n_rows)
+    velocity = cone.matrix @ (impulses / cone.size) + cone.free
+    assert cone.layout.pad(cone.matrix.diagonal()).max(axis=1) == pytest.approx(1.0)
+    assert velocity / cone.size == pytest.approx(problem.relative_velocity(impulses), rel=1e-9, abs=1e-12)
+
+
+def test_cone_sweeps_descend_to_the_minimum_that_the_convex_model_has() -> None:
+    problem = load("funnel-30-early")
+    cone = ConeProblem.of(problem)
+    x = ConeSweep(cone).swept(5000, np.zeros(problem.n_rows), cone.free, 0.0)
+    assert judge(problem, cone.size * x, Model.CONVEX).residual <= 1e-8
