@@ -13,7 +13,7 @@ import pandas as pd
 from ..problems.contact.problem import ContactProblem
 from ..solvers.interface import Solver
 from .errors import BenchError, UnwritableError
-from .measure.plan import PASSES, Plan, make_plan
+from .measure.plan import Plan, make_plan
 from .measure.runner import Event, measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
@@ -152,9 +152,10 @@ def run(
     solve_seconds: float | None = None,
     case_seconds: float | None = None,
     memory: float | None = None,
-    passes: int = PASSES,
+    passes: int | None = None,
     seed: int = 0,
     sample: int | None = None,
+    thorough: bool = False,
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
@@ -166,7 +167,7 @@ def run(
             run says why.
         results: the folder in which the folder of the run is made.
         run_id: its name; date and time if None.
-        tolerances: the ladder, or one tolerance; 1e-1 … 1e-10 if None.
+        tolerances: the ladder, or one tolerance; 1e-2, 1e-4, 1e-6, 1e-8 if None.
         limits: of each case.
         on_event: called as the run goes on.
         plugins: plugin files whose solvers and problems can be named, or one of them.
@@ -174,10 +175,11 @@ def run(
         case_seconds: limit of everything in a case [s], instead of that of ``limits``.
         memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
             ``limits``.
-        passes: rounds that each point has at least, in as many passes over all problems; with fewer than three, ratios
-            of times have no intervals.
+        passes: passes over all problems, each with two rounds of every point; 2 if None. With one alone, ratios of
+            times have no intervals.
         seed: of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw, families in proportion; all if None.
+        thorough: take ten tolerances, 1e-1 … 1e-10, and five passes, where they are not given.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
@@ -199,6 +201,7 @@ def run(
         passes,
         seed,
         sample,
+        thorough,
     )
     return _measured(plan, results, run_id, on_event)
 

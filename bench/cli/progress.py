@@ -1,12 +1,28 @@
 """Progress bars on standard error; plain lines where that is no terminal."""
 
+import io
+from collections.abc import Iterable
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
-from ..measure.runner import Event, PointFinished, ProblemStarted, VisitFinished
+from ..measure.runner import Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
+
+
+class _Bar(Progress):
+    """A progress bar below what there is to see so far."""
+
+    above: Text | None = None
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """Yield both."""
+        if self.above is not None:
+            yield self.above
+        yield from super().get_renderables()
 
 
 class ProgressBar:
@@ -14,7 +30,7 @@ class ProgressBar:
 
     def __init__(self, console: Console, hidden: bool = False) -> None:
         self._console, self._hidden = console, hidden
-        self._bar = Progress(
+        self._bar = _Bar(
             TextColumn("{task.description}", markup=False),  # names may have brackets
             BarColumn(bar_width=24),
             MofNCompleteColumn(),
@@ -50,16 +66,39 @@ class ProgressBar:
 
 
 class RunProgress(ProgressBar):
-    """Shows the events of a run; hand it to ``run`` as ``on_event``, see ``ProgressBar``."""
+    """Shows the events of a run; hand it to ``run`` as ``on_event``, see ``ProgressBar``.
+
+    On a terminal the table of the problem that was measured last stands above the bar, until the tables of the whole
+    run are printed.
+    """
+
+    _folder = Path()
+    _problem = ""
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
-        if isinstance(event, ProblemStarted):
+        if isinstance(event, RunStarted):
+            self._folder = event.run_dir
+        elif isinstance(event, ProblemStarted):
+            self._problem = event.problem
             self.name(f"{event.problem}{_pass(event)}")
         elif isinstance(event, PointFinished):
             self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", again=True)
         elif isinstance(event, VisitFinished):
+            if not self._bar.disable:
+                self._bar.above = _first_look(self._folder, self._problem, self._console.width)
             self.count(event.done, event.total)
+
+
+def _first_look(folder: Path, problem: str, width: int) -> Text:
+    """Return the table of one problem of a run that goes on, as far as it is measured."""
+    from ..report.tables import print_first_look
+    from ..store.frames import read_frames
+
+    console = Console(file=io.StringIO(), width=width, force_terminal=True)
+    with console.capture() as captured:
+        print_first_look(read_frames(folder, problem).only([problem]), console)
+    return Text.from_ansi(captured.get())
 
 
 def _pass(event: ProblemStarted) -> str:

@@ -29,6 +29,7 @@ _STORED_WITH_THE_RUN = (
     "case_seconds",
     "memory",
     "passes",
+    "thorough",
     "seed",
 )
 """Options that --resume takes from the stored run."""
@@ -50,7 +51,8 @@ def run(
     resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
     retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
     mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
-    passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 3,
+    thorough: Annotated[bool, options.limits("--thorough", help="Ten accuracies and five passes.")] = False,
+    passes: Annotated[int | None, options.limits(metavar="NUMBER", help="Passes over all problems.")] = None,
     seed: Annotated[int, options.limits(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
     solve_seconds: options.SolveSeconds = 0.5,
     case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
@@ -89,6 +91,7 @@ def run(
                 passes=passes,
                 seed=seed,
                 sample=sample,
+                thorough=thorough,
             )
     return report_run(made, charts, quiet, as_json, residual, record)
 

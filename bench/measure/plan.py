@@ -17,14 +17,18 @@ from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
 
-PASSES = 3
-"""Passes of a run that names no number: with fewer, ratios of times have no intervals."""
+PASSES, THOROUGH_PASSES = 2, 5
+"""Passes of a run that names no number, and of a thorough one: with one alone, ratios of times have no intervals."""
 
-LADDER = tuple(10.0**-k for k in range(1, 11))
-"""Tolerances of the ladder, 1e-1 … 1e-10."""
+LADDER = (1e-2, 1e-4, 1e-6, 1e-8)
+"""Tolerances of a run that names none: those that tables give the time to."""
+
+THOROUGH_LADDER = tuple(10.0**-k for k in range(1, 11))
+"""Those of a thorough run, 1e-1 … 1e-10: more points of each curve."""
 
 
 DEFAULT_SOLVERS = (
+    "Robust",
     "Jprox",
     "JORprox(relaxation=0.5)",
     "SORprox",
@@ -81,14 +85,15 @@ def make_plan(
     suite: str | Path = "quick",
     tolerances: Sequence[float] | None = None,
     limits: Limits | None = None,
-    passes: int = PASSES,
+    passes: int | None = None,
     seed: int = 0,
     sample: int | None = None,
+    thorough: bool = False,
 ) -> Plan:
     """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
 
     Problems of plugins are built here and those of files are read, see ``select``; the others are loaded when their
-    turn comes.
+    turn comes. A thorough plan has more tolerances and passes where none are given.
 
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name, a file or folder without any, or an empty
@@ -104,7 +109,9 @@ def make_plan(
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise BenchError(f"the solver {twice!r} is given more than once; name it once.")
-    ladder = tuple(sorted(set(tolerances), reverse=True)) if tolerances else LADDER
+    default_ladder, default_passes = (THOROUGH_LADDER, THOROUGH_PASSES) if thorough else (LADDER, PASSES)
+    ladder = tuple(sorted(set(tolerances), reverse=True)) if tolerances else default_ladder
+    passes = default_passes if passes is None else passes
     for tolerance in ladder:
         if not 0.0 < tolerance < 1.0:
             raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")

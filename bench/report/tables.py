@@ -1,7 +1,7 @@
 """Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -154,7 +154,9 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if results["problem"].nunique() > MOST_TABLES and not frames.is_study:
         _print_problems(frames, results, console)
     else:
-        _print_each_problem(frames, results, console)
+        of_study = (*FAULTS, Outcome.UNSUPPORTED)
+        noted = of_study if frames.is_study else tuple(one for one in Outcome if one != Outcome.SOLVED)
+        _print_each_problem(frames, results, console, noted)
     summary = pd.DataFrame() if frames.is_study else summary_table(frames)
     if len(summary):
         if families(frames):
@@ -163,11 +165,13 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     console.print(Text(_legend(frames, list(time_columns(results)), summary), style="dim"))
 
 
-def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
-    """Print a table of each problem, and below it what did not end solved."""
-    noted = (
-        (*FAULTS, Outcome.UNSUPPORTED) if frames.is_study else tuple(one for one in Outcome if one != Outcome.SOLVED)
-    )
+def print_first_look(frames: RunFrames, console: Console) -> None:
+    """Print the tables of the problems of a run that goes on, without notes."""
+    _print_each_problem(frames, results_table(frames), console, ())
+
+
+def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Console, noted: Sequence[Outcome]) -> None:
+    """Print a table of each problem, and below it the cases that ended as one of ``noted``."""
     ratios = ratios_table(frames)
     for problem, rows in results.groupby("problem", sort=False):
         shown = shown_results(rows, frames.is_study, ratios)

@@ -1,8 +1,10 @@
 """How certain a ratio of two times is: from rounds in pairs, with an interval from the bootstrap.
 
-Rounds a and b of two solvers on one problem that had the same turn of a pass meet the same machine, so their times t
-are compared in pairs, d = log(t_a / t_b). The ratio is exp(median d); medians, since other programs disturb few rounds,
-but these by a factor. Its interval is the percentile interval of the bootstrap of that median, widened for few pairs:
+Rounds a and b of two solvers on one problem in the same pass meet the same machine, so their times t are compared in
+pairs, d = log(t_a / t_b). A pass makes one pair of the means of its rounds, because these share their processes, whose
+times differ by some per cent from process to process; where passes are too few, each round counts by itself, and
+intervals are a little too narrow. The ratio is exp(median d); medians, since other programs disturb few rounds, but
+these by a factor. Its interval is the percentile interval of the bootstrap of that median, widened for few pairs:
 with n pairs its ends are the quantiles
 
     Φ(±t(0.975, n - 1) √(n / (n - 1)))
@@ -16,7 +18,7 @@ median log t_a - median log t_b, each resampled on its own, with n the size of t
 enough: they are all slower than three others by chance in 1 of 20 cases.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -83,12 +85,13 @@ def ratio(rounds: Sequence[Timed], others: Sequence[Timed]) -> Ratio:
     Marred rounds count only where the others are too few.
     """
     mine, theirs = ([one for one in side if not one.is_marred and one.total_seconds > 0.0] for side in (rounds, others))
-    differences = _differences(mine, theirs)
-    if len(differences) >= LEAST_PAIRS:
-        return interval(differences)
+    for moment in (_pass_of, _turn_of):
+        differences = _differences(mine, theirs, moment)
+        if len(differences) >= LEAST_PAIRS:
+            return interval(differences)
     if min(len(mine), len(theirs)) >= LEAST_ROUNDS:
         return interval_of_two(_logarithms(mine), _logarithms(theirs))
-    return interval(_differences(rounds, others))
+    return interval(_differences(rounds, others, _turn_of))
 
 
 def interval(differences: FloatArray) -> Ratio:
@@ -182,14 +185,31 @@ def _standing_of_best(others: Sequence[Ratio]) -> str:
     return next((standing for standing in ("tie", "undecided") if standing in found), "fastest")
 
 
-def _differences(rounds: Sequence[Timed], others: Sequence[Timed]) -> FloatArray:
-    """Return the logarithms of the ratios of rounds that were measured at the same moments."""
-    mine, theirs = _by_moment(rounds), _by_moment(others)
-    return np.array([np.log(mine[key] / theirs[key]) for key in sorted(set(mine) & set(theirs))])
+def _differences(
+    rounds: Sequence[Timed], others: Sequence[Timed], moment: Callable[[Timed], tuple[int, ...]]
+) -> FloatArray:
+    """Return the logarithms of the ratios of rounds of the same moments, of means where a moment has several."""
+    mine, theirs = _by_moment(rounds, moment), _by_moment(others, moment)
+    return np.array([np.mean(mine[key]) - np.mean(theirs[key]) for key in sorted(set(mine) & set(theirs))])
 
 
-def _by_moment(rounds: Sequence[Timed]) -> dict[tuple[int, int, int], float]:
-    return {(one.session, one.number, one.turn): one.total_seconds for one in rounds if one.total_seconds > 0.0}
+def _by_moment(
+    rounds: Sequence[Timed], moment: Callable[[Timed], tuple[int, ...]]
+) -> dict[tuple[int, ...], list[float]]:
+    """Return the logarithms of the times of rounds by moment."""
+    found: dict[tuple[int, ...], list[float]] = {}
+    for one in rounds:
+        if one.total_seconds > 0.0:
+            found.setdefault(moment(one), []).append(float(np.log(one.total_seconds)))
+    return found
+
+
+def _pass_of(one: Timed) -> tuple[int, ...]:
+    return one.session, one.number
+
+
+def _turn_of(one: Timed) -> tuple[int, ...]:
+    return one.session, one.number, one.turn
 
 
 def _logarithms(rounds: Sequence[Timed]) -> FloatArray:

@@ -125,8 +125,8 @@ def check_residual(name: str) -> None:
         raise BenchError(f"there is no residual {name!r}{suggestion(name, RESIDUALS)}")
 
 
-def read_frames(folder: Path) -> RunFrames:
-    """Read a stored run; damaged case files are left out and named.
+def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
+    """Read a stored run, or what it has of one problem; damaged case files are left out and named.
 
     Raises:
         BenchError: if the folder is no run, or its run.json is damaged.
@@ -135,7 +135,7 @@ def read_frames(folder: Path) -> RunFrames:
     info = store.read_run()
     planned = [(problem, solver) for problem in info.plan.problems for solver in info.plan.solvers]
     order = {pair: number for number, pair in enumerate(planned)}
-    cases, damaged = store.read_cases()
+    cases, damaged = store.read_cases(problem)
     cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
     identified = _identified(cases)
     measured = _frame(CaseRecord, cases)

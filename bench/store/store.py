@@ -179,10 +179,13 @@ class Store:
         self._written[path] = content
         _put(path, content)
 
-    def read_cases(self) -> tuple[list[CaseRecord], list[str]]:
-        """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored."""
+    def read_cases(self, problem: str | None = None) -> tuple[list[CaseRecord], list[str]]:
+        """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored.
+
+        Those of one problem if its name is given.
+        """
         cases, damaged = [], []
-        for file in sorted(self._cases.glob("*.json")):
+        for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:
                 case = _read(file, CaseRecord, "resume the run to measure it again")
                 if self._case_file(case.problem, case.solver) != file:

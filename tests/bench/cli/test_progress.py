@@ -8,6 +8,8 @@ from proxbench.bench.cli.progress import RunProgress
 from proxbench.bench.measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
 from rich.console import Console
 
+REFERENCE = Path(__file__).parents[3] / "results" / "reference"
+
 EVENTS: list[Event] = [
     RunStarted(Path("run"), 2, 0),
     ProblemStarted("hard[1]-" + 100 * "x"),
@@ -26,10 +28,20 @@ def test_a_run_names_each_problem_in_one_line(hidden: bool) -> None:
     assert text.getvalue() == ("" if hidden else f"measuring hard[1]-{100 * 'x'}\n")
 
 
-def test_a_terminal_shows_the_name_and_how_many_are_done() -> None:
+def test_a_terminal_shows_the_name_of_what_is_measured() -> None:
     text = io.StringIO()
     with RunProgress(Console(file=text, force_terminal=True, width=200)) as shown:
-        for event in EVENTS:
-            shown(event)
+        shown(ProblemStarted("hard[1]"))
     assert "hard[1]" in text.getvalue()
-    assert "1/2" in text.getvalue()
+
+
+def test_a_terminal_shows_how_many_are_done_and_the_table_of_the_last_problem() -> None:
+    text = io.StringIO()
+    with RunProgress(Console(file=text, force_terminal=True, width=120)) as shown:
+        shown(RunStarted(REFERENCE, 8, 0))
+        shown(ProblemStarted("funnel-100"))
+        shown(VisitFinished(1, 8))
+    assert "1/8" in text.getvalue()
+    assert "funnel-100 · 122 contacts" in text.getvalue()
+    assert "SafeguardedSORprox" in text.getvalue()
+    assert "funnel-1000" not in text.getvalue()

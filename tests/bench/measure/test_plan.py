@@ -2,7 +2,14 @@
 
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.plan import DEFAULT_SOLVERS, LADDER, Limits, make_plan
+from proxbench.bench.measure.plan import (
+    DEFAULT_SOLVERS,
+    LADDER,
+    THOROUGH_LADDER,
+    THOROUGH_PASSES,
+    Limits,
+    make_plan,
+)
 from proxbench.problems import ProblemError
 from proxbench.problems.catalog.catalog import is_held
 from proxbench.solvers import SolverError
@@ -34,6 +41,15 @@ def test_what_is_wrong_is_named_with_the_remedy(
 ) -> None:
     with pytest.raises(error, match=words):
         make_plan(**arguments)  # type: ignore[arg-type]
+
+
+def test_a_thorough_plan_has_more_tolerances_and_passes_where_none_are_given() -> None:
+    plan = make_plan(thorough=True)
+    assert (plan.tolerances, plan.passes) == (THOROUGH_LADDER, THOROUGH_PASSES)
+    assert set(LADDER) < set(THOROUGH_LADDER)
+    assert make_plan().passes < THOROUGH_PASSES
+    chosen = make_plan(thorough=True, tolerances=[1e-3], passes=1)
+    assert (chosen.tolerances, chosen.passes) == ((1e-3,), 1)
 
 
 def test_tolerances_are_ordered_from_coarse_to_fine_without_repetition() -> None:

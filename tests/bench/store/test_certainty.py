@@ -52,6 +52,21 @@ def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs:
     assert np.median([one.value for one in found]) == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.parametrize("passes", [LEAST_PAIRS, 7])
+def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_rounds(passes: int) -> None:
+    chance = default_rng(passes)
+
+    def of_processes(median: float) -> list[Round]:
+        own = np.repeat(chance.normal(0.0, 0.05, passes), 2)
+        times = median * np.exp(own + chance.normal(0.0, 0.02, 2 * passes))
+        return [
+            structs.replace(one, number=place // 2, turn=place % 2) for place, one in enumerate(rounds(times.tolist()))
+        ]
+
+    found = [ratio(of_processes(2.0), of_processes(1.0)) for _ in range(RUNS)]
+    assert 0.92 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
+
+
 def test_what_hits_both_rounds_of_a_pair_cancels() -> None:
     drift = np.array([1.0, 3.0, 0.2, 7.0, 1.5])
     found = ratio(rounds(2.6 * drift), rounds(drift))
