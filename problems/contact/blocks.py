@@ -38,6 +38,8 @@ class BlockLayout:
         rolling_bound: a of the rolling friction [N m s], shape (n_blocks,).
         partner: block whose normal impulse bounds the friction; the block itself where there is none, (n_blocks,).
         is_bilateral: whether the block is a bilateral law, shape (n_blocks,).
+        has_contacts_only: whether all laws are contacts and sliding friction, so that each block's Λ_N ≥ 0 and Λ_T have
+            their cone.
     """
 
     width: int
@@ -52,6 +54,7 @@ class BlockLayout:
     rolling_bound: FloatArray
     partner: IntArray
     is_bilateral: NDArray[np.bool_]
+    has_contacts_only: bool
 
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
@@ -60,11 +63,12 @@ class BlockLayout:
         slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
         is_bilateral = np.empty(n_laws, np.bool_)
         arguments = (laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound)
-        sliding, width, n = _lay_out(*arguments, slot, numbers, bounds, is_bilateral)
+        sliding, width, n, n_joints = _lay_out(*arguments, slot, numbers, bounds, is_bilateral)
         read_only(slot, numbers, bounds, is_bilateral)
         owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
         limits = (bounds[0, :n], bounds[1, :n], bounds[2, :n], bounds[3, :n])
-        return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n])
+        has_contacts_only = width == 1 + sliding and n_joints == 0
+        return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n], has_contacts_only)
 
     @property
     def n_blocks(self) -> int:
@@ -85,11 +89,6 @@ class BlockLayout:
     def rolling(self) -> int:
         """Rolling lanes per block, 0 to 3."""
         return self.width - 1 - self.sliding
-
-    @cached_property
-    def has_contacts_only(self) -> bool:
-        """Whether all laws are contacts and sliding friction, so that each block's Λ_N ≥ 0 and Λ_T have their cone."""
-        return self.rolling == 0 and not self.is_bilateral.any()
 
     @cached_property
     def bounds_are_own(self) -> bool:
@@ -123,7 +122,7 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 @njit(cache=True)
 def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral):  # type: ignore[no-untyped-def]
-    """Return tangential lanes a block, all lanes a block, and the number of blocks.
+    """Return tangential lanes a block, all lanes a block, and the numbers of blocks and of joints among them.
 
     Writes slots of the rows; normal, friction and rolling law and partner of each block, block of each law; μ, a, μ_r
     and the a of rolling of each block, and whether it is a joint.
@@ -140,11 +139,12 @@ def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral):
         numbers[0, b], numbers[1, b], numbers[2, b], partner[b] = -1, -1, -1, b
         bounds[0, b] = bounds[1, b] = bounds[2, b] = bounds[3, b] = 0.0
         is_bilateral[b] = False
-    row = 0
+    row, n_joints = 0, 0
     for law in range(len(kind)):
         b = block[law]
         if kind[law] == 0 or kind[law] == 3:
             numbers[0, b], is_bilateral[b] = law, kind[law] == 3
+            n_joints += kind[law] == 3
             slot[row] = width * b
             row += 1
             continue
@@ -157,4 +157,4 @@ def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral):
         for lane in range(kind[law] - 3 * rolls):
             slot[row] = width * b + first + lane
             row += 1
-    return sliding, width, n_blocks
+    return sliding, width, n_blocks, n_joints
