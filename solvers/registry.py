@@ -24,6 +24,7 @@ BUILT_IN = {
     "FBF": "prox.fbf",
     "TrescaFixedPoint": "prox.tresca_fixed_point",
     "APGD": "prox.apgd",
+    "SAP": "newton.sap",
     "ProximalPoint": "newton.proximal_point",
     "InteriorPoint": "interior.interior_point",
     "CentralPath": "interior.central_path",

@@ -27,6 +27,7 @@ VARIANTS = [
     "ProximalADMM",
     "ProximalADMM(memory=0)",
     "APGD",
+    "SAP",
     "ProximalPoint",
     "InteriorPoint",
     "InteriorPoint(form='factors')",

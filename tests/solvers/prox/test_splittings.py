@@ -22,17 +22,18 @@ def test_a_sliding_point_is_braked_by_mu_times_its_normal_impulse_and_does_not_l
     assert solution.impulses == pytest.approx([0.5, -0.3 * 0.5 * 0.6, 0.3 * 0.5 * 0.8], abs=1e-8)
 
 
-@pytest.mark.parametrize("name", [*COULOMB, "APGD"])
+@pytest.mark.parametrize("name", [*COULOMB, "APGD", "SAP"])
 def test_a_point_that_friction_can_hold_stops(name: str) -> None:
     """Here both models agree: −ξ = 0 lies in every normal cone."""
     solution = solve(slider(5.0), name, tolerance=1e-9)
     assert solution.impulses == pytest.approx([0.5, -1.2, 1.6], abs=1e-7)
 
 
-def test_the_gradient_method_lifts_a_sliding_point_off_as_the_convex_model_says() -> None:
+@pytest.mark.parametrize("name", ["APGD", "SAP"])
+def test_methods_for_the_convex_model_lift_a_sliding_point_off(name: str) -> None:
     """With G = I/2 the associated answer is the projection of −2c onto the cone, and ξ_N = μ‖ξ_T‖."""
     problem = slider(0.3)
-    solution = solve(problem, "APGD", tolerance=1e-10)
+    solution = solve(problem, name, tolerance=1e-10)
     velocity = problem.relative_velocity(solution.impulses)
     assert velocity[0] == pytest.approx(0.3 * np.hypot(velocity[1], velocity[2]), abs=1e-8)
     assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-9
