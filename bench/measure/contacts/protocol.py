@@ -9,6 +9,7 @@ import gc
 import io
 import os
 import threading
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -35,6 +36,8 @@ FIRST_MARKS = 30
 MARK_RATIO = 1.04
 """Ratio of that sequence."""
 
+LATEST = 40
+"""Last iterations that all appear in it: where several methods take turns the last one may need no more."""
 
 SUPPORTS_SECONDS = 0.1
 """Processor time that ``supports`` may take [s]: it looks at a problem, and solves nothing."""
@@ -114,27 +117,28 @@ class Measurement:
         Beside them the number of times that the observer was called, and the iterations that the solver claims.
         """
         problem = self.problem.fresh()
-        iterations: list[int] = []
-        iterates: list[FloatArray] = []
+        iterates: dict[int, FloatArray] = {}
+        latest: deque[tuple[int, FloatArray]] = deque(maxlen=LATEST)
         mark, calls, claimed = 1.0, 0, 0
 
         def note(iteration: int, impulses: FloatArray) -> None:
             nonlocal mark, calls
             calls += 1
-            if iteration < mark:
-                return
             shown = np.array(impulses, dtype=np.float64)
             if shown.shape != (problem.n_rows,):
                 raise MisbehaviourError(f"it showed its observer impulses of shape {shown.shape}, not a row each")
-            iterations.append(int(iteration))
-            iterates.append(shown)
-            mark = iteration + 1.0 if iteration < FIRST_MARKS else iteration * MARK_RATIO
+            latest.append((int(iteration), shown))
+            if iteration >= mark:
+                iterates[int(iteration)] = shown
+                mark = iteration + 1.0 if iteration < FIRST_MARKS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
             solution = self.solver.prepare(problem).solve(stop, observe=note)
             refuse(type_fault(solution) or self._left_behind())
             claimed = int(solution.iterations)
-        return iterations, np.array(iterates).reshape(len(iterates), problem.n_rows), calls, claimed
+        iterates = dict(sorted({**iterates, **dict(latest)}.items()))
+        rows = np.array([*iterates.values()]).reshape(len(iterates), problem.n_rows)
+        return [*iterates], rows, calls, claimed
 
     def round(self, stop: Stop, seconds: float) -> Round:
         """Do timed solves for ``seconds`` of wall time, at least one.

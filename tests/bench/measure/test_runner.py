@@ -74,6 +74,15 @@ def test_the_curve_is_that_of_the_observed_solve(finished_run: Path) -> None:
     assert curve["residual"].iloc[0] == pytest.approx(judge(problem, once.impulses).residual, rel=1e-12)
 
 
+def test_the_curve_ends_where_the_observed_solve_does(finished_run: Path) -> None:
+    frames = load(finished_run)
+    curve = frames.iterations.query("problem == 'funnel-30' and solver == 'SORprox(relaxation=0.5)'")
+    finest = frames.points.query("problem == 'funnel-30' and solver == 'SORprox(relaxation=0.5)'").iloc[-1]
+    assert curve["iteration"].iloc[-1] == finest["iterations"] > 100
+    assert curve["residual"].iloc[-1] <= finest["tolerance"]
+    assert (curve["iteration"].tail(20).diff().dropna() == 1).all()
+
+
 def test_known_impulses_are_compared(finished_run: Path) -> None:
     points = load(finished_run).points
     solved = points.query("problem == 'hard-counterexample' and outcome == 'solved' and tolerance == 1e-6")
