@@ -18,6 +18,10 @@ from .delassus_system import REFINEMENTS
 from .scaled_problem import ScaledProblem
 
 
+CORRECTIONS = 1
+"""Of products with inverses in the factorisation: D⁻¹ of contacts that stick and of joints leaves blocks stiff."""
+
+
 class BodySystem:
     """L, R and the pattern of one problem, and the factors of I + L D⁻¹ Rᵀ."""
 
@@ -31,7 +35,7 @@ class BodySystem:
         rows, columns, self._pair_starts, self._targets = _pattern(self._starts, self._chunks, self._n_chunks)
         self._diagonal = rows[:-1]
         self._blocks = np.empty((len(columns), self._length, self._length))
-        self._factors = BlockLU(rows, columns, self._length)
+        self._factors = BlockLU(rows, columns, self._length, CORRECTIONS)
         self._coupled: FloatArray = np.zeros((0, width, width))
         self._inverse = self._coupled
 

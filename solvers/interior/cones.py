@@ -23,7 +23,7 @@ IDLE, JOINT, NORMAL, CONE, DISC, BOTH = 0, 1, 2, 3, 4, 5
 INSIDE = 1e-15
 """How far inside the boundary of a cone iterates are kept, relative to their size."""
 
-SOFTNESS = 1e-10
+SOFTNESS = 1e-9
 """What D holds for a joint, beside 1 in Ĝ, so that a step exists for joints that say the same thing twice."""
 
 

@@ -249,11 +249,29 @@ def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, o
             shrink = n0 / along
         return shrink * t1, shrink * t2, True
     if abs(determinant) > SINGULAR * scale * size:
-        t1, t2 = (s12 * r2 - s22 * r1) / determinant, (s21 * r1 - s11 * r2) / determinant
+        t1, t2 = _two_equations(s11, s12, s21, s22, r1, r2)
         n = n0 - h1 * t1 - h2 * t2
         bound = a + mu * n
         return t1, t2, n >= 0.0 and t1 * t1 + t2 * t2 <= bound * bound
     return _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2)
+
+
+@njit(cache=True, error_model="numpy")
+def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
+    """Return x with S x + r = 0 by elimination with the largest entry as pivot.
+
+    What is left of the equations is rounding of their terms, however near S is to a singular matrix; Cramer's rule
+    leaves as much more as S is ill-conditioned.
+    """
+    if max(abs(s21), abs(s22)) > max(abs(s11), abs(s12)):
+        s11, s12, r1, s21, s22, r2 = s21, s22, r2, s11, s12, r1
+    turned = abs(s12) > abs(s11)
+    if turned:
+        s11, s12, s21, s22 = s12, s11, s22, s21
+    factor = s21 / s11
+    y = -(r2 - factor * r1) / (s22 - factor * s12)
+    x = -(r1 + s12 * y) / s11
+    return (y, x) if turned else (x, y)
 
 
 @njit(cache=True, error_model="numpy")
