@@ -59,9 +59,7 @@ class BlockLU:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the solution for a right side, shape (n · width,)."""
-        solution: FloatArray = _solve(
-            self._width, *self._triangles, self._factors, *self._kept, self._order, right
-        )
+        solution: FloatArray = _solve(self._width, *self._triangles, self._factors, *self._kept, self._order, right)
         return solution
 
 

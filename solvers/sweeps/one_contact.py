@@ -21,6 +21,9 @@ from .slip_angle import refined_angle, slip_angles, slip_polynomial
 SINGULAR = 1e-12
 """A curvature below this fraction of the largest in its block is taken for zero: it is rounding."""
 
+REFINEMENTS = 8
+"""Most Newton steps on a slip that does not fit."""
+
 STRAY = 1e-13
 """Relative velocity along the wrong side of a bound, and excess over a bound, that passes as rounding."""
 
@@ -162,11 +165,44 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
     bound, length = a + mu * held_n, np.sqrt(old_1 * old_1 + old_2 * old_2)
     shrink = bound / length if length > bound else 1.0
     held = spatial_violation(g, qn, q1, q2, mu, a, held_n, old_1 * shrink, old_2 * shrink)
-    if n >= 0.0 and spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2) < min(least, held):
-        return n, t1, t2
+    if n >= 0.0:
+        n, t1, t2, slip = _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2)
+        if slip < min(least, held):
+            return n, t1, t2
     if held < least:
         return held_n, old_1 * shrink, old_2 * shrink
     return 0.0, open_1, open_2
+
+
+@njit(cache=True, error_model="numpy")
+def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-def]
+    """Return an impulse of slip after Newton steps in Λ_N and its direction, while they help, and its violation.
+
+    Where 1 + μhᵀt nearly vanishes a contact jams: its impulses are large, and what rounding Λ_N = n0 − hᵀΛ_T leaves of
+    them is no slip yet.
+    """
+    least = spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2)
+    for _ in range(REFINEMENTS):
+        length = np.sqrt(t1 * t1 + t2 * t2)
+        u, v, bound = t1 / length, t2 / length, a + mu * n
+        x1 = g[3] * n + g[4] * t1 + g[5] * t2 + q1
+        x2 = g[6] * n + g[7] * t1 + g[8] * t2 + q2
+        rise, turn = _two_equations(
+            g[0] + mu * (g[1] * u + g[2] * v),
+            bound * (g[2] * u - g[1] * v),
+            u * (g[6] + mu * (g[7] * u + g[8] * v)) - v * (g[3] + mu * (g[4] * u + g[5] * v)),
+            bound * (u * (g[8] * u - g[7] * v) - v * (g[5] * u - g[4] * v)) - u * x1 - v * x2,
+            g[0] * n + g[1] * t1 + g[2] * t2 + qn,
+            u * x2 - v * x1,
+        )
+        new_n, cosine, sine = n + rise, np.cos(turn), np.sin(turn)
+        new_bound = a + mu * new_n
+        new_1, new_2 = new_bound * (u * cosine - v * sine), new_bound * (v * cosine + u * sine)
+        violation = spatial_violation(g, qn, q1, q2, mu, a, new_n, new_1, new_2)
+        if not (new_n >= 0.0 and violation < least):
+            break
+        n, t1, t2, least = new_n, new_1, new_2, violation
+    return n, t1, t2, least
 
 
 @njit(cache=True, error_model="numpy")
