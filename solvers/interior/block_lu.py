@@ -20,7 +20,7 @@ from .elimination import elimination
 class BlockLU:
     """Factors of matrices of square blocks with one pattern.
 
-    A product with F₁₁⁻¹ has an error of cond(F₁₁) roundings, which each correction by F₁₁ itself multiplies with as much
+    A product with F₁₁⁻¹ has an error of cond(F₁₁) roundings. Each correction by F₁₁ itself multiplies it with as much
     again, until only that of an elimination is left.
 
     Attributes:

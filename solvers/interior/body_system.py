@@ -17,7 +17,6 @@ from .block_lu import BlockLU
 from .delassus_system import REFINEMENTS
 from .scaled_problem import ScaledProblem
 
-
 CORRECTIONS = 1
 """Of products with inverses in the factorisation: D⁻¹ of contacts that stick and of joints leaves blocks stiff."""
 

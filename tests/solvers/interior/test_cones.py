@@ -84,3 +84,20 @@ def test_a_step_to_the_boundary_ends_there_and_no_earlier(x: Vector, d: Vector) 
 def test_a_determinant_near_the_boundary_keeps_its_digits() -> None:
     gap = 2.0**-50
     assert cones.determinant(np.array([1.0 + gap, 1.0, 0.0])) == pytest.approx(2.0 * gap, rel=1e-12)
+
+
+@pytest.mark.parametrize("linearise", [cones.linearise_plainly, cones.linearise_by_nesterov_todd])
+@given(p=interior(), q=interior(), seed=st.integers(0, 1000))
+def test_a_cone_of_four_lanes_is_one_of_three_in_other_axes(linearise: object, p: Vector, q: Vector, seed: int) -> None:
+    """With a fourth lane of zeros, all of it turned: the matrix turns, its determinant stays."""
+    turn = np.eye(4)
+    turn[1:, 1:] = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    wide_p, wide_q = turn @ np.append(p, 0.0), turn @ np.append(q, 0.0)
+    matrices, shifts = np.zeros((1, 4, 4)), np.zeros((1, 4))
+    linearise(np.array([cones.CONE]), wide_p[None], wide_q[None], 0.5, np.zeros((1, 5)), matrices, shifts)  # type: ignore[operator]
+    matrix, shift = linearised(linearise, p, q, 0.5)
+    turned = turn.T @ matrices[0] @ turn
+    assert np.abs(turned[:3, :3] - matrix).max() <= 1e-7 * np.abs(matrix).max()
+    assert np.abs(turned[3, :3]).max() <= 1e-7 * np.abs(matrix).max()
+    assert np.abs((turn.T @ shifts[0])[:3] - shift).max() <= 1e-7 * (1.0 + np.abs(shift).max())
+    assert cones.determinant(wide_p) == pytest.approx(cones.determinant(p), rel=1e-9)
