@@ -26,12 +26,12 @@ from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
 from ..iteration.method import Method, check_form, check_option
 from . import cones
-from .body_system import BodySystem
 from .damping import SHARES, Damping, Share
-from .delassus_system import DelassusSystem
 from .progress import Progress
 from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
 from .smoothing import on_manifold
+from .systems.body_system import BodySystem
+from .systems.delassus_system import DelassusSystem
 
 Scaling = Literal["plain", "nesterov_todd"]
 

@@ -7,10 +7,10 @@ self-stress the iterates do not need. Each solution is refined against Ĝ and D 
 import numpy as np
 import scipy.sparse as sp
 
-from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
+from ....problems.arrays import FloatArray
+from ....problems.contact.problem import ContactProblem
+from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
-from .scaled_problem import ScaledProblem
 
 REFINEMENTS = 2
 """Refinements of each solution."""

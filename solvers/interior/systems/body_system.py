@@ -11,11 +11,11 @@ two bodies adds one dense block to it. Each solution is refined against Ĝ and D
 import numpy as np
 from numba import njit
 
-from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
+from ....problems.arrays import FloatArray
+from ....problems.contact.problem import ContactProblem
+from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
 from .delassus_system import REFINEMENTS
-from .scaled_problem import ScaledProblem
 
 CORRECTIONS = 1
 """Of products with inverses in the factorisation: D⁻¹ of contacts that stick and of joints leaves blocks stiff."""

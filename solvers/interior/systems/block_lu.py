@@ -13,7 +13,7 @@ what rounding it costs, refinement mends. Dense products are those of BLAS, whic
 import numpy as np
 from numba import njit
 
-from ...problems.arrays import FloatArray, IntArray
+from ....problems.arrays import FloatArray, IntArray
 from .elimination import elimination
 
 
