@@ -25,7 +25,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
-from ..iteration.method import Method, beyond_contacts, check_form, check_option
+from ..iteration.method import Method, check_form, check_option
 from . import cones
 from .interior_point import NewtonSystem, form_obstacle, newton_system
 from .power_series import Direction, Series, local_product, products, write_right
@@ -94,9 +94,8 @@ class CentralPath(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        reason = beyond_contacts(problem)
-        if reason:
-            return reason
+        if problem.laws.is_rolling.any():
+            return "it has rolling friction, and this path is that of contacts with one cone each"
         layout = problem.layout
         remote = np.flatnonzero((layout.partner != np.arange(layout.n_blocks)) & (layout.friction_coefficient > 0.0))
         if len(remote):
@@ -161,12 +160,12 @@ class _Path:
 
     def __init__(self, prepared: PreparedPath, progress: Progress) -> None:
         self._scaled, self._system, self._order = prepared.scaled, prepared.system, prepared.order
-        self._progress, n = progress, prepared.scaled.n_contacts
+        self._progress, n, width = progress, prepared.scaled.n_cones, prepared.scaled.lanes.width
         self._full, self._none = np.ones(n), np.zeros(n)
-        self._matrices, self._coupled = np.zeros((n, 3, 3)), np.empty((n, 3, 3))
-        self._shifts, self._right = np.zeros((n, 3)), np.zeros((n, 3))
-        self._heads, self._lifts = np.zeros((n, 4)), np.zeros(n)
-        self._p, self._q = np.empty((n, 3)), np.empty((n, 3))
+        self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
+        self._shifts, self._right = np.zeros((n, width)), np.zeros((n, width))
+        self._heads, self._lifts = np.zeros((n, width + 1)), np.zeros(n)
+        self._p, self._q = np.empty((n, width)), np.empty((n, width))
         self._tangent: Direction | None = None
         self._lowest, self._lowest_turn = np.inf, np.inf
 
@@ -248,7 +247,7 @@ class _Path:
     def _towards_tau(self) -> FloatArray:
         """Return the right side of complementarity for τ growing by its own size."""
         heads = np.zeros_like(self._heads)
-        heads[:, 0] = heads[:, 3] = self._at.tau
+        heads[:, 0] = heads[:, -1] = self._at.tau
         return heads
 
     def _solved(

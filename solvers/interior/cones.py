@@ -1,43 +1,62 @@
 """The cones of contacts, and Newton's equations on each of them.
 
-A contact has its lanes r = (N, T₁, T₂) of impulses and û of velocities, scaled so that a friction cone is the
-second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = (xᵀy, x₀ȳ + y₀x̄) and e = (1, 0, 0), its laws are
+A cone has its lanes r = (N, T₁, T₂, …) of impulses and û of velocities, scaled so that a friction cone is the
+second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = (xᵀy, x₀ȳ + y₀x̄) and e = (1, 0, …), its laws are
 
     NORMAL   r_N û_N = τ
     CONE     r ∘ û = τ e,                     û_N = ξ_N + s,  s = ‖û_T‖ (De Saxcé)
     DISC     (b, r_T) ∘ (s, û_T) = τ e        with a bound b that stays and a slack s
     BOTH     as NORMAL and DISC               with b = a + μ r_N
+    JOINT    û_N = 0                          for r_N of any sign
 
-at τ → 0, inside the cones before. A contact has at most one second-order cone, the pair (p, q) of ``write_pairs``; on
-it dq = x₀ − D₀ dp is what linearising p ∘ q = τ e gives, and eliminating dû from all contacts leaves (Ĝ + D) dr.
+at τ → 0, inside the cones before. There is at most one second-order cone, the pair (p, q) of ``write_pairs``; on it
+dq = x₀ − D₀ dp is what linearising p ∘ q = τ e gives, and eliminating dû from all of them leaves (Ĝ + D) dr.
 Every determinant is a product, (x₀ − ‖x̄‖)(x₀ + ‖x̄‖): a difference of squares would lose it near the boundary.
 """
 
 import numpy as np
 from numba import njit
 
-IDLE, NORMAL, CONE, DISC, BOTH = 0, 1, 2, 3, 4
-"""The kinds of contact, in numbers that kernels compare; an idle one bears no impulse."""
+IDLE, JOINT, NORMAL, CONE, DISC, BOTH = 0, 1, 2, 3, 4, 5
+"""The kinds, in numbers that kernels compare; an idle one bears no impulse."""
 
 INSIDE = 1e-15
 """How far inside the boundary of a cone iterates are kept, relative to their size."""
 
+SOFTNESS = 1e-9
+"""What D holds for a joint, beside 1 in Ĝ, so that a step exists for joints that say the same thing twice."""
+
 
 @njit(cache=True, error_model="numpy")
-def determinant(x0, x1, x2):  # type: ignore[no-untyped-def]
+def dot_tangential(x, y):  # type: ignore[no-untyped-def]
+    """Return x̄ᵀȳ."""
+    total = 0.0
+    for lane in range(1, len(x)):
+        total += x[lane] * y[lane]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def tangential_length(x):  # type: ignore[no-untyped-def]
+    """Return ‖x̄‖."""
+    return np.sqrt(dot_tangential(x, x))
+
+
+@njit(cache=True, error_model="numpy")
+def determinant(x):  # type: ignore[no-untyped-def]
     """Return the product of both eigenvalues, x₀² − ‖x̄‖²."""
-    length = np.sqrt(x1 * x1 + x2 * x2)
-    return (x0 - length) * (x0 + length)
+    length = tangential_length(x)
+    return (x[0] - length) * (x[0] + length)
 
 
 @njit(cache=True, error_model="numpy")
-def to_boundary(x0, x1, x2, d0, d1, d2):  # type: ignore[no-untyped-def]
-    """Return the least t > 0 for which x + td is on the boundary of the cone, x inside; inf if there is none."""
-    length = np.sqrt(d1 * d1 + d2 * d2)
-    a, half_b = (d0 - length) * (d0 + length), x0 * d0 - x1 * d1 - x2 * d2
-    c, least = determinant(x0, x1, x2), np.inf
+def to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
+    """Return the least t > 0 for which x + t(d₀, d̄) is on the boundary of the cone, x inside; inf if there is none."""
+    length = tangential_length(d)
+    a, half_b = (d0 - length) * (d0 + length), x[0] * d0 - dot_tangential(x, d)
+    c, least = determinant(x), np.inf
     if d0 < 0.0:
-        least = -x0 / d0
+        least = -x[0] / d0
     under = half_b * half_b - a * c
     if under < 0.0:
         return least
@@ -51,45 +70,48 @@ def to_boundary(x0, x1, x2, d0, d1, d2):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def write_pairs(kind, bound, r, u, slack, p, q):  # type: ignore[no-untyped-def]
-    """Write the pair (p, q) of each contact's second-order cone."""
+    """Write the pair (p, q) of each second-order cone."""
     for i in range(len(kind)):
-        for lane in range(3):
+        for lane in range(r.shape[1]):
             p[i, lane], q[i, lane] = r[i, lane], u[i, lane]
         if kind[i] >= DISC:
             p[i, 0], q[i, 0] = bound[i], slack[i]
 
 
 @njit(cache=True, error_model="numpy")
-def arrow_inverse_times(p0, p1, p2, g0, g1, g2):  # type: ignore[no-untyped-def]
-    """Return L(p)⁻¹ g for the arrow matrix L(p) x = p ∘ x."""
-    along = p1 * g1 + p2 * g2
-    head = (p0 * g0 - along) / determinant(p0, p1, p2)
-    return head, (g1 - head * p1) / p0, (g2 - head * p2) / p0
+def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
+    """Replace g by L(p)⁻¹ g for the arrow matrix L(p) x = p ∘ x."""
+    head = (p[0] * g[0] - dot_tangential(p, g)) / determinant(p)
+    g[0] = head
+    for lane in range(1, len(p)):
+        g[lane] = (g[lane] - head * p[lane]) / p[0]
 
 
 @njit(cache=True, error_model="numpy")
 def linearise_plainly(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
     """Write D₀ = L(p)⁻¹ L(q) and x₀ = L(p)⁻¹ (στ e − p∘q − dp_a∘dq_a) of each cone.
 
-    ``target`` is στ, ``second`` the product of the predictor's steps, shape (n, 4): the cone's, then the normal's.
+    ``target`` is στ, ``second`` the product of the predictor's steps: the cone's lanes, then the normal's.
     """
+    width = p.shape[1]
     for i in range(len(kind)):
         if kind[i] < CONE:
             continue
-        p0, p1, p2 = p[i]
-        q0, q1, q2 = q[i]
-        d = matrices[i]
-        d[0, 0], d[1, 0], d[2, 0] = arrow_inverse_times(p0, p1, p2, q0, q1, q2)
-        d[0, 1], d[1, 1], d[2, 1] = arrow_inverse_times(p0, p1, p2, q1, q0, 0.0)
-        d[0, 2], d[1, 2], d[2, 2] = arrow_inverse_times(p0, p1, p2, q2, 0.0, q0)
-        shifts[i, 0], shifts[i, 1], shifts[i, 2] = arrow_inverse_times(
-            p0,
-            p1,
-            p2,
-            target - (p0 * q0 + p1 * q1 + p2 * q2) - second[i, 0],
-            -(p0 * q1 + q0 * p1) - second[i, 1],
-            -(p0 * q2 + q0 * p2) - second[i, 2],
-        )
+        a, b, d = p[i], q[i], matrices[i]
+        det = determinant(a)
+        for column in range(width):
+            if column == 0:
+                head = (a[0] * b[0] - dot_tangential(a, b)) / det
+            else:
+                head = (a[0] * b[column] - a[column] * b[0]) / det
+            d[0, column] = head
+            for lane in range(1, width):
+                own = b[lane] if column == 0 else (b[0] if lane == column else 0.0)
+                d[lane, column] = (own - head * a[lane]) / a[0]
+        shifts[i, 0] = target - a[0] * b[0] - dot_tangential(a, b) - second[i, 0]
+        for lane in range(1, width):
+            shifts[i, lane] = -(a[0] * b[lane] + b[0] * a[lane]) - second[i, lane]
+        divide_by_arrow(a, shifts[i])
 
 
 @njit(cache=True, error_model="numpy")
@@ -98,26 +120,26 @@ def linearise_by_nesterov_todd(kind, p, q, target, second, matrices, shifts):  #
 
     D₀ is symmetric here. The second-order term is left out.
     """
+    width = p.shape[1]
     for i in range(len(kind)):
         if kind[i] < CONE:
             continue
-        p0, p1, p2 = p[i]
-        q0, q1, q2 = q[i]
-        det = determinant(p0, p1, p2)
-        norm_p, norm_q = np.sqrt(det), np.sqrt(determinant(q0, q1, q2))
-        cosine = (p0 * q0 + p1 * q1 + p2 * q2) / (norm_p * norm_q)
+        a, b, d = p[i], q[i], matrices[i]
+        det = determinant(a)
+        norm_a, norm_b = np.sqrt(det), np.sqrt(determinant(b))
+        cosine = (a[0] * b[0] + dot_tangential(a, b)) / (norm_a * norm_b)
         size = 1.0 / np.sqrt(2.0 * (1.0 + cosine))
-        v0 = size * (p0 / norm_p + q0 / norm_q)
-        v1 = -size * (p1 / norm_p - q1 / norm_q)
-        v2 = -size * (p2 / norm_p - q2 / norm_q)
-        ratio, d = norm_q / norm_p, matrices[i]
-        d[0, 0] = ratio * (2.0 * v0 * v0 - 1.0)
-        d[1, 1], d[2, 2] = ratio * (2.0 * v1 * v1 + 1.0), ratio * (2.0 * v2 * v2 + 1.0)
-        d[0, 1] = d[1, 0] = ratio * 2.0 * v0 * v1
-        d[0, 2] = d[2, 0] = ratio * 2.0 * v0 * v2
-        d[1, 2] = d[2, 1] = ratio * 2.0 * v1 * v2
-        shifts[i, 0] = target * p0 / det - q0
-        shifts[i, 1], shifts[i, 2] = -target * p1 / det - q1, -target * p2 / det - q2
+        ratio, v = norm_b / norm_a, shifts[i]
+        v[0] = size * (a[0] / norm_a + b[0] / norm_b)
+        for lane in range(1, width):
+            v[lane] = -size * (a[lane] / norm_a - b[lane] / norm_b)
+        for lane in range(width):
+            for column in range(width):
+                unit = (-1.0 if lane == 0 else 1.0) if lane == column else 0.0
+                d[lane, column] = ratio * (2.0 * v[lane] * v[column] + unit)
+        shifts[i, 0] = target * a[0] / det - b[0]
+        for lane in range(1, width):
+            shifts[i, lane] = -target * a[lane] / det - b[lane]
 
 
 @njit(cache=True, error_model="numpy")
@@ -127,29 +149,35 @@ def couple(kind, friction, share, r, u, matrices, shifts, target, second, couple
     Of De Saxcé's term the ``share`` z enters: D = (I − zZ) D₀, x = (I − zZ) x₀, Z = e_N ζᵀ, ζ = û_T/‖û_T‖; of a moving
     bound the same share of its change, z μ dr_N.
     """
+    width = r.shape[1]
     for i in range(len(kind)):
-        for lane in range(3):
+        for lane in range(width):
             right[i, lane] = 0.0
-            for other in range(3):
+            for other in range(width):
                 coupled[i, lane, other] = 1.0 if lane == other else 0.0
+        if kind[i] == JOINT:
+            coupled[i, 0, 0] = SOFTNESS
         if kind[i] == NORMAL or kind[i] == BOTH:
             coupled[i, 0, 0] = u[i, 0] / r[i, 0]
-            right[i, 0] = (target - u[i, 0] * r[i, 0] - second[i, 3]) / r[i, 0]
+            right[i, 0] = (target - u[i, 0] * r[i, 0] - second[i, width]) / r[i, 0]
         if kind[i] == CONE:
-            length = np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+            length = tangential_length(u[i])
             z = share[i] / length if length > 0.0 else 0.0
-            z1, z2 = z * u[i, 1], z * u[i, 2]
-            for lane in range(3):
-                for other in range(3):
+            for lane in range(width):
+                right[i, lane] = shifts[i, lane]
+                for other in range(width):
                     coupled[i, lane, other] = matrices[i, lane, other]
-                coupled[i, 0, lane] -= z1 * matrices[i, 1, lane] + z2 * matrices[i, 2, lane]
-                right[i, lane] = shifts[i, lane]
-            right[i, 0] -= z1 * shifts[i, 1] + z2 * shifts[i, 2]
+            for lane in range(1, width):
+                along = z * u[i, lane]
+                right[i, 0] -= along * shifts[i, lane]
+                for other in range(width):
+                    coupled[i, 0, other] -= along * matrices[i, lane, other]
         if kind[i] >= DISC:
-            for lane in range(1, 3):
-                coupled[i, lane, 0] = share[i] * friction[i] * matrices[i, lane, 0]
-                coupled[i, lane, 1], coupled[i, lane, 2] = matrices[i, lane, 1], matrices[i, lane, 2]
+            for lane in range(1, width):
                 right[i, lane] = shifts[i, lane]
+                coupled[i, lane, 0] = share[i] * friction[i] * matrices[i, lane, 0]
+                for other in range(1, width):
+                    coupled[i, lane, other] = matrices[i, lane, other]
 
 
 @njit(cache=True, error_model="numpy")
@@ -157,24 +185,26 @@ def follow(  # type: ignore[no-untyped-def]
     kind, friction, share, u, matrices, shifts, coupled, right, lag, dr, du, ds
 ):
     """Write dû and ds that belong to dr; ``lag`` is s − ‖û_T‖, which ds takes away."""
+    width = u.shape[1]
     for i in range(len(kind)):
         du[i] = 0.0
         ds[i] = 0.0
         if kind[i] == NORMAL or kind[i] == BOTH:
             du[i, 0] = right[i, 0] - coupled[i, 0, 0] * dr[i, 0]
         if kind[i] == CONE:
-            for lane in range(3):
+            for lane in range(width):
                 du[i, lane] = shifts[i, lane]
-                for other in range(3):
+                for other in range(width):
                     du[i, lane] -= matrices[i, lane, other] * dr[i, other]
-            length = np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+            length = tangential_length(u[i])
             z = share[i] / length if length > 0.0 else 0.0
-            ds[i] = z * (u[i, 1] * du[i, 1] + u[i, 2] * du[i, 2]) - lag[i]
+            ds[i] = z * dot_tangential(u[i], du[i]) - lag[i]
         if kind[i] >= DISC:
             bound_change = share[i] * friction[i] * dr[i, 0]
-            for lane in range(3):
+            for lane in range(width):
                 change = shifts[i, lane] - matrices[i, lane, 0] * bound_change
-                change -= matrices[i, lane, 1] * dr[i, 1] + matrices[i, lane, 2] * dr[i, 2]
+                for other in range(1, width):
+                    change -= matrices[i, lane, other] * dr[i, other]
                 if lane == 0:
                     ds[i] = change
                 else:
@@ -183,7 +213,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def longest_steps(kind, friction, p, q, r, u, dr, du, ds, longest):  # type: ignore[no-untyped-def]
-    """Write how far each contact can go along its step before it meets a boundary; return the least."""
+    """Write how far each cone's impulse and velocity can go before they meet a boundary; return the least."""
     least = np.inf
     for i in range(len(kind)):
         t = np.inf
@@ -194,8 +224,8 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds, longest):  # type: ign
                 t = min(t, -u[i, 0] / du[i, 0])
         if kind[i] >= CONE:
             dp, dq = (dr[i, 0], du[i, 0]) if kind[i] == CONE else (friction[i] * dr[i, 0], ds[i])
-            t = min(t, to_boundary(p[i, 0], p[i, 1], p[i, 2], dp, dr[i, 1], dr[i, 2]))
-            t = min(t, to_boundary(q[i, 0], q[i, 1], q[i, 2], dq, du[i, 1], du[i, 2]))
+            t = min(t, to_boundary(p[i], dp, dr[i]))
+            t = min(t, to_boundary(q[i], dq, du[i]))
         longest[i] = t
         least = min(least, t)
     return least
@@ -211,10 +241,10 @@ def complementarity(kind, p, q, r, u):  # type: ignore[no-untyped-def]
             squares += (r[i, 0] * u[i, 0]) ** 2
             count += 1
         if kind[i] >= CONE:
-            head = p[i, 0] * q[i, 0] + p[i, 1] * q[i, 1] + p[i, 2] * q[i, 2]
+            head = p[i, 0] * q[i, 0] + dot_tangential(p[i], q[i])
             total += head
             squares += head**2
-            for lane in range(1, 3):
+            for lane in range(1, p.shape[1]):
                 squares += (p[i, 0] * q[i, lane] + q[i, 0] * p[i, lane]) ** 2
             count += 1
     return total / max(count, 1), np.sqrt(squares)
@@ -223,15 +253,16 @@ def complementarity(kind, p, q, r, u):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def write_second_order(kind, friction, dr, du, ds, second):  # type: ignore[no-untyped-def]
     """Write dp∘dq of each cone and dr_N dû_N of each half-line (Mehrotra 1992)."""
+    width = dr.shape[1]
     for i in range(len(kind)):
         second[i] = 0.0
         if kind[i] == NORMAL or kind[i] == BOTH:
-            second[i, 3] = dr[i, 0] * du[i, 0]
+            second[i, width] = dr[i, 0] * du[i, 0]
         if kind[i] >= CONE:
             dp, dq = (dr[i, 0], du[i, 0]) if kind[i] == CONE else (friction[i] * dr[i, 0], ds[i])
-            second[i, 0] = dp * dq + dr[i, 1] * du[i, 1] + dr[i, 2] * du[i, 2]
-            second[i, 1] = dp * du[i, 1] + dq * dr[i, 1]
-            second[i, 2] = dp * du[i, 2] + dq * dr[i, 2]
+            second[i, 0] = dp * dq + dot_tangential(dr[i], du[i])
+            for lane in range(1, width):
+                second[i, lane] = dp * du[i, lane] + dq * dr[i, lane]
 
 
 @njit(cache=True, error_model="numpy")
@@ -239,7 +270,7 @@ def keep_inside(kind, bound, r, u, slack):  # type: ignore[no-untyped-def]
     """Move what rounding has left on a boundary, or beyond it, back inside."""
     least = 1e-300
     for i in range(len(kind)):
-        length_r, length_u = np.sqrt(r[i, 1] ** 2 + r[i, 2] ** 2), np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+        length_r, length_u = tangential_length(r[i]), tangential_length(u[i])
         if kind[i] == NORMAL or kind[i] == BOTH:
             r[i, 0], u[i, 0] = max(r[i, 0], least), max(u[i, 0], least)
         if kind[i] == CONE:
@@ -249,5 +280,5 @@ def keep_inside(kind, bound, r, u, slack):  # type: ignore[no-untyped-def]
             slack[i] = max(slack[i], (1.0 + INSIDE) * length_u + least)
             if length_r >= (1.0 - INSIDE) * bound[i]:
                 shrunk = (1.0 - INSIDE) * bound[i] / length_r
-                r[i, 1] *= shrunk
-                r[i, 2] *= shrunk
+                for lane in range(1, r.shape[1]):
+                    r[i, lane] *= shrunk

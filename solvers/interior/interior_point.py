@@ -24,14 +24,14 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.loop import first_impulses, refuted
-from ..iteration.method import Method, beyond_contacts, check_form, check_option
+from ..iteration.method import Method, check_form, check_option
 from . import cones
-from .body_system import BodySystem
 from .damping import SHARES, Damping, Share
-from .delassus_system import DelassusSystem
 from .progress import Progress
 from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
 from .smoothing import on_manifold
+from .systems.body_system import BodySystem
+from .systems.delassus_system import DelassusSystem
 
 Scaling = Literal["plain", "nesterov_todd"]
 
@@ -63,15 +63,15 @@ class NewtonSystem(Protocol):
         ...
 
     def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r, shape (n, 3)."""
+        """Return Ĝ r, shape (m, w), for r of that shape, m cones with w lanes each."""
         ...
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise for D of shape (n, 3, 3); False if there is no inverse."""
+        """Factorise for D of shape (m, w, w); False if there is no inverse."""
         ...
 
     def solve(self, right: FloatArray, refinements: int = 2) -> FloatArray:
-        """Return dr for a right side, both of shape (n, 3)."""
+        """Return dr for a right side, both of shape (m, w)."""
         ...
 
 
@@ -104,7 +104,7 @@ class InteriorPoint(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        return beyond_contacts(problem) or form_obstacle(problem, self.form)
+        return form_obstacle(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorPoint":
         """Scale the problem, assemble what the form needs, and order the factorisation."""
@@ -155,13 +155,14 @@ class _Iterate:
     def __init__(self, prepared: PreparedInteriorPoint, first: FloatArray, residual: float) -> None:
         self._prepared, self._scaled, self._system = prepared, prepared.scaled, prepared.system
         self._linearise = LINEARISATIONS[prepared.method.scaling]
-        n, self._kind, self._friction = self._scaled.n_contacts, self._scaled.kind, self._scaled.friction
+        n, width = self._scaled.uses.shape
+        self._kind, self._friction = self._scaled.kind, self._scaled.friction
         self._share: Share = SHARES[prepared.method.damping](n)
         self._part = 1.0
-        self._matrices, self._shifts, self._second = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 4))
-        self._coupled, self._right = np.empty((n, 3, 3)), np.empty((n, 3))
-        self._p, self._q, self._longest = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-        self._du, self._ds = np.empty((n, 3)), np.empty(n)
+        self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
+        self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))
+        self._p, self._q, self._right = np.empty((n, width)), np.empty((n, width)), np.empty((n, width))
+        self._du, self._ds, self._longest = np.empty((n, width)), np.empty(n), np.empty(n)
         if np.any(first):
             tau = float(np.clip(WARM_SHARE * residual, LEAST_WARM, LARGEST_WARM))
             r, u = self._scaled.of_impulses(first)
@@ -170,18 +171,22 @@ class _Iterate:
             self._r, self._u, self._s = on_manifold(self._kind, fixed, self._friction, tau, r - u)
         else:
             self._start_cold()
-        cones.keep_inside(self._kind, self._scaled.bounds(self._r), self._r, self._u, self._s)
+        self._keep_inside()
 
     def _start_cold(self) -> None:
         kind, uses = self._kind, self._scaled.uses
         rubs = kind >= cones.CONE
         self._r, self._u = np.zeros(uses.shape), np.zeros(uses.shape)
-        has_normal = (kind != cones.IDLE) & (kind != cones.DISC)
+        has_normal = (kind == cones.NORMAL) | (kind == cones.CONE) | (kind == cones.BOTH)
         self._r[has_normal, 0] = self._u[has_normal, 0] = START
         self._u[:, 1:] = np.where(uses[:, 1:] & rubs[:, None], START_TANGENT, 0.0)
         bound = np.where(kind == cones.CONE, START, self._scaled.bounds(self._r))
         self._r[:, 1:] = self._u[:, 1:] * bound[:, None]
         self._s = np.where(kind == cones.CONE, tangential_lengths(self._u), START)
+
+    def _keep_inside(self) -> None:
+        self._scaled.lanes.agree(self._r)
+        cones.keep_inside(self._kind, self._scaled.bounds(self._r), self._r, self._u, self._s)
 
     def step(self, progress: Progress) -> None:
         """Do one Newton step."""
@@ -200,7 +205,7 @@ class _Iterate:
         self._part = min(1.0, (LEAST_FRACTION + FURTHER_FRACTION * self._part) * longest)
         self._r, self._u = self._r + self._part * found, self._u + self._part * self._du
         self._s = self._s + self._part * self._ds
-        cones.keep_inside(kind, scaled.bounds(self._r), self._r, self._u, self._s)
+        self._keep_inside()
         self._share.note(self._part, self._longest)
         progress.arrive(*scaled.judged(self._r), self._part)
         progress.look_for_proof(self._r)
@@ -216,7 +221,8 @@ class _Iterate:
         if not lags:
             part = min(1.0, self._longest_step(found))
             reached = self._tau_at(found, part)
-            sigma = CENTRING * min(1.0, max(reached / tau, 0.0) ** max(1.0, 3.0 * part**2))
+            share = max(reached / tau, 0.0) if tau > 0.0 else 0.0
+            sigma = CENTRING * min(1.0, share ** max(1.0, 3.0 * part**2))
             if sigma < SECOND_ORDER:
                 cones.write_second_order(self._kind, self._friction, found, self._du, self._ds, self._second)
             self._complete(sigma * tau)

@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from .cones import BOTH, CONE, DISC, NORMAL, arrow_inverse_times, determinant
+from .cones import BOTH, CONE, DISC, NORMAL, determinant, divide_by_arrow, dot_tangential, tangential_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,23 +58,24 @@ class Direction:
 
 @njit(cache=True, error_model="numpy")
 def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-untyped-def]
-    """Write −Σ p_j∘q_{k−j} and −Σ r_j û_{k−j} of each contact, (n, 4), and the sum in s_k over 2s₀, (n,), k = order."""
+    """Write −Σ p_j∘q_{k−j} and −Σ r_j û_{k−j} of cones, (m, w + 1), and the sum in s_k over 2s₀, (m,), k = order."""
+    width = r.shape[2]
     for i in range(len(kind)):
         heads[i] = 0.0
         lifts[i] = 0.0
         for j in range(1, order):
             k = order - j
             if kind[i] == NORMAL or kind[i] == BOTH:
-                heads[i, 3] -= r[j, i, 0] * u[k, i, 0]
+                heads[i, width] -= r[j, i, 0] * u[k, i, 0]
             if kind[i] < CONE:
                 continue
             p, q = (r[j, i, 0], u[k, i, 0]) if kind[i] == CONE else (friction[i] * r[j, i, 0], s[k, i])
             p_other, q_other = (r[k, i, 0], u[j, i, 0]) if kind[i] == CONE else (friction[i] * r[k, i, 0], s[j, i])
-            heads[i, 0] -= p * q + r[j, i, 1] * u[k, i, 1] + r[j, i, 2] * u[k, i, 2]
-            heads[i, 1] -= p_other * u[j, i, 1] + q_other * r[k, i, 1]
-            heads[i, 2] -= p_other * u[j, i, 2] + q_other * r[k, i, 2]
+            heads[i, 0] -= p * q + dot_tangential(r[j, i], u[k, i])
+            for lane in range(1, width):
+                heads[i, lane] -= p_other * u[j, i, lane] + q_other * r[k, i, lane]
             if kind[i] == CONE:
-                lifts[i] += u[j, i, 1] * u[k, i, 1] + u[j, i, 2] * u[k, i, 2] - s[j, i] * s[k, i]
+                lifts[i] += dot_tangential(u[j, i], u[k, i]) - s[j, i] * s[k, i]
         if lifts[i] != 0.0:
             lifts[i] = lifts[i] / (2.0 * s[0, i]) if s[0, i] > 0.0 else 0.0
 
@@ -82,29 +83,31 @@ def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-u
 @njit(cache=True, error_model="numpy")
 def write_right(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
     """Write L(p)⁻¹ of the heads, and the right side over lanes, De Saxcé's term eliminated."""
+    width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0
         right[i] = 0.0
         if kind[i] == NORMAL or kind[i] == BOTH:
-            right[i, 0] = heads[i, 3] / r[i, 0]
+            right[i, 0] = heads[i, width] / r[i, 0]
         if kind[i] < CONE:
             continue
-        shifts[i, 0], shifts[i, 1], shifts[i, 2] = arrow_inverse_times(
-            p[i, 0], p[i, 1], p[i, 2], heads[i, 0], heads[i, 1], heads[i, 2]
-        )
-        right[i, 1], right[i, 2] = shifts[i, 1], shifts[i, 2]
+        for lane in range(width):
+            shifts[i, lane] = heads[i, lane]
+        divide_by_arrow(p[i], shifts[i])
+        for lane in range(1, width):
+            right[i, lane] = shifts[i, lane]
         if kind[i] == CONE:
-            length = np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
-            along = (u[i, 1] * shifts[i, 1] + u[i, 2] * shifts[i, 2]) / length if length > 0.0 else 0.0
+            length = tangential_length(u[i])
+            along = dot_tangential(u[i], shifts[i]) / length if length > 0.0 else 0.0
             right[i, 0] = shifts[i, 0] - along - lifts[i]
 
 
 @njit(cache=True, error_model="numpy")
-def _in_metric(p, x0, x1, x2, y0, y1, y2):  # type: ignore[no-untyped-def]
-    """Return xᵀ Q_p⁻¹ y."""
-    det = determinant(p[0], p[1], p[2])
-    along_x, along_y = p[0] * x0 - p[1] * x1 - p[2] * x2, p[0] * y0 - p[1] * y1 - p[2] * y2
-    return 2.0 * (along_x / det) * (along_y / det) - (x0 * y0 - x1 * y1 - x2 * y2) / det
+def _in_metric(p, x0, x, y0, y):  # type: ignore[no-untyped-def]
+    """Return (x₀, x̄)ᵀ Q_p⁻¹ (y₀, ȳ)."""
+    det = determinant(p)
+    along_x, along_y = p[0] * x0 - dot_tangential(p, x), p[0] * y0 - dot_tangential(p, y)
+    return 2.0 * (along_x / det) * (along_y / det) - (x0 * y0 - dot_tangential(x, y)) / det
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,8 +122,8 @@ def local_product(kind, friction, p, q, r, u, r_x, u_x, s_x, r_y, u_y, s_y):  # 
         p_x, q_x, p_y, q_y = r_x[i, 0], u_x[i, 0], r_y[i, 0], u_y[i, 0]
         if kind[i] >= DISC:
             p_x, q_x, p_y, q_y = friction[i] * p_x, s_x[i], friction[i] * p_y, s_y[i]
-        total += _in_metric(p[i], p_x, r_x[i, 1], r_x[i, 2], p_y, r_y[i, 1], r_y[i, 2])
-        total += _in_metric(q[i], q_x, u_x[i, 1], u_x[i, 2], q_y, u_y[i, 1], u_y[i, 2])
+        total += _in_metric(p[i], p_x, r_x[i], p_y, r_y[i])
+        total += _in_metric(q[i], q_x, u_x[i], q_y, u_y[i])
     return total
 
 

@@ -91,7 +91,7 @@ class Progress:
     def look_for_proof(self, r: FloatArray) -> None:
         """Where scaled impulses grow as if nothing could hold the contacts apart, end if that can be proven."""
         if self.ended is None and np.abs(r).max(initial=0.0) > LARGE and proven_infeasible(self._problem, self._latest):
-            self.end(Status.INFEASIBLE, "normal impulses that move nothing would have to hold contacts apart")
+            self.end(Status.INFEASIBLE, "impulses that move nothing would have to hold contacts or joints")
 
     def solution(self) -> Solution:
         """Return the best Λ with the status the solve ended in."""
@@ -111,23 +111,23 @@ class Progress:
 
 
 def proven_infeasible(problem: ContactProblem, impulses: FloatArray) -> bool:
-    """Whether normal impulses d ≥ 0 with Gd = 0 and c·d < 0 exist along Λ: then no Λ keeps every ξ_N ≥ 0.
+    """Whether impulses d of normals, d ≥ 0, and of joints with Gd = 0 and c·d < 0 exist along Λ: then none is right.
 
-    For ξ·d = (Gd)·Λ + c·d = c·d < 0 contradicts d ≥ 0, ξ_N ≥ 0, whatever friction does (Farkas).
+    For ξ·d = (Gd)·Λ + c·d = c·d < 0 contradicts ξ_N ≥ 0 and ξ = 0 of joints, whatever friction does (Farkas).
     """
     laws = problem.laws
-    rows = laws.first_row[~laws.is_friction]
+    rows, joints = laws.first_row[laws.is_unilateral], laws.first_row[laws.is_bilateral]
     direction = np.zeros(problem.n_rows)
-    direction[rows] = np.maximum(impulses[rows], 0.0)
-    largest = float(direction.max(initial=0.0))
+    direction[rows], direction[joints] = np.maximum(impulses[rows], 0.0), impulses[joints]
+    largest = float(np.abs(direction).max(initial=0.0))
     if not 0.0 < largest < np.inf:
         return False
     direction /= largest
-    direction[direction < CERTAINTY] = 0.0
+    direction[np.abs(direction) < CERTAINTY] = 0.0
     factors = problem.factors
     moved = problem.delassus() @ direction if factors is None else factors.delassus_times(direction)
     weights = np.sqrt(np.maximum(problem.delassus_diagonal, 0.0))
-    held = float((weights * direction).sum())
+    held = float((weights * np.abs(direction)).sum())
     gain = float(problem.free_velocity @ direction)
     is_free = bool((np.abs(moved) <= CERTAINTY * weights * held).all())
-    return is_free and gain < -CERTAINTY * float(np.abs(problem.free_velocity) @ direction) and gain < 0.0
+    return is_free and gain < -CERTAINTY * float(np.abs(problem.free_velocity) @ np.abs(direction)) and gain < 0.0

@@ -8,14 +8,14 @@ which is the projection onto the cone, and that onto its dual, for τ → 0. So 
 what is left of the problem are equations in v without any boundary. A start Λ gives v = r(Λ) − û(Λ).
 
 A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²), û = −τr/(b² − r²), and
-r the one root of r + τr/(b² − r²) = ‖v_T‖ below b.
+r the one root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
 """
 
 import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from .cones import BOTH, CONE, DISC, NORMAL
+from .cones import BOTH, CONE, DISC, JOINT, NORMAL, tangential_length
 
 MOST_STEPS = 60
 """Of bisected Newton steps for the radius in a disc."""
@@ -77,7 +77,9 @@ def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-
         r[i] = 0.0
         u[i] = 0.0
         slack[i] = 0.0
-        length = np.sqrt(v[i, 1] ** 2 + v[i, 2] ** 2)
+        length = tangential_length(v[i])
+        if kind[i] == JOINT:
+            r[i, 0] = v[i, 0]
         if kind[i] == NORMAL or kind[i] == BOTH:
             r[i, 0], u[i, 0] = rounded_positive_part(v[i, 0], tau), rounded_positive_part(-v[i, 0], tau)
         if kind[i] == CONE:
@@ -87,7 +89,7 @@ def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-
             r[i, 0], u[i, 0] = 0.5 * (r_upper + r_lower), 0.5 * (u_upper + u_lower)
             if length > 0.0:
                 along_r, along_u = 0.5 * (r_upper - r_lower) / length, 0.5 * (u_upper - u_lower) / length
-                for lane in range(1, 3):
+                for lane in range(1, v.shape[1]):
                     r[i, lane], u[i, lane] = along_r * v[i, lane], along_u * v[i, lane]
                 slack[i] = abs(along_u) * length
         if kind[i] >= DISC:
@@ -96,7 +98,7 @@ def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-
             weight = tau / (rest * (bound + radius))
             slack[i] = weight * bound
             if length > 0.0:
-                for lane in range(1, 3):
+                for lane in range(1, v.shape[1]):
                     r[i, lane] = radius / length * v[i, lane]
                     u[i, lane] = -weight * r[i, lane]
 
@@ -104,7 +106,7 @@ def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-
 def on_manifold(
     kind: np.ndarray, fixed_bound: FloatArray, friction: FloatArray, tau: float, v: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return r and û, shape (n, 3), and s, shape (n,), of v, shape (n, 3), at τ > 0."""
+    """Return r and û, shape (m, w), and s, shape (m,), of v, shape (m, w), at τ > 0."""
     r, u, slack = np.empty_like(v), np.empty_like(v), np.empty(len(v))
     split(kind, fixed_bound, friction, tau, v, r, u, slack)
     return r, u, slack

@@ -21,6 +21,9 @@ from .slip_angle import refined_angle, slip_angles, slip_polynomial
 SINGULAR = 1e-12
 """A curvature below this fraction of the largest in its block is taken for zero: it is rounding."""
 
+REFINEMENTS = 8
+"""Most Newton steps on a slip that does not fit."""
+
 STRAY = 1e-13
 """Relative velocity along the wrong side of a bound, and excess over a bound, that passes as rounding."""
 
@@ -162,11 +165,44 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
     bound, length = a + mu * held_n, np.sqrt(old_1 * old_1 + old_2 * old_2)
     shrink = bound / length if length > bound else 1.0
     held = spatial_violation(g, qn, q1, q2, mu, a, held_n, old_1 * shrink, old_2 * shrink)
-    if n >= 0.0 and spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2) < min(least, held):
-        return n, t1, t2
+    if n >= 0.0:
+        n, t1, t2, slip = _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2)
+        if slip < min(least, held):
+            return n, t1, t2
     if held < least:
         return held_n, old_1 * shrink, old_2 * shrink
     return 0.0, open_1, open_2
+
+
+@njit(cache=True, error_model="numpy")
+def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-def]
+    """Return an impulse of slip after Newton steps in Λ_N and its direction, while they help, and its violation.
+
+    Where 1 + μhᵀt nearly vanishes a contact jams: its impulses are large, and what rounding Λ_N = n0 − hᵀΛ_T leaves of
+    them is no slip yet.
+    """
+    least = spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2)
+    for _ in range(REFINEMENTS):
+        length = np.sqrt(t1 * t1 + t2 * t2)
+        u, v, bound = t1 / length, t2 / length, a + mu * n
+        x1 = g[3] * n + g[4] * t1 + g[5] * t2 + q1
+        x2 = g[6] * n + g[7] * t1 + g[8] * t2 + q2
+        rise, turn = _two_equations(
+            g[0] + mu * (g[1] * u + g[2] * v),
+            bound * (g[2] * u - g[1] * v),
+            u * (g[6] + mu * (g[7] * u + g[8] * v)) - v * (g[3] + mu * (g[4] * u + g[5] * v)),
+            bound * (u * (g[8] * u - g[7] * v) - v * (g[5] * u - g[4] * v)) - u * x1 - v * x2,
+            g[0] * n + g[1] * t1 + g[2] * t2 + qn,
+            u * x2 - v * x1,
+        )
+        new_n, cosine, sine = n + rise, np.cos(turn), np.sin(turn)
+        new_bound = a + mu * new_n
+        new_1, new_2 = new_bound * (u * cosine - v * sine), new_bound * (v * cosine + u * sine)
+        violation = spatial_violation(g, qn, q1, q2, mu, a, new_n, new_1, new_2)
+        if not (new_n >= 0.0 and violation < least):
+            break
+        n, t1, t2, least = new_n, new_1, new_2, violation
+    return n, t1, t2, least
 
 
 @njit(cache=True, error_model="numpy")
@@ -249,11 +285,29 @@ def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, o
             shrink = n0 / along
         return shrink * t1, shrink * t2, True
     if abs(determinant) > SINGULAR * scale * size:
-        t1, t2 = (s12 * r2 - s22 * r1) / determinant, (s21 * r1 - s11 * r2) / determinant
+        t1, t2 = _two_equations(s11, s12, s21, s22, r1, r2)
         n = n0 - h1 * t1 - h2 * t2
         bound = a + mu * n
         return t1, t2, n >= 0.0 and t1 * t1 + t2 * t2 <= bound * bound
     return _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2)
+
+
+@njit(cache=True, error_model="numpy")
+def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
+    """Return x with S x + r = 0 by elimination with the largest entry as pivot.
+
+    What is left of the equations is rounding of their terms, however near S is to a singular matrix; Cramer's rule
+    leaves as much more as S is ill-conditioned.
+    """
+    if max(abs(s21), abs(s22)) > max(abs(s11), abs(s12)):
+        s11, s12, r1, s21, s22, r2 = s21, s22, r2, s11, s12, r1
+    turned = abs(s12) > abs(s11)
+    if turned:
+        s11, s12, s21, s22 = s12, s11, s22, s21
+    factor = s21 / s11
+    y = -(r2 - factor * r1) / (s22 - factor * s12)
+    x = -(r1 + s12 * y) / s11
+    return (y, x) if turned else (x, y)
 
 
 @njit(cache=True, error_model="numpy")

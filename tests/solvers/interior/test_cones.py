@@ -29,7 +29,7 @@ def jordan(x: Vector, y: Vector) -> Vector:
 
 def quadratic(x: Vector) -> Vector:
     """Q_x = 2xxᵀ − det(x) J."""
-    return 2.0 * np.outer(x, x) - cones.determinant(*x) * np.diag([1.0, -1.0, -1.0])
+    return 2.0 * np.outer(x, x) - cones.determinant(x) * np.diag([1.0, -1.0, -1.0])
 
 
 def linearised(linearise: object, p: Vector, q: Vector, target: float) -> tuple[Vector, Vector]:
@@ -59,7 +59,7 @@ def test_nesterov_todd_maps_the_primal_point_onto_the_dual_and_is_symmetric_posi
 
 @given(p=interior(), target=st.floats(0.1, 5.0))
 def test_both_scalings_agree_on_the_central_path(p: Vector, target: float) -> None:
-    q = target * np.array([p[0], -p[1], -p[2]]) / cones.determinant(*p)
+    q = target * np.array([p[0], -p[1], -p[2]]) / cones.determinant(p)
     plain, _ = linearised(cones.linearise_plainly, p, q, target)
     inverse = target * np.linalg.inv(quadratic(p))
     scaled, _ = linearised(cones.linearise_by_nesterov_todd, p, q, target)
@@ -73,7 +73,7 @@ def test_both_scalings_agree_on_the_central_path(p: Vector, target: float) -> No
 
 @given(x=interior(), d=vectors())
 def test_a_step_to_the_boundary_ends_there_and_no_earlier(x: Vector, d: Vector) -> None:
-    t = cones.to_boundary(*x, *d)
+    t = cones.to_boundary(x, d[0], d)
     inside = x + (0.999 * t if np.isfinite(t) else 1e6) * d
     assert inside[0] >= np.hypot(inside[1], inside[2]) * (1.0 - 1e-9)
     if np.isfinite(t):
@@ -83,4 +83,21 @@ def test_a_step_to_the_boundary_ends_there_and_no_earlier(x: Vector, d: Vector) 
 
 def test_a_determinant_near_the_boundary_keeps_its_digits() -> None:
     gap = 2.0**-50
-    assert cones.determinant(1.0 + gap, 1.0, 0.0) == pytest.approx(2.0 * gap, rel=1e-12)
+    assert cones.determinant(np.array([1.0 + gap, 1.0, 0.0])) == pytest.approx(2.0 * gap, rel=1e-12)
+
+
+@pytest.mark.parametrize("linearise", [cones.linearise_plainly, cones.linearise_by_nesterov_todd])
+@given(p=interior(), q=interior(), seed=st.integers(0, 1000))
+def test_a_cone_of_four_lanes_is_one_of_three_in_other_axes(linearise: object, p: Vector, q: Vector, seed: int) -> None:
+    """With a fourth lane of zeros, all of it turned: the matrix turns, its determinant stays."""
+    turn = np.eye(4)
+    turn[1:, 1:] = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    wide_p, wide_q = turn @ np.append(p, 0.0), turn @ np.append(q, 0.0)
+    matrices, shifts = np.zeros((1, 4, 4)), np.zeros((1, 4))
+    linearise(np.array([cones.CONE]), wide_p[None], wide_q[None], 0.5, np.zeros((1, 5)), matrices, shifts)  # type: ignore[operator]
+    matrix, shift = linearised(linearise, p, q, 0.5)
+    turned = turn.T @ matrices[0] @ turn
+    assert np.abs(turned[:3, :3] - matrix).max() <= 1e-7 * np.abs(matrix).max()
+    assert np.abs(turned[3, :3]).max() <= 1e-7 * np.abs(matrix).max()
+    assert np.abs((turn.T @ shifts[0])[:3] - shift).max() <= 1e-7 * (1.0 + np.abs(shift).max())
+    assert cones.determinant(wide_p) == pytest.approx(cones.determinant(p), rel=1e-9)

@@ -7,10 +7,10 @@ self-stress the iterates do not need. Each solution is refined against Ĝ and D 
 import numpy as np
 import scipy.sparse as sp
 
-from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
+from ....problems.arrays import FloatArray
+from ....problems.contact.problem import ContactProblem
+from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
-from .scaled_problem import ScaledProblem
 
 REFINEMENTS = 2
 """Refinements of each solution."""
@@ -20,10 +20,10 @@ class DelassusSystem:
     """Ĝ of one problem in block rows, and the factors of Ĝ + D."""
 
     def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
-        blocks, self._width = problem.delassus_blocks(), problem.layout.width
+        blocks, self._width, self._lanes = problem.delassus_blocks(), problem.layout.width, scaled.lanes
         starts, columns, values = _symmetric_pattern(blocks.starts, blocks.columns.astype(np.int64), blocks.values)
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-        left, right = scaled.velocity_scale[:, : self._width], scaled.impulse_scale[:, : self._width]
+        left, right = self._lanes.to_block(scaled.velocity_scale), self._lanes.to_block(scaled.impulse_scale)
         self._values: FloatArray = left[row][:, :, None] * values * right[columns][:, None, :]
         self._diagonal = np.flatnonzero(row == columns)
         size = (len(starts) - 1) * self._width
@@ -38,28 +38,28 @@ class DelassusSystem:
         return self._factors.flops
 
     def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r, shape (n, 3)."""
-        product = np.zeros((len(r), 3))
-        lanes = np.ascontiguousarray(r[:, : self._width]).reshape(-1)
-        product[:, : self._width] = (self._matrix @ lanes).reshape(-1, self._width)
-        return product
+        """Return Ĝ r; see ``NewtonSystem``."""
+        return self._lanes.once_from_block(self._times(self._lanes.to_block(r)))
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise Ĝ + D for D of shape (n, 3, 3); False if that is singular."""
-        self._coupled = np.ascontiguousarray(coupled[:, : self._width, : self._width])
+        """Factorise Ĝ + D; see ``NewtonSystem``."""
+        self._coupled = self._lanes.matrices_to_block(coupled)
         self._summed[self._diagonal] = self._values[self._diagonal] + self._coupled
         return bool(np.isfinite(self._coupled).all()) and self._factors.factorise(self._summed)
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
-        """Return dr for a right side, both of shape (n, 3)."""
-        width, found, left = self._width, np.zeros((len(right), 3)), right
+        """Return dr for a right side; see ``NewtonSystem``."""
+        given = self._lanes.sum_to_block(right)
+        found, left = np.zeros_like(given), given
         for refinement in range(refinements + 1):
-            change = self._factors.solve(np.ascontiguousarray(left[:, :width]).reshape(-1))
-            found[:, :width] += change.reshape(-1, width)
+            found += self._factors.solve(left.reshape(-1)).reshape(found.shape)
             if refinement < refinements:
-                left = right - self.times(found)
-                left[:, :width] -= (self._coupled @ found[:, :width, None])[:, :, 0]
-        return found
+                left = given - self._times(found) - (self._coupled @ found[:, :, None])[:, :, 0]
+        return self._lanes.from_block(found)
+
+    def _times(self, lanes: FloatArray) -> FloatArray:
+        product: FloatArray = (self._matrix @ lanes.reshape(-1)).reshape(lanes.shape)
+        return product
 
 
 def _symmetric_pattern(

@@ -11,27 +11,30 @@ two bodies adds one dense block to it. Each solution is refined against Ĝ and D
 import numpy as np
 from numba import njit
 
-from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
+from ....problems.arrays import FloatArray
+from ....problems.contact.problem import ContactProblem
+from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
 from .delassus_system import REFINEMENTS
-from .scaled_problem import ScaledProblem
+
+CORRECTIONS = 1
+"""Of products with inverses in the factorisation: D⁻¹ of contacts that stick and of joints leaves blocks stiff."""
 
 
 class BodySystem:
     """L, R and the pattern of one problem, and the factors of I + L D⁻¹ Rᵀ."""
 
     def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
-        pieces, width = problem.factor_pieces(), problem.layout.width
+        pieces, width, self._lanes = problem.factor_pieces(), problem.layout.width, scaled.lanes
         block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
-        self._width, self._n_chunks, self._length = width, pieces.n_chunks, pieces.length
+        self._n_chunks, self._length = pieces.n_chunks, pieces.length
         self._starts, self._chunks = pieces.starts, pieces.chunks
-        self._left: FloatArray = pieces.values * scaled.impulse_scale[block, :width, None]
-        self._right: FloatArray = pieces.values * scaled.velocity_scale[block, :width, None]
+        self._left: FloatArray = pieces.values * self._lanes.to_block(scaled.impulse_scale)[block, :, None]
+        self._right: FloatArray = pieces.values * self._lanes.to_block(scaled.velocity_scale)[block, :, None]
         rows, columns, self._pair_starts, self._targets = _pattern(self._starts, self._chunks, self._n_chunks)
         self._diagonal = rows[:-1]
         self._blocks = np.empty((len(columns), self._length, self._length))
-        self._factors = BlockLU(rows, columns, self._length)
+        self._factors = BlockLU(rows, columns, self._length, CORRECTIONS)
         self._coupled: FloatArray = np.zeros((0, width, width))
         self._inverse = self._coupled
 
@@ -41,12 +44,12 @@ class BodySystem:
         return self._factors.flops
 
     def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r, shape (n, 3)."""
-        return self._pull(self._push(r[:, : self._width]))
+        """Return Ĝ r; see ``NewtonSystem``."""
+        return self._lanes.once_from_block(self._pull(self._push(self._lanes.to_block(r))))
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise for D of shape (n, 3, 3); False if D or the sum is singular."""
-        self._coupled = np.ascontiguousarray(coupled[:, : self._width, : self._width])
+        """Factorise; False if D or the sum is singular; see ``NewtonSystem``."""
+        self._coupled = self._lanes.matrices_to_block(coupled)
         try:
             self._inverse = np.asarray(np.linalg.inv(self._coupled), dtype=np.float64)
         except np.linalg.LinAlgError:
@@ -66,15 +69,15 @@ class BodySystem:
         return self._factors.factorise(self._blocks)
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
-        """Return dr for a right side, both of shape (n, 3)."""
-        width, found, left = self._width, np.zeros((len(right), 3)), right
+        """Return dr for a right side; see ``NewtonSystem``."""
+        given = self._lanes.sum_to_block(right)
+        found, left = np.zeros_like(given), given
         for refinement in range(refinements + 1):
-            moved = self._factors.solve(self._push(self._from_inverse(left[:, :width])))
-            found[:, :width] += self._from_inverse(left[:, :width] - self._pull(moved)[:, :width])
+            moved = self._factors.solve(self._push(self._from_inverse(left)))
+            found += self._from_inverse(left - self._pull(moved))
             if refinement < refinements:
-                left = right - self.times(found)
-                left[:, :width] -= (self._coupled @ found[:, :width, None])[:, :, 0]
-        return found
+                left = given - self._pull(self._push(found)) - (self._coupled @ found[:, :, None])[:, :, 0]
+        return self._lanes.from_block(found)
 
     def _from_inverse(self, lanes: FloatArray) -> FloatArray:
         product: FloatArray = (self._inverse @ lanes[:, :, None])[:, :, 0]
@@ -86,7 +89,7 @@ class BodySystem:
         return product
 
     def _pull(self, velocity: FloatArray) -> FloatArray:
-        """Return Rᵀ v, shape (n, 3)."""
+        """Return Rᵀ v over the lanes of blocks."""
         product: FloatArray = _pull(self._starts, self._chunks, self._n_chunks, self._right, velocity)
         return product
 
@@ -180,7 +183,7 @@ def _push(starts, chunks, n_chunks, left, lanes):  # type: ignore[no-untyped-def
 @njit(cache=True)
 def _pull(starts, chunks, n_chunks, right, velocity):  # type: ignore[no-untyped-def]
     width, length = right.shape[1], right.shape[2]
-    product = np.zeros((len(starts) - 1, 3))
+    product = np.zeros((len(starts) - 1, width))
     for i in range(len(starts) - 1):
         for p in range(starts[i], starts[i + 1]):
             if chunks[p] < n_chunks:

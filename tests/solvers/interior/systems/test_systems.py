@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ContactProblem, load
 from proxbench.problems.contact.residual import Residual
-from proxbench.solvers.interior.body_system import BodySystem
-from proxbench.solvers.interior.delassus_system import DelassusSystem
 from proxbench.solvers.interior.scaled_problem import ScaledProblem
+from proxbench.solvers.interior.systems.body_system import BodySystem
+from proxbench.solvers.interior.systems.delassus_system import DelassusSystem
 
 FORMS = [DelassusSystem, BodySystem]
 

@@ -13,18 +13,21 @@ what rounding it costs, refinement mends. Dense products are those of BLAS, whic
 import numpy as np
 from numba import njit
 
-from ...problems.arrays import FloatArray, IntArray
+from ....problems.arrays import FloatArray, IntArray
 from .elimination import elimination
 
 
 class BlockLU:
     """Factors of matrices of square blocks with one pattern.
 
+    A product with F₁₁⁻¹ has an error of cond(F₁₁) roundings. Each correction by F₁₁ itself multiplies it with as much
+    again, until only that of an elimination is left.
+
     Attributes:
         flops: multiplications and additions of one factorisation.
     """
 
-    def __init__(self, starts: IntArray, columns: IntArray, width: int) -> None:
+    def __init__(self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0) -> None:
         """Order a pattern in compressed block rows, symmetric, its diagonal stored, of blocks (width, width)."""
         found = elimination(starts, columns)
         self._width, self._order = width, found.order
@@ -42,19 +45,21 @@ class BlockLU:
         self._triangles = found.nodes, found.row_starts, found.rows, found.factor_starts
         self._stack = np.empty(found.stack_size * width * width)
         self._factors = np.empty(int(found.factor_starts[-1]) * width * width)
+        heads = np.cumsum(np.append(0, np.diff(found.nodes) ** 2)) * width * width
+        self._kept = corrections, heads, np.empty(int(heads[-1]) if corrections else 0)
         self.flops = 2.0 * found.multiplications * width**3
 
     def factorise(self, blocks: FloatArray) -> bool:
         """Factorise the matrix with the stored blocks, shape (n_stored, width, width); False if it is singular."""
         try:
-            _factorise(self._width, *self._fronts, self._stack, blocks, self._factors)
+            _factorise(self._width, *self._fronts, self._stack, blocks, self._factors, *self._kept)
         except np.linalg.LinAlgError:
             return False
         return True
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the solution for a right side, shape (n · width,)."""
-        solution: FloatArray = _solve(self._width, *self._triangles, self._factors, self._order, right)
+        solution: FloatArray = _solve(self._width, *self._triangles, self._factors, *self._kept, self._order, right)
         return solution
 
 
@@ -99,6 +104,9 @@ def _factorise(  # type: ignore[no-untyped-def]
     stack,
     blocks,
     factors,
+    corrections,
+    head_starts,
+    heads,
 ):
     top = 0
     for s in range(len(nodes) - 1):
@@ -119,10 +127,14 @@ def _factorise(  # type: ignore[no-untyped-def]
             _add_update(f21, b, tail, width, head, 0, update, cut, 0)
             _add_update(f22, b, tail, width, tail, width, update, cut, cut)
         inverse = np.ascontiguousarray(np.linalg.inv(f11))
+        if corrections > 0:
+            heads[head_starts[s] : head_starts[s + 1]] = f11.reshape(-1)
         at = b * b * factor_starts[s]
         factors[at : at + p * p] = inverse.reshape(-1)
         if q > 0:
             across = np.dot(inverse, f12)
+            for _ in range(corrections):
+                across += np.dot(inverse, f12 - np.dot(f11, across))
             at += p * p
             factors[at : at + p * q] = f21.reshape(-1)
             factors[at + p * q : at + 2 * p * q] = across.reshape(-1)
@@ -132,7 +144,7 @@ def _factorise(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _solve(b, nodes, row_starts, rows, factor_starts, factors, order, right):  # type: ignore[no-untyped-def]
+def _solve(b, nodes, row_starts, rows, factor_starts, factors, corrections, head_starts, heads, order, right):  # type: ignore[no-untyped-def]
     n_nodes, n = len(nodes) - 1, len(order)
     x, below = np.empty(n * b), np.empty(n * b)
     for k in range(n):
@@ -141,7 +153,11 @@ def _solve(b, nodes, row_starts, rows, factor_starts, factors, order, right):  #
     for s in range(n_nodes):
         begin, p, n_rows = b * nodes[s], b * (nodes[s + 1] - nodes[s]), row_starts[s + 1] - row_starts[s]
         at = b * b * factor_starts[s]
-        head = np.dot(factors[at : at + p * p].reshape(p, p), x[begin : begin + p])
+        inverse, given = factors[at : at + p * p].reshape(p, p), x[begin : begin + p]
+        head = np.dot(inverse, given)
+        for _ in range(corrections):
+            own = heads[head_starts[s] : head_starts[s + 1]].reshape(p, p)
+            head += np.dot(inverse, given - np.dot(own, head))
         x[begin : begin + p] = head
         if n_rows > 0:
             q = b * n_rows

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numba import njit
 from scipy.sparse.linalg import splu
 
-from ...problems.arrays import IntArray
+from ....problems.arrays import IntArray
 
 MOST_ZEROS = 0.2
 """Share of zeros that a supernode may gain by taking in its neighbour."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from proxbench.solvers.interior.block_lu import BlockLU
-from proxbench.solvers.interior.elimination import elimination
+from proxbench.solvers.interior.systems.block_lu import BlockLU
+from proxbench.solvers.interior.systems.elimination import elimination
 
 
 def grid(side: int) -> sp.csr_array:
@@ -45,6 +45,25 @@ def test_other_numbers_of_one_pattern_need_no_other_order() -> None:
         assert factors.factorise(blocks)
         matrix = sp.bsr_array((blocks, pattern.indices, pattern.indptr))
         assert np.abs(matrix @ factors.solve(right) - right).max() < 1e-12
+
+
+def test_a_correction_solves_stiff_blocks_as_an_elimination_would() -> None:
+    """I + 10⁷ VVᵀ on the diagonal: what is left of the equations is rounding of their terms."""
+    pattern, width = grid(4), 6
+    random = np.random.default_rng(0)
+    blocks = np.zeros((pattern.nnz, width, width))
+    rows = np.repeat(np.arange(16), np.diff(pattern.indptr))
+    stiff = random.normal(size=(16, width, 2))
+    blocks[rows == pattern.indices] = np.eye(width) + 1e7 * stiff @ stiff.transpose(0, 2, 1)
+    matrix = sp.bsr_array((blocks, pattern.indices, pattern.indptr))
+    right = matrix @ random.normal(size=16 * width)
+    left = []
+    for corrections in (0, 1):
+        factors = BlockLU(pattern.indptr, pattern.indices, width, corrections)
+        assert factors.factorise(blocks)
+        found = factors.solve(right)
+        left.append(np.abs(matrix @ found - right).max() / (np.abs(matrix.toarray()) @ np.abs(found)).max())
+    assert left[1] <= 1e-15 < 1e-10 < left[0]
 
 
 def test_a_singular_matrix_has_no_factors() -> None:

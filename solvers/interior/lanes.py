@@ -1,0 +1,154 @@
+"""Where the lanes of cones stand in the blocks of a problem.
+
+A block has the lanes N, T, R (``problems.contact.blocks``). Its first cone has N and T; a contact that resists rolling
+has a second one, with R and a copy of N. One impulse Λ_N for both is one velocity split into two,
+
+    r_N of both = r_N of the block,      û_N¹ + û_N² = û_N of the block,
+
+so that impulses are copied from blocks to cones, velocities summed from cones to blocks, and D of a block is the sum of
+those of its cones: nothing of the splitting is left in a Newton system.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from ...problems.arrays import FloatArray, IntArray
+from ...problems.contact.blocks import BlockLayout
+
+
+class Lanes(Protocol):
+    """The lanes of m cones with w lanes each in n blocks.
+
+    Attributes:
+        width: lanes of a cone, w, 3 or 4.
+        block: block of each cone, the first cones of all blocks in their order and then the second ones, shape (m,).
+    """
+
+    width: int
+    block: IntArray
+
+    def from_block(self, blocks: FloatArray) -> FloatArray:
+        """Return impulses of cones, shape (m, w), of those of blocks: Λ_N goes to both."""
+        ...
+
+    def once_from_block(self, blocks: FloatArray) -> FloatArray:
+        """Return velocities of cones, shape (m, w), of those of blocks: all of ξ_N goes to the first."""
+        ...
+
+    def to_block(self, cones: FloatArray) -> FloatArray:
+        """Return impulses of blocks, shape (n, width), of those of cones, whose Λ_N agree."""
+        ...
+
+    def sum_to_block(self, cones: FloatArray) -> FloatArray:
+        """Return velocities of blocks, shape (n, width), of those of cones."""
+        ...
+
+    def matrices_to_block(self, cones: FloatArray) -> FloatArray:
+        """Return D of blocks, shape (n, width, width), of those of cones, shape (m, w, w)."""
+        ...
+
+    def agree(self, impulses: FloatArray) -> None:
+        """Let Λ_N of both cones be the larger one, in place, shape (m, w)."""
+        ...
+
+
+class ContactLanes:
+    """One cone for each block: the lanes of both are the same, up to lanes of zeros."""
+
+    width = 3
+
+    def __init__(self, layout: BlockLayout) -> None:
+        self._layout = layout
+        self.block: IntArray = np.arange(layout.n_blocks)
+
+    def from_block(self, blocks: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        if blocks.shape[1] == self.width:
+            return blocks
+        lanes = np.zeros((len(blocks), self.width))
+        lanes[:, : blocks.shape[1]] = blocks
+        return lanes
+
+    def once_from_block(self, blocks: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        return self.from_block(blocks)
+
+    def to_block(self, cones: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        return np.ascontiguousarray(cones[:, : self._layout.width])
+
+    def sum_to_block(self, cones: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        return self.to_block(cones)
+
+    def matrices_to_block(self, cones: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        return np.ascontiguousarray(cones[:, : self._layout.width, : self._layout.width])
+
+    def agree(self, impulses: FloatArray) -> None:
+        """See ``Lanes``."""
+
+
+class RollingLanes:
+    """A second cone for each block with rolling friction; it has its N lane in use where μ_r > 0."""
+
+    def __init__(self, layout: BlockLayout) -> None:
+        self._layout, n = layout, layout.n_blocks
+        self._rolls = np.flatnonzero(layout.rolling_law >= 0)
+        self.width = max(3, 1 + layout.rolling)
+        self.block: IntArray = np.concatenate([np.arange(n), self._rolls])
+        self._first, self._second = slice(0, n), slice(n, n + len(self._rolls))
+        self._sliding, self._rolling = 1 + layout.sliding, layout.rolling
+        shares = layout.rolling_coefficient[self._rolls] > 0.0
+        self._shared = self._rolls[shares]
+        self._copies = n + np.flatnonzero(shares)
+        self._resting = np.flatnonzero(layout.rolling_law < 0)
+
+    def from_block(self, blocks: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        lanes = self.once_from_block(blocks)
+        lanes[self._second, 0] = blocks[self._rolls, 0]
+        return lanes
+
+    def once_from_block(self, blocks: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        lanes = np.zeros((len(self.block), self.width))
+        lanes[self._first, : self._sliding] = blocks[:, : self._sliding]
+        lanes[self._second, 1 : 1 + self._rolling] = blocks[self._rolls, self._sliding :]
+        return lanes
+
+    def to_block(self, cones: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        blocks = np.zeros((self._layout.n_blocks, self._layout.width))
+        blocks[:, : self._sliding] = cones[self._first, : self._sliding]
+        blocks[self._rolls, self._sliding :] = cones[self._second, 1 : 1 + self._rolling]
+        return blocks
+
+    def sum_to_block(self, cones: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        blocks = self.to_block(cones)
+        blocks[self._shared, 0] += cones[self._copies, 0]
+        return blocks
+
+    def matrices_to_block(self, cones: FloatArray) -> FloatArray:
+        """See ``Lanes``."""
+        own, further = self._sliding, slice(1, 1 + self._rolling)
+        blocks = np.zeros((self._layout.n_blocks, self._layout.width, self._layout.width))
+        blocks[:, :own, :own] = cones[self._first, :own, :own]
+        blocks[self._rolls, own:, own:] = cones[self._second, further, further]
+        blocks[self._shared, 0, 0] += cones[self._copies, 0, 0]
+        blocks[self._shared, 0, own:] = cones[self._copies, 0, further]
+        blocks[self._shared, own:, 0] = cones[self._copies, further, 0]
+        blocks[self._resting, own:, own:] = np.eye(self._rolling)
+        return blocks
+
+    def agree(self, impulses: FloatArray) -> None:
+        """See ``Lanes``."""
+        larger = np.maximum(impulses[self._shared, 0], impulses[self._copies, 0])
+        impulses[self._shared, 0] = impulses[self._copies, 0] = larger
+
+
+def lanes_of(layout: BlockLayout) -> Lanes:
+    """Return the lanes of cones in the blocks of a layout."""
+    return RollingLanes(layout) if layout.rolling else ContactLanes(layout)
