@@ -81,7 +81,7 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
     Returns:
         The corners of the steps: solver, seconds (from the least to the largest of any solver), share.
     """
-    least = float(seconds.min(axis=None))
+    least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
     return _steps(seconds, "seconds", least if np.isfinite(least) else BUDGETS[0])
 
 
@@ -120,7 +120,8 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
         solver, problem, speedup (time of the baseline over that of the solver).
     """
     factors = (1.0 / seconds.drop(columns=baseline)).mul(seconds[baseline], axis=0)
-    rows = factors.rename_axis(index="problem", columns="solver").T.stack().rename("speedup").dropna().reset_index()
+    rows = factors.melt(var_name="solver", value_name="speedup", ignore_index=False).dropna()
+    rows = rows.rename_axis(index="problem").reset_index()
     return rows.reindex(columns=["solver", "problem", "speedup"])
 
 
@@ -174,7 +175,7 @@ def _parts(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
         yield family, problems.index[problems == family]
 
 
-def _labelled(profile: pd.DataFrame, **labels: object) -> pd.DataFrame:
+def _labelled(profile: pd.DataFrame, **labels: str | float) -> pd.DataFrame:
     for place, (name, value) in enumerate(labels.items()):
         profile.insert(place, name, value)
     return profile
@@ -182,7 +183,7 @@ def _labelled(profile: pd.DataFrame, **labels: object) -> pd.DataFrame:
 
 def _steps(values: pd.DataFrame, column: str, first: float) -> pd.DataFrame:
     """Return how the share of rows with at most a value grows with it: the corners of a staircase for each column."""
-    largest = np.fmax(values.max(axis=None), ROOM * first)
+    largest = np.fmax(np.fmax.reduce(values.to_numpy(dtype=np.float64), axis=None), ROOM * first)
     parts = []
     for solver, own in values.items():
         solved = np.sort(own.dropna().to_numpy())

@@ -6,6 +6,7 @@ Of a trajectory they show what accuracy costs in wall time and in one-step solve
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
+from typing import Any
 
 import altair as alt
 import numpy as np
@@ -42,7 +43,7 @@ SMALLEST_RESIDUAL = 1e-16
 POWERS = [10.0**power for power in range(-16, 4)]
 """Where residual axes have ticks and grid lines."""
 
-RESIDUAL_AXIS = {"format": ".0e", "values": POWERS, "labelOverlap": True}
+RESIDUAL_AXIS: dict[str, Any] = {"format": ".0e", "values": POWERS, "labelOverlap": True}
 
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""

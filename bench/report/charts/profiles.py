@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import altair as alt
 import pandas as pd
@@ -138,7 +138,7 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any) -> Any:
         color=by_name(alt.Color, "solver", named, "colour"),
         tooltip="solver:N",
     )
-    steps = "linear" if name == "accuracy" else "step-after"
+    steps: Literal["linear", "step-after"] = "linear" if name == "accuracy" else "step-after"
     dash = by_name(alt.StrokeDash, "solver", named, "dash")
     layers = [base.mark_line(strokeWidth=2, interpolate=steps).encode(strokeDash=dash)]
     if name == "accuracy":
@@ -165,7 +165,7 @@ def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
     mean = mean.transform_calculate(speedup="exp(datum.exponent)").mark_point(filled=True, size=80, opacity=1)
     mean = mean.encode(x=across, shape=by_name(alt.Shape, "solver", named, "shape"), tooltip=["solver:N", "speedup:Q"])
     tie = alt.Chart(pd.DataFrame({"speedup": [1.0]})).mark_rule(color="#777777").encode(x=alt.X("speedup:Q"))
-    return alt.layer(tie, tick, mean)
+    return alt.LayerChart(layer=[tie, tick, mean])
 
 
 def _of_all(table: pd.DataFrame) -> pd.DataFrame:

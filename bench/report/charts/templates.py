@@ -60,7 +60,7 @@ def _cost_panel(named: dict[str, Look], residual: str, rows: Any) -> alt.LayerCh
     line = base.mark_line(strokeWidth=2).encode(
         strokeDash=by_name(alt.StrokeDash, "solver", named, "dash"), order="tolerance:Q"
     )
-    return alt.layer(spread, line, *solve_marks(base, named))
+    return alt.LayerChart(layer=[spread, line, *solve_marks(base, named)])
 
 
 def _convergence_panel(named: dict[str, Look], rows: Any) -> alt.LayerChart:
@@ -73,6 +73,5 @@ def _convergence_panel(named: dict[str, Look], rows: Any) -> alt.LayerChart:
         color=by_name(alt.Color, "solver", named, "colour"),
         tooltip="solver:N",
     )
-    return alt.layer(
-        base.mark_line(strokeWidth=1.8).encode(strokeDash=by_name(alt.StrokeDash, "solver", named, "dash"))
-    )
+    dash = by_name(alt.StrokeDash, "solver", named, "dash")
+    return alt.LayerChart(layer=[base.mark_line(strokeWidth=1.8).encode(strokeDash=dash)])

@@ -4,6 +4,7 @@ Texts that occur often are stored once and referred to by number. Times have sev
 rounded up, so that they compare with every accuracy of at most six digits as the exact ones do.
 """
 
+import math
 from collections.abc import Iterable
 from decimal import ROUND_CEILING, Context
 from typing import Any
@@ -24,7 +25,7 @@ from ..charts.templates import ROWS, templates
 from ..palette import looks
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from ..tables import ending
-from .commands import case_command, run_command
+from .commands import option, protocol_options, run_command
 
 LONGEST_TEXT = 4000
 """Characters that a page has of what a failed case printed, from its end; the file of the case has all."""
@@ -42,6 +43,9 @@ RECORDINGS = "recordings"
 """Folder of the recordings of a run."""
 
 _UP = Context(prec=6, rounding=ROUND_CEILING)
+
+_OF_ENDING = ("tolerance", "outcome", "status", "reason", "model_residual")
+"""Columns of points that say how a case ended."""
 
 _COUNTS, _CLAIMS = 1, 2
 """Marks of points: one that may reach an accuracy, one that says so itself."""
@@ -71,7 +75,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         "outcomes": [one.value for one in Outcome],
         "solvers": _solvers(frames, solvers),
         "baseline": solvers.index(baseline),
-        "problems": _problems(frames, problems),
+        "problems": _problems(frames),
         "cases": _cases(frames, problems, solvers, texts),
         "charts": templates({name: named[name] for name in solvers}, frames.residual),
         "rows": ROWS,
@@ -105,6 +109,7 @@ def _about(frames: RunFrames) -> dict[str, Any]:
         "limit": info.plan.limits.solve_seconds,
         "shift": SHIFT_SECONDS,
         "command": run_command(info),
+        "protocol": protocol_options(info),
         "sentences": [for_command_line(sentence) for sentence in sentences],
         "finished": frames.n_finished,
         "planned": frames.n_planned,
@@ -157,24 +162,34 @@ def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
         looks(frames.info.plan.solvers),
         dict(zip(frames.cases["solver"], frames.cases["model"], strict=True)),
     )
-    return [{"name": name, "model": models[name], "file": plain_name(name), **vars(named[name])} for name in solvers]
+    return [
+        {
+            "name": name,
+            "model": models[name],
+            "file": plain_name(name),
+            "option": option("solver", name),
+            **vars(named[name]),
+        }
+        for name in solvers
+    ]
 
 
-def _problems(frames: RunFrames, problems: list[str]) -> list[dict[str, Any]]:
-    firsts = frames.cases.drop_duplicates("problem").set_index("problem")
+def _problems(frames: RunFrames) -> list[dict[str, Any]]:
+    firsts = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
     folder = frames.folder / RECORDINGS
     return [
         {
             "name": name,
-            "family": str(firsts.at[name, "family"]),
-            "law": _law(int(firsts.at[name, "n_rows"]), int(firsts.at[name, "n_contacts"])),
-            "contacts": int(firsts.at[name, "n_contacts"]),
-            "rows": int(firsts.at[name, "n_rows"]),
-            "digest": str(firsts.at[name, "digest"]),
+            "family": case["family"],
+            "law": _law(case["n_rows"], case["n_contacts"]),
+            "contacts": case["n_contacts"],
+            "rows": case["n_rows"],
+            "digest": case["digest"],
             "file": plain_name(name),
+            "option": option("problem", name),
             "recorded": (folder / f"{plain_name(name)}.rrd").is_file(),
         }
-        for name in problems
+        for name, case in firsts.items()
     ]
 
 
@@ -187,16 +202,17 @@ def _law(rows: int, contacts: int) -> str:
 
 def _cases(frames: RunFrames, problems: list[str], solvers: list[str], texts: _Texts) -> dict[str, list[Any]]:
     """Return the columns of the cases; each has its points and its curve as columns of their own."""
-    counted = frames.points.index.isin(reaching(frames.points, np.inf, frames.info.plan.limits.solve_seconds).index)
-    points = frames.points.assign(counts=counted)
-    of_case = dict(iter(points.groupby(["problem", "solver"], sort=False)))
-    curves = dict(iter(frames.iterations.groupby(["problem", "solver"], sort=False)))
+    identity = ["problem", "solver"]
+    measured = frames.points[frames.points["total_seconds"].notna()][[*identity, *_OF_ENDING]]
+    attempts = dict(iter(measured.groupby(identity, sort=False)))
+    columns_of_points, places = _points(frames, texts), frames.points.groupby(identity, sort=False).indices
+    curves = dict(iter(frames.iterations.groupby(identity, sort=False)))
     most = max(LEAST_CURVE_POINTS, MOST_CURVE_POINTS // len(frames.cases))
     columns: dict[str, list[Any]] = {}
     for case in frames.cases.to_dict("records"):
         name = case["problem"], case["solver"]
-        own = of_case.get(name, points.iloc[:0])
-        outcome, reason = ending(case, own[own["total_seconds"].notna()])
+        outcome, reason = ending(case, attempts.get(name, measured.iloc[:0]))
+        own = places.get(name, ())
         row = {
             "problem": problems.index(name[0]),
             "solver": solvers.index(name[1]),
@@ -207,8 +223,7 @@ def _cases(frames: RunFrames, problems: list[str], solvers: list[str], texts: _T
             "stderr": texts.number(case["stderr"][-LONGEST_TEXT:]),
             "wall": _digits([case["wall_seconds"]], 4)[0],
             "memory": int(case["peak_memory_bytes"]),
-            "command": texts.number(case_command(frames.info, *name)),
-            "points": _points(own, frames.info.plan.tolerances, texts),
+            "points": [[column[place] for place in own] for column in columns_of_points],
             "curve": _curve(curves[name], most) if name in curves else [[], []],
         }
         for key, value in row.items():
@@ -216,17 +231,20 @@ def _cases(frames: RunFrames, problems: list[str], solvers: list[str], texts: _T
     return columns
 
 
-def _points(points: pd.DataFrame, tolerances: list[float], texts: _Texts) -> list[list[Any]]:
-    """Return the columns of the points of a case, in the order in which the script of the page reads them."""
-    outcomes = [one.value for one in Outcome]
-    marks = _COUNTS * points["counts"] + _CLAIMS * (points["status"] == Status.SOLVED)
+def _points(frames: RunFrames, texts: _Texts) -> list[list[Any]]:
+    """Return the columns of all points, in the order in which the script of the page reads them."""
+    points, plan = frames.points, frames.info.plan
+    counts = points.index.isin(reaching(points, np.inf, plan.limits.solve_seconds).index)
+    marks = _COUNTS * counts + _CLAIMS * (points["status"] == Status.SOLVED).to_numpy(dtype=bool)
+    distances = np.abs(np.subtract.outer(np.log(points["tolerance"].to_numpy()), np.log(plan.tolerances)))
+    outcomes = {one.value: number for number, one in enumerate(Outcome)}
     return [
-        [int(np.argmin(np.abs(np.log(tolerances) - np.log(tolerance)))) for tolerance in points["tolerance"]],
-        [outcomes.index(outcome) for outcome in points["outcome"]],
+        distances.argmin(axis=1).tolist(),
+        [outcomes[outcome] for outcome in points["outcome"]],
         [texts.number(reason) for reason in points["reason"]],
         marks.astype(int).tolist(),
-        [None if np.isnan(count) else int(count) for count in points["iterations"]],
-        [_rounded_up(value) for value in points["residual"]],
+        [None if np.isnan(count) else int(count) for count in points["iterations"].tolist()],
+        [_rounded_up(value) for value in points["residual"].tolist()],
         _digits(points["model_residual"], 3),
         _digits(points["prepare_seconds"], 4),
         _digits(points["total_seconds"], 7),
@@ -237,17 +255,18 @@ def _points(points: pd.DataFrame, tolerances: list[float], texts: _Texts) -> lis
 
 def _curve(curve: pd.DataFrame, most: int) -> list[list[Any]]:
     """Return iterations and residuals of a curve, at most so many, the last one among them."""
-    kept = curve[(curve["iteration"] > 0) & np.isfinite(curve["residual"])]
+    iterations, residuals = curve["iteration"].to_numpy(), curve["residual"].to_numpy()
+    kept = np.flatnonzero((iterations > 0) & np.isfinite(residuals))
     if len(kept) > most:
-        kept = kept.iloc[np.unique(np.linspace(0, len(kept) - 1, most).astype(int))]
-    return [kept["iteration"].tolist(), _digits(kept["residual"], 4)]
+        kept = kept[np.unique(np.linspace(0, len(kept) - 1, most).astype(int))]
+    return [iterations[kept].tolist(), _digits(residuals[kept], 4)]
 
 
 def _rounded_up(residual: float) -> float | None:
     """Return a residual with six digits; that which a person reads counts, so that 1e-10 stays what it is."""
-    return float(_UP.create_decimal(repr(float(residual)))) if np.isfinite(residual) else None
+    return float(_UP.create_decimal(repr(residual))) if math.isfinite(residual) else None
 
 
 def _digits(values: Iterable[float], digits: int) -> list[float | None]:
     """Return numbers with so many digits; None for those that are not finite."""
-    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values]
+    return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in values]

@@ -1,6 +1,6 @@
 // What the page shows of a view: its tables, and the panels of one problem and of one case.
 
-const solverCell = (solver) => ({ node: element("span", {}, swatch(solver), " ", solver.name), value: solver.name });
+const solverCell = (solver) => ({ node: element("span", { class: "solver" }, swatch(solver), element("span", {}, solver.name)), value: solver.name });
 const problemLink = (run, problem) =>
   ({ node: element("a", { href: `#problem-${problem}` }, run.problems[problem].name), value: run.problems[problem].name });
 const caseLink = (run, one, text) =>
@@ -169,8 +169,10 @@ function caseView(view, one) {
       ["wall time of the case", duration(one.wall)], ["peak memory", `${digits(one.memory / 2 ** 20, 3)} MiB`],
       ["stored in", element("a", { href: `${run.run.root}${file}` }, file)], ["recording", recording(run, one.problem)],
     ]),
-    element("h4", {}, "Command"), element("pre", { tabindex: 0 }, run.texts[one.command]),
-    element("div", { id: "own-cost", class: "figure" }), element("div", { id: "own-convergence", class: "figure" }),
+    element("h4", {}, "Command"), element("pre", { tabindex: 0 }, ["proxbench run", about.option, solver.option, run.run.protocol].join(" \\\n  ")),
+    element("h4", {}, "What accuracy costs"), element("div", { id: "own-cost", class: "figure" }),
+    element("h4", {}, "How the iterations converge"), element("div", { id: "own-convergence", class: "figure" }),
+    element("h4", {}, "Tolerances"),
     table(columns, rows, `Ladder of ${solver.name} on ${about.name}`),
     ...printed.flatMap(([name, text]) => [element("h4", {}, name), element("pre", { tabindex: 0 }, text)]),
   ];

@@ -14,9 +14,11 @@ import pandas as pd
 import pytest
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
+from proxbench.bench.report.charts.profiles import write_profiles
 from proxbench.bench.report.page.assembly import page, write_page
-from proxbench.bench.report.page.commands import run_command
+from proxbench.bench.report.page.commands import option, run_command
 from proxbench.bench.report.page.document import page_document
+from proxbench.bench.report.profiles import baseline_of
 from proxbench.bench.runs import Run
 from proxbench.bench.store.frames import RunFrames
 
@@ -78,6 +80,27 @@ def test_the_page_of_many_problems_and_solvers_is_not_large() -> None:
     assert len(page(frames, "NSGS").encode()) < 15e6
 
 
+def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None:
+    frames = load(REFERENCE)
+    nothing = {name: getattr(frames, name).iloc[:0] for name in ("points", "rounds", "iterations")}
+    failed = replace(frames, cases=frames.cases.assign(outcome="crashed", reason="signal 11", stderr="boom"), **nothing)
+    document = page_document(failed, baseline_of(failed))
+    assert set(document["cases"]["outcome"]) == {"crashed"}
+    assert {document["texts"][number] for number in document["cases"]["stderr"]} == {"boom"}
+    assert all(not column for columns in document["cases"]["points"] for column in columns)
+    assert len(write_profiles(failed, "NSGS", tmp_path)) == 15
+
+
+def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
+    frames = load(REFERENCE)
+    tables = {name: getattr(frames, name) for name in ("cases", "points", "rounds", "iterations")}
+    own = {name: table[table["solver"] == "NSGS"] for name, table in tables.items()}
+    plan = msgspec.structs.replace(frames.info.plan, solvers=["NSGS"])
+    single = replace(frames, info=msgspec.structs.replace(frames.info, plan=plan), **own)
+    assert [solver["name"] for solver in page_document(single, "NSGS")["solvers"]] == ["NSGS"]
+    assert len(write_profiles(single, "NSGS", tmp_path)) == 15
+
+
 def test_nothing_of_a_run_ends_its_element() -> None:
     frames = load(REFERENCE)
     hostile = "</script><script>alert(1)</script><!-- <img src=x onerror=alert(1)> & \u2028"
@@ -115,6 +138,13 @@ def test_the_command_of_a_run_names_all_that_it_measured() -> None:
     assert given == info.plan.solvers
     assert words[:4] == ["proxbench", "run", "--suite", "quick"]
     assert "--sample" not in words
+
+
+@pytest.mark.parametrize(
+    "name", ["NSGS", "S(form='factors')", "it's $HOME `ls` \\", "both \" and '", "-x; rm *", "!1 'a'"]
+)
+def test_a_name_is_one_word_of_a_command(name: str) -> None:
+    assert shlex.split(option("solver", name)) == ["--solver", name]
 
 
 def test_a_study_has_no_page() -> None:
