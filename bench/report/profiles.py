@@ -31,7 +31,7 @@ BUDGETS = (1e-3, 1e-2, 1e-1, 1.0)
 """Times [s] that a data profile is tabulated at."""
 
 ROOM = 1.1
-"""Least ratio of the last corner of a profile to the first one, so that there is an axis."""
+"""Ratio of the last corner of a profile to the largest value, so that the last step is seen."""
 
 ALL = "all problems"
 """What the column of families has for all of them together."""
@@ -67,9 +67,10 @@ def performance_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         seconds: as ``seconds_matrix`` returns it.
 
     Returns:
-        The corners of the steps: solver, ratio (from 1 to the largest of any solver), share.
+        The corners of the steps: solver, ratio (from 1 to a little beyond the largest of any solver), share.
     """
-    return _steps(seconds.div(seconds.min(axis=1), axis=0), "ratio", 1.0)
+    ratios = seconds.div(seconds.min(axis=1), axis=0)
+    return _steps(ratios, "ratio", 1.0, ROOM * np.fmax(_largest(ratios), 1.0))
 
 
 def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
@@ -79,10 +80,12 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         seconds: as ``seconds_matrix`` returns it.
 
     Returns:
-        The corners of the steps: solver, seconds (from the least to the largest of any solver), share.
+        The corners of the steps: solver, seconds (from the least of any solver to the last of ``BUDGETS``, or a little
+        beyond the largest), share.
     """
     least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
-    return _steps(seconds, "seconds", least if np.isfinite(least) else BUDGETS[0])
+    first = least if np.isfinite(least) else BUDGETS[0]
+    return _steps(seconds, "seconds", first, np.fmax(ROOM * _largest(seconds), BUDGETS[-1]))
 
 
 def budget_table(seconds: pd.DataFrame) -> pd.DataFrame:
@@ -181,13 +184,17 @@ def _labelled(profile: pd.DataFrame, **labels: str | float) -> pd.DataFrame:
     return profile
 
 
-def _steps(values: pd.DataFrame, column: str, first: float) -> pd.DataFrame:
+def _largest(values: pd.DataFrame) -> float:
+    """Return the largest number of a table; NaN without one."""
+    return float(np.fmax.reduce(values.to_numpy(dtype=np.float64), axis=None))
+
+
+def _steps(values: pd.DataFrame, column: str, first: float, last: float) -> pd.DataFrame:
     """Return how the share of rows with at most a value grows with it: the corners of a staircase for each column."""
-    largest = np.fmax(np.fmax.reduce(values.to_numpy(dtype=np.float64), axis=None), ROOM * first)
     parts = []
     for solver, own in values.items():
         solved = np.sort(own.dropna().to_numpy())
-        at = np.unique(np.concatenate([[first], solved, [largest]]))
+        at = np.unique(np.concatenate([[first], solved, [last]]))
         share = np.searchsorted(solved, at, side="right") / len(own)
         parts.append(pd.DataFrame({"solver": str(solver), column: at, "share": share}))
     return pd.concat(parts, ignore_index=True)

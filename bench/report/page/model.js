@@ -3,7 +3,7 @@
 
 const COUNTS = 1;
 const CLAIMS = 2;
-const ROOM = 1.1; // least ratio of the ends of an axis
+const ROOM = 1.1; // of the last corner of a profile to the largest value
 const POINT = ["tolerance", "outcome", "reason", "marks", "iterations", "residual", "own", "prepare", "seconds", "low", "high"];
 
 // The run with its cases as objects, and `at(problem, solver)` to find one.
@@ -89,8 +89,7 @@ const least = (values) => values.reduce((low, value) => (Number.isNaN(value) || 
 const most = (values) => -least(values.map((value) => -value));
 
 // Corners of the stairs by which the share of values at most x grows with x, one staircase a solver.
-function stairs(view, values, column, first) {
-  const last = Math.max(ROOM * first, most([first, ...values.flat()]));
+function stairs(view, values, column, first, last) {
   return values.flatMap((own, k) => {
     const solved = own.filter((value) => !Number.isNaN(value)).sort((a, b) => a - b);
     const corners = [...new Set([first, ...solved, last])].sort((a, b) => a - b);
@@ -104,13 +103,15 @@ function stairs(view, values, column, first) {
 
 function performanceProfile(view) {
   const best = view.problems.map((problem) => virtualBest(view, problem));
-  return stairs(view, times(view, view.accuracy).map((own) => own.map((time, k) => time / best[k])), "ratio", 1);
+  const ratios = times(view, view.accuracy).map((own) => own.map((time, k) => time / best[k]));
+  return stairs(view, ratios, "ratio", 1, ROOM * most([1, ...ratios.flat()]));
 }
 
 function dataProfile(view) {
   const seconds = times(view, view.accuracy);
   const first = least(seconds.flat());
-  return stairs(view, seconds, "seconds", Number.isNaN(first) ? view.run.budgets[0] : first);
+  const last = most([view.run.budgets.at(-1), ...seconds.flat().map((time) => ROOM * time)]);
+  return stairs(view, seconds, "seconds", Number.isNaN(first) ? view.run.budgets[0] : first, last);
 }
 
 function accuracyProfile(view) {

@@ -69,8 +69,14 @@ def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
             assert [value <= accuracy for value in columns[5]] == (own["residual"] <= accuracy).tolist()
 
 
-def test_the_page_of_a_quick_run_is_small() -> None:
-    assert len(page(load(REFERENCE)).encode()) < 3e6
+@pytest.fixture(scope="module")
+def quick() -> str:
+    """The page of a quick run."""
+    return page(load(REFERENCE))
+
+
+def test_the_page_of_a_quick_run_is_small(quick: str) -> None:
+    assert len(quick.encode()) < 3e6
 
 
 @pytest.mark.slow
@@ -124,9 +130,8 @@ def test_nothing_of_a_run_ends_its_element() -> None:
     assert hostile in json.loads(embedded[1])["texts"]
 
 
-def test_the_page_refers_to_nothing_outside() -> None:
-    made = page(load(REFERENCE))
-    own = made[: made.index('<script type="application/json"')]
+def test_the_page_refers_to_nothing_outside(quick: str) -> None:
+    own = quick[: quick.index('<script type="application/json"')]
     assert not re.search(r"\b(src|href)=\"(?!#)|@import|url\(", own)
     assert "default-src 'none'" in own
 
