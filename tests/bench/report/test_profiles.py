@@ -27,7 +27,7 @@ REFERENCE = Path(__file__).parents[3] / "results/reference"
 
 
 def random_seconds(seed: int, problems: int = 17, solvers: int = 5) -> pd.DataFrame:
-    """Times of solvers on problems, a third of them failures, with ties and a problem that nobody solves."""
+    """Times of solvers on problems, a third of them failures, with ties and a problem that no solver solves."""
     draw = np.random.default_rng(seed)
     seconds = np.round(10.0 ** draw.uniform(-4, 1, (problems, solvers)), 4)
     seconds[draw.random(seconds.shape) < 1 / 3] = np.nan
@@ -83,7 +83,7 @@ def test_an_accuracy_profile_counts_residuals_of_at_most_each_accuracy(seed: int
         assert row["share"] == sum(value <= row["residual"] for value in own) / len(own)
 
 
-def test_nobody_solving_anything_gives_profiles_of_zero() -> None:
+def test_solvers_that_solve_nothing_give_profiles_of_zero() -> None:
     seconds = random_seconds(0) * np.nan
     for profile in (performance_profile(seconds), data_profile(seconds), budget_table(seconds)):
         assert set(profile["solver"]) == set(seconds.columns)
@@ -122,7 +122,7 @@ def test_every_chart_has_its_numbers_beside_it(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(stored, profile_tables(run, "NSGS")["performance"])
 
 
-def test_the_baseline_that_nobody_names_solves_most() -> None:
+def test_a_baseline_that_is_not_named_solves_most() -> None:
     run = load(REFERENCE)
     solved = seconds_matrix(run, 1e-8).notna().sum()
     assert solved[baseline_of(run)] == solved.max()

@@ -42,7 +42,7 @@ class Chromium:
 
     Attributes:
         errors: what was said in the console as an error, or thrown, by the pages.
-        requests: addresses that pages asked for.
+        requests: addresses that pages requested.
     """
 
     def __init__(self) -> None:
