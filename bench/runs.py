@@ -11,6 +11,7 @@ import msgspec
 import pandas as pd
 
 from ..problems.contact.problem import ContactProblem
+from ..problems.spelling import option
 from ..solvers.interface import Solver
 from .errors import BenchError, UnwritableError
 from .measure.plan import Plan, make_plan
@@ -80,11 +81,11 @@ class Run(RunFrames, os.PathLike[str]):
         return f"<Run {str(self.folder)!r}: {self.n_finished} of {self.n_planned} cases>"
 
     def _repr_html_(self) -> str:
-        from .report.html import run_page
+        from .report.page.notebook import run_page
 
         return run_page(self)
 
-    def report(self, charts: bool = True, residual: str | None = None) -> Report:
+    def report(self, charts: bool = True, residual: str | None = None, baseline: str = "") -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
         Files that cannot be written cost nothing but themselves: ``unwritten`` of what is returned says why.
@@ -93,12 +94,14 @@ class Run(RunFrames, os.PathLike[str]):
             charts: draw charts.
             residual: what "reached" is judged by: the "judged" residual, or the "local" one, which relates a violation
                 to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
+            baseline: the solver that charts give speed-ups against; the one that solves most if empty.
 
         Raises:
             BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
-                no such residuals.
+                no such residuals, or no such solver.
         """
         from .report.accuracy import summary_table
+        from .report.profiles import baseline_of
         from .report.studies import points_table
         from .report.tables import results_table, write_tables
         from .store.links import refuse_links_out
@@ -106,6 +109,10 @@ class Run(RunFrames, os.PathLike[str]):
         frames = self.judged_by(residual or self.residual)
         folder = self.folder if frames.residual == JUDGED else self.folder / frames.residual
         tables, drawn, unwritten = [], [], ""
+        has_profiles = len(frames.cases) > 0 and not frames.is_study
+        if baseline and not has_profiles:
+            raise BenchError(f"{self.folder} has no speed-ups; leave {option('baseline')} out.")
+        against = baseline_of(frames, baseline) if has_profiles else ""
         for place in ("tables", "charts"):
             refuse_links_out(folder / place, self.folder)
         try:
@@ -114,10 +121,29 @@ class Run(RunFrames, os.PathLike[str]):
                 from .report.charts.problems import write_charts  # altair takes a second to import
 
                 drawn = write_charts(frames, folder / "charts")
+                if against:
+                    from .report.charts.profiles import write_profiles
+
+                    drawn += write_profiles(frames, against, folder / "charts")
         except UnwritableError as error:
             unwritten = error.sentence
         summary = points_table(self) if self.is_study else summary_table(frames)
         return Report(results_table(frames), summary, tables, drawn, unwritten)
+
+    def page(self, residual: str | None = None, baseline: str = "") -> Path:
+        """Write one offline HTML page into the folder of the run, as ``proxbench report --html`` does; return its file.
+
+        Args:
+            residual: as in ``report``.
+            baseline: the solver that speed-ups are against at first; the one that solves most if empty.
+
+        Raises:
+            BenchError: if the run has no case, is over trajectories, or has no such residuals or no such solver.
+            UnwritableError: if the page cannot be written.
+        """
+        from .report.page.assembly import write_page
+
+        return write_page(self.judged_by(residual or self.residual), baseline)
 
     def resume(
         self,

@@ -17,7 +17,7 @@ from . import fclib, options
 from .help import HelpCommand, HelpGroup
 from .matrix import matrix
 from .record import record
-from .run import print_problems, report_run, run
+from .run import print_problems, report_page, report_run, run
 from .simulate import NO_STUDY, SceneCommand, simulate
 
 COMPARE, SIMULATE, SHOW, LOOK_UP = (
@@ -196,6 +196,7 @@ proxbench simulate woodpecker --record woodpecker.rrd""",
     """\
 proxbench report results/RUN
 proxbench report results/RUN --problem funnel-100
+proxbench report results/RUN --html
 proxbench report results/RUN --quiet --no-charts""",
 )
 def report(
@@ -206,6 +207,8 @@ def report(
         list[str] | None,
         options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
     ] = None,
+    html: Annotated[bool, options.output("--html", help="Write one offline page instead, of a run.")] = False,
+    baseline: Annotated[str, options.output(metavar="SOLVER", help="What speed-ups are against.")] = "",
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
     charts: options.Charts = True,
@@ -214,11 +217,18 @@ def report(
 ) -> int:
     """Print the tables of a stored run, study or simulation, and draw its charts again.
 
-    With --problem they are printed of these problems of a run, and no file is written.
+    With --problem they are printed of these problems of a run, and no file is written. With --html all of a run goes
+    into one page, which needs no network, and nothing else is written.
     """
     from ..errors import BenchError
 
     options.refuse_two_prints(quiet, as_json)
+    if problem and (html or baseline):
+        raise BenchError("--problem prints tables alone; leave it out with --html and --baseline.")
+    if html and not charts:
+        raise BenchError("a page has its charts; leave --no-charts out with --html.")
+    if (html or baseline) and run_dir.suffix == ".npz" and not run_dir.is_dir():
+        raise BenchError(f"{run_dir} is a simulation; --html and --baseline are for runs.")
     if problem and (quiet or run_dir.suffix == ".npz"):
         raise BenchError("--problem prints problems of a run; leave it out with --quiet, and for a simulation.")
     if run_dir.suffix == ".json" and not run_dir.is_dir():
@@ -233,7 +243,9 @@ def report(
 
     if problem:
         return print_problems(load(run_dir), problem, as_json, residual)
-    return report_run(load(run_dir), charts, quiet, as_json, residual)
+    if html:
+        return report_page(load(run_dir), quiet, as_json, residual, baseline)
+    return report_run(load(run_dir), charts, quiet, as_json, residual, baseline=baseline)
 
 
 _command(

@@ -97,7 +97,13 @@ def run(
 
 
 def report_run(
-    run: "Run", charts: bool, quiet: bool, as_json: bool, residual: str = "judged", record: bool = False
+    run: "Run",
+    charts: bool,
+    quiet: bool,
+    as_json: bool,
+    residual: str = "judged",
+    record: bool = False,
+    baseline: str = "",
 ) -> int:
     """Print what a run has to show, then write it; return 1 if something measured failed or files were left out.
 
@@ -112,19 +118,23 @@ def report_run(
         as_json: print one JSON document instead.
         residual: what tables and charts go by.
         record: record the iterations.
+        baseline: the solver that speed-ups are against; the one that solves most if empty.
 
     Raises:
-        BenchError: if a link in the folder of the run leads out of it, a recording cannot be written, or nothing is
-            printed and files cannot be written.
+        BenchError: if a link in the folder of the run leads out of it, a recording cannot be written, the run has no
+            such baseline, or nothing is printed and files cannot be written.
     """
     from rich.console import Console
 
     from ...problems.spelling import for_command_line
     from ..errors import BenchError
+    from ..report.profiles import baseline_of
     from ..report.tables import print_tables
     from ..report.text import output_width, print_json
 
     frames, console = run.judged_by(residual), Console(width=output_width())
+    if baseline:
+        baseline_of(frames, baseline)
     left_out = [for_command_line(sentence) for sentence in run.info.plan.left_out]
     for sentence in (*left_out, *run.damaged):
         print(f"proxbench: {sentence}", file=sys.stderr)
@@ -135,7 +145,7 @@ def report_run(
         from ..recordings.solves import record_run
 
         record_run(run.folder)
-    made = run.report(charts, residual)
+    made = run.report(charts, residual, baseline)
     if made.unwritten and quiet:
         raise BenchError(made.unwritten)
     if as_json:
@@ -145,6 +155,22 @@ def report_run(
     if made.unwritten:
         print(f"proxbench: {made.unwritten}", file=sys.stderr)
     return int(_has_failed(run) or bool(left_out))
+
+
+def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline: str) -> int:
+    """Write the page of a run and print where it is; return 1 if something measured failed.
+
+    Raises:
+        BenchError: if it has no case, is over trajectories or has no such baseline, or the page cannot be written.
+    """
+    from ..report.text import print_json
+
+    file = run.page(residual, baseline)
+    if as_json:
+        print_json({"run": str(run.folder), "page": str(file)})
+    else:
+        print(file if quiet else f"page     {file}")
+    return int(_has_failed(run))
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:

@@ -30,7 +30,7 @@ def accuracies(frames: RunFrames) -> tuple[float, ...]:
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
         return ladder
-    return _within(ACCURACIES, ladder) or ladder[-1:]
+    return within(ACCURACIES, ladder) or ladder[-1:]
 
 
 def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
@@ -38,15 +38,16 @@ def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
         return ladder[-2:]
-    return _within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
+    return within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
 
 
 def _ladder(frames: RunFrames) -> tuple[float, ...]:
     return tuple(sorted(frames.info.plan.tolerances, reverse=True))
 
 
-def _within(wanted: tuple[float, ...], ladder: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(accuracy for accuracy in wanted if accuracy >= ladder[-1] * (1.0 - 1e-9))
+def within(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
+    """Return the accuracies that are no finer than all tolerances."""
+    return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - 1e-9))
 
 
 def accuracy_tag(accuracy: float) -> str:

@@ -22,6 +22,11 @@ def duration(seconds: float) -> str:
     return f"{seconds / 1e-6:.2g} µs"
 
 
+def exponent(tolerance: float) -> str:
+    """Return a tolerance with the digits that it has: ``"1e-4"``, ``"2.5e-4"``."""
+    return np.format_float_scientific(tolerance, precision=3, trim="-", exp_digits=1)
+
+
 def time_columns(results: pd.DataFrame) -> dict[str, str]:
     """Return the heads of the time columns, and their keys."""
     return {key.removeprefix(TIME): key for key in results.columns if key.startswith(TIME)}

@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -35,6 +36,19 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
     with alt.data_transformers.enable("default", max_rows=None):  # altair's limit is meant for pages that are sent
         drawn = vl_convert.vegalite_to_svg(chart.to_json())
     return [write_file(svg, drawn.encode()), write_file(png, vl_convert.svg_to_png(drawn, scale=PNG_SCALE))]
+
+
+def compiled(chart: alt.TopLevelMixin) -> dict[str, Any]:
+    """Return the Vega specification of a chart, which a page can draw without Vega-Lite."""
+    specification: dict[str, Any] = vl_convert.vegalite_to_vega(chart.to_json())
+    return specification
+
+
+@cache
+def drawing_script() -> str:
+    """Return the script that draws Vega specifications in a page: it defines ``vegaEmbed`` and loads nothing."""
+    script: str = vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")
+    return script
 
 
 def stacked(

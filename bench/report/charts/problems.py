@@ -6,6 +6,7 @@ Of a trajectory they show what accuracy costs in wall time and in one-step solve
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
+from typing import Any
 
 import altair as alt
 import numpy as np
@@ -42,7 +43,7 @@ SMALLEST_RESIDUAL = 1e-16
 POWERS = [10.0**power for power in range(-16, 4)]
 """Where residual axes have ticks and grid lines."""
 
-RESIDUAL_AXIS = {"format": ".0e", "values": POWERS, "labelOverlap": True}
+RESIDUAL_AXIS: dict[str, Any] = {"format": ".0e", "values": POWERS, "labelOverlap": True}
 
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
@@ -172,7 +173,7 @@ def _cost_panel(frames: RunFrames, points: pd.DataFrame, work: str, title: str, 
     layers = [
         bars,
         base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q"),
-        *_marks(base, frames, "wall"),
+        *solve_marks(base, _looks(frames), "wall"),
     ]
     if floor is not None:
         rule = alt.Chart(pd.DataFrame({"floor": [floor]})).mark_rule(strokeDash=[5, 3], color="#666666")
@@ -219,7 +220,7 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     dash = by_name(alt.StrokeDash, "solver", named, "dash")
     line = base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q")
     legend = "upright lines: quartiles; hollow: ended short of its tolerance; ×: wrong claim"
-    layers = [spread, line, *_marks(base, frames)]
+    layers = [spread, line, *solve_marks(base, named)]
     return costs.panel(layers, named, "What accuracy costs", [legend, _absent(frames, problem, costs.rows)])
 
 
@@ -244,11 +245,11 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
     return curves.panel([line, marks], named, "How the iterations converge", [_absent(frames, problem, curves.rows)])
 
 
-def _marks(base: alt.Chart, frames: RunFrames, time: str = "milliseconds") -> list[alt.Chart]:
+def solve_marks(base: alt.Chart, named: dict[str, Look], time: str = "milliseconds") -> list[alt.Chart]:
     """Return marks of the solves by how they ended: filled, hollow, crossed."""
     shaped = base.encode(
-        shape=by_name(alt.Shape, "solver", _looks(frames), "shape"),
-        tooltip=["solver", "residual", time, "iterations", "outcome"],
+        shape=by_name(alt.Shape, "solver", named, "shape"),
+        tooltip=["solver:N", "residual:Q", f"{time}:Q", "iterations:Q", "outcome:N"],
     )
     ended = alt.FieldOneOfPredicate(field="outcome", oneOf=list(ANSWERED))
     others = [outcome.value for outcome in Outcome if outcome.value not in ANSWERED]

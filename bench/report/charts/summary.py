@@ -3,14 +3,13 @@
 from typing import Any
 
 import altair as alt
-import numpy as np
 import pandas as pd
 
 from ....problems.spelling import for_command_line
 from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
-from ..cells import duration
+from ..cells import duration, exponent
 from ..palette import PALETTE, looks
 from ..text import counted
 from .drawing import FONT_SIZE, by_name, heading, log_axis, round_values, stacked
@@ -71,7 +70,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
 def success_chart(frames: RunFrames) -> alt.VConcatChart:
     """Return how many problems each solver solves to each tolerance of the run: as the judge says, as itself says."""
     tried = attempts(frames, sorted(frames.info.plan.tolerances, reverse=True))
-    tried["tolerance"] = tried["accuracy"].map(_exponent)
+    tried["tolerance"] = tried["accuracy"].map(exponent)
     counts = tried.groupby(["solver", "tolerance"], sort=False).agg(
         confirmed=("seconds", "count"), claimed=("claimed", "sum"), n=("problem", "size")
     )
@@ -95,7 +94,7 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
             solved=[f"{round(s * n)}/{n}" for s, n in zip(table[f"correct_{tag}"], table["problems"], strict=True)],
             mean=table[f"mean_time_{tag}"].map(duration),
         )
-        title = f"to a {frames.residual} residual of {_exponent(accuracy)}"
+        title = f"to a {frames.residual} residual of {exponent(accuracy)}"
         panels.append(_family_panel(frames, cells, title, first=not panels))
     note = "how many of a family each solves of those it supports; below, the mean time over those that all support"
     return _of_run("Success by family", note, panels, frames, tried)
@@ -150,7 +149,7 @@ def _time_panel(
         mark.encode(x=across, y=rows, color=colour, shape=by_name(alt.Shape, "solver", named, "shape")),
         _behind(mean).encode(y=rows, text="reached:N"),
     ]
-    return _panel(layers, f"to a {frames.residual} residual of {_exponent(accuracy)}")
+    return _panel(layers, f"to a {frames.residual} residual of {exponent(accuracy)}")
 
 
 def _count_panel(counts: pd.DataFrame, column: str, title: str, across: str) -> alt.LayerChart:
@@ -169,11 +168,6 @@ def _count_panel(counts: pd.DataFrame, column: str, title: str, across: str) -> 
         _behind(cells.drop_duplicates("solver")).encode(y=rows, text="all:N"),
     ]
     return _panel(layers, title)
-
-
-def _exponent(tolerance: float) -> str:
-    """Return a tolerance with the digits that it has: ``"1e-4"``, ``"2.5e-4"``."""
-    return np.format_float_scientific(tolerance, precision=3, trim="-", exp_digits=1)
 
 
 def _behind(rows: pd.DataFrame) -> alt.Chart:

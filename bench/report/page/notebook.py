@@ -2,12 +2,12 @@
 
 from html import escape
 
-from ...problems.spelling import for_python
-from ..store.condition import basis, steadiness, warnings
-from ..store.frames import RunFrames
-from .accuracy import shown_means, summary_table
-from .cells import duration
-from .studies import headline, points_table
+from ....problems.spelling import for_python
+from ...store.condition import basis, steadiness, warnings
+from ...store.frames import RunFrames
+from ..accuracy import shown_means, summary_table
+from ..cells import duration
+from ..studies import headline, points_table
 
 
 def run_page(frames: RunFrames) -> str:

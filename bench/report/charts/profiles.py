@@ -1,0 +1,173 @@
+"""Charts of profiles, for the folder of a run and for its page: ratios, times, accuracies, and speed-ups."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import altair as alt
+import pandas as pd
+
+from ....problems.spelling import for_command_line
+from ...store.condition import run_state
+from ...store.frames import RunFrames
+from ..accuracy import summary_accuracies
+from ..cells import exponent
+from ..output_file import write_file
+from ..palette import Look, looks
+from ..profiles import ALL, BUDGETS, RESIDUALS, profile_accuracies, profile_tables
+from ..text import counted
+from .drawing import by_name, heading, key, stacked, write_drawing
+
+WIDTH, HEIGHT = 300, 220
+"""Of one of the panels side by side [pixels]."""
+
+ROW = 24
+"""Height of the row of a solver [pixels]."""
+
+CURVES = ("performance", "data", "accuracy")
+"""Kinds of profiles whose curves are shares of problems."""
+
+_TITLES = {
+    "performance": "Performance profile",
+    "data": "Data profile",
+    "accuracy": "Accuracy profile",
+    "speedup": "Speed-up",
+}
+
+_NOTES = {
+    "performance": "share of problems solved within a ratio to the least time of any solver shown",
+    "data": "share of problems solved within a time; dotted: 1, 10, 100 ms and 1 s",
+    "accuracy": "share of problems brought to a residual of at most ε within the time limit",
+    "speedup": "time of {} over that of each solver: a tick a problem that both solve, a mark their geometric mean",
+}
+
+
+def write_profiles(frames: RunFrames, baseline: str, folder: Path) -> list[Path]:
+    """Write the charts of all profiles as SVG and PNG, and the numbers behind each as CSV; return the files.
+
+    Raises:
+        UnwritableError: if they cannot be written.
+        BenchError: if a link in the folder leads out of it.
+    """
+    tables = profile_tables(frames, baseline)
+    files = []
+    for name, chart in profile_charts(frames, tables, baseline).items():
+        files += write_drawing(chart, folder / f"profile-{name}")
+    for name, table in tables.items():
+        files.append(write_file(folder / f"profile-{name}.csv", table.to_csv(index=False).encode()))
+    return files
+
+
+def profile_charts(frames: RunFrames, tables: Mapping[str, pd.DataFrame], baseline: str) -> dict[str, alt.VConcatChart]:
+    """Return the charts of profiles by name: of each kind over all problems, and of all kinds by family.
+
+    Args:
+        frames: the run.
+        tables: its ``profile_tables``.
+        baseline: the solver that speed-ups are against.
+    """
+    named, shown = looks(frames.info.plan.solvers), {name: _of_all(table) for name, table in tables.items()}
+    charts = {}
+    for name in (*CURVES, "speedup"):
+        table, levels = shown[name], profile_accuracies(frames) if "accuracy" in shown[name] else (None,)
+        panels = [
+            profile_panel(name, named, table if level is None else table[table["accuracy"] == level])
+            .properties(width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT)
+            .properties(title="" if level is None else f"to a {frames.residual} residual of {exponent(level)}")
+            for level in levels
+        ]
+        row = alt.hconcat(*panels, spacing=30)
+        charts[name] = _page(
+            frames, _TITLES[name], _NOTES[name].format(baseline), [row], len(panels), name != "speedup"
+        )
+    families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
+    return charts | ({"families": _families_chart(frames, tables, families)} if families else {})
+
+
+def _families_chart(frames: RunFrames, tables: Mapping[str, pd.DataFrame], families: list[str]) -> alt.VConcatChart:
+    """Return the three kinds of curves side by side, one row a family."""
+    level, named = summary_accuracies(frames)[-1], looks(frames.info.plan.solvers)
+    levels = profile_accuracies(frames)
+    level = level if level in levels else levels[-1]
+    rows = []
+    for family in families:
+        panels = []
+        for name in CURVES:
+            own = tables[name][tables[name]["family"] == family]
+            own = own[own["accuracy"] == level] if "accuracy" in own else own
+            of_level = f" to {exponent(level)}" if name != "accuracy" else ""
+            title = f"{family}: {_TITLES[name].split()[0].lower()}{of_level}"
+            panels.append(profile_panel(name, named, own).properties(width=WIDTH, height=HEIGHT, title=title))
+        rows.append(alt.hconcat(*panels, spacing=30))
+    note = "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)
+    return _page(frames, "Profiles by family", note, rows, len(CURVES), True)
+
+
+def _page(
+    frames: RunFrames, title: str, note: str, rows: list[alt.HConcatChart], columns: int, has_key: bool
+) -> alt.VConcatChart:
+    """Return rows of panels under a title, with the state of the run, above a key of all solvers."""
+    width = columns * (WIDTH + 60)
+    names = looks(frames.info.plan.solvers)
+    problems = counted(frames.cases["problem"].nunique(), "problem")
+    head = heading(title, [f"{problems}; {note}", *map(for_command_line, run_state(frames))], width)
+    return stacked([*rows, *([key(names, width)] if has_key else [])], head, {"color": "independent"}, spacing=20)
+
+
+def profile_panel(name: str, named: Mapping[str, Look], data: Any) -> Any:
+    """Return the chart of one kind of profile.
+
+    Args:
+        name: "performance", "data", "accuracy" or "speedup".
+        named: the look of each solver.
+        data: its rows as ``profile_tables`` has them, or data of altair that are filled in later.
+    """
+    if name == "speedup":
+        return _speedup_panel(named, data)
+    column, title, scale = {
+        "performance": ("ratio", "time over the least of any solver", alt.Scale(type="log", nice=False)),
+        "data": ("seconds", "time, preparing included [s]", alt.Scale(type="log", nice=False)),
+        "accuracy": ("residual", "residual at most (finer to the right)", alt.Scale(type="log", reverse=True)),
+    }[name]
+    form = {"performance": "~g", "data": "~g", "accuracy": ".0e"}[name]
+    across = alt.X(f"{column}:Q", title=title, scale=scale)
+    ticks = {"values": list(RESIDUALS)} if name == "accuracy" else {"tickCount": 6}
+    base = alt.Chart(data).encode(
+        x=across.axis(format=form, labelOverlap=True, **ticks),
+        y=alt.Y("share:Q", title="share of problems").scale(domain=[0.0, 1.0]).axis(format="%", tickCount=5),
+        color=by_name(alt.Color, "solver", named, "colour"),
+        tooltip="solver:N",
+    )
+    steps: Literal["linear", "step-after"] = "linear" if name == "accuracy" else "step-after"
+    dash = by_name(alt.StrokeDash, "solver", named, "dash")
+    layers = [base.mark_line(strokeWidth=2, interpolate=steps).encode(strokeDash=dash)]
+    if name == "accuracy":
+        shape = by_name(alt.Shape, "solver", named, "shape")
+        layers.append(base.mark_point(filled=True, size=40, opacity=1).encode(shape=shape))
+    if name == "data":
+        rules = alt.Chart(pd.DataFrame({"seconds": BUDGETS})).mark_rule(strokeDash=[2, 3], color="#777777")
+        layers.append(rules.encode(x=alt.X("seconds:Q")))
+    return alt.layer(*layers)
+
+
+def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
+    """Return ticks of single problems and a mark at their geometric mean, one row a solver; a line where both tie."""
+    rows = alt.Y("solver:N", sort=list(named), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
+    across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=False)
+    across = across.axis(format="~g", tickCount=6, labelOverlap=True)
+    colour = by_name(alt.Color, "solver", named, "colour")
+    base = alt.Chart(data).encode(y=rows, color=colour)
+    tick = base.mark_tick(thickness=1.5, height=10, opacity=0.7).encode(
+        x=across, tooltip=["solver:N", "problem:N", "speedup:Q"]
+    )
+    mean = base.transform_calculate(exponent="log(datum.speedup)")
+    mean = mean.transform_aggregate(exponent="mean(exponent)", groupby=["solver"])
+    mean = mean.transform_calculate(speedup="exp(datum.exponent)").mark_point(filled=True, size=80, opacity=1)
+    mean = mean.encode(x=across, shape=by_name(alt.Shape, "solver", named, "shape"), tooltip=["solver:N", "speedup:Q"])
+    tie = alt.Chart(pd.DataFrame({"speedup": [1.0]})).mark_rule(color="#777777").encode(x=alt.X("speedup:Q"))
+    return alt.LayerChart(layer=[tie, tick, mean])
+
+
+def _of_all(table: pd.DataFrame) -> pd.DataFrame:
+    chosen: pd.DataFrame = table[table["family"] == ALL]
+    return chosen

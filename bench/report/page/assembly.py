@@ -1,0 +1,88 @@
+"""One offline HTML page of a run: its document, the script that draws charts, and the page's own script and style.
+
+The page loads nothing: its policy (Content-Security-Policy) allows its own scripts by their hashes, and no request. The
+only text of a run in the file is the JSON document, in which no character can end its element; in the page it becomes
+text nodes.
+"""
+
+import base64
+import hashlib
+import json
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from ...errors import BenchError
+from ...store.frames import JUDGED, RunFrames
+from ..charts.drawing import drawing_script
+from ..output_file import write_file
+from ..profiles import baseline_of, require_cases
+from .document import page_document
+
+FILE = "report.html"
+"""Name of the page in the folder of a run."""
+
+SCRIPTS = ("elements.js", "model.js", "charts.js", "views.js", "main.js")
+"""Parts of the page's own script, in an order in which each needs only those before it."""
+
+
+def write_page(frames: RunFrames, baseline: str = "") -> Path:
+    """Write the page of a run into its folder, or that of its residual; return the file.
+
+    Args:
+        frames: the run.
+        baseline: the solver that speed-ups are against at first; the one that solves most if empty.
+
+    Raises:
+        BenchError: if the run is over trajectories or has no case, the baseline is none of its solvers, or the file is
+            a link out of its folder.
+        UnwritableError: if it cannot be written.
+    """
+    folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
+    return write_file(folder / FILE, page(frames, baseline).encode())
+
+
+def page(frames: RunFrames, baseline: str = "") -> str:
+    """Return the page of a run, as in ``write_page``."""
+    if frames.is_study:
+        raise BenchError(f"{frames.folder} is over trajectories, and pages are of contact problems; draw its charts.")
+    require_cases(frames)
+    document = page_document(frames, baseline_of(frames, baseline))
+    drawing, script = (_in_script(text) for text in (drawing_script(), "\n".join(map(_source, SCRIPTS))))
+    return Template(_source("page.html")).substitute(
+        policy=_policy(drawing, script),
+        style=_source("page.css"),
+        document=_embedded(document),
+        drawing=drawing,
+        script=script,
+    )
+
+
+def _embedded(document: dict[str, Any]) -> str:
+    """Return JSON in which nothing can end, or comment out, the script element that it stands in."""
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
+
+
+def _in_script(text: str) -> str:
+    """Return a script of our own or of Vega as it can stand in a script element."""
+    return text.replace("</script", r"<\/script").replace("<!--", r"<\!--")
+
+
+def _policy(*scripts: str) -> str:
+    hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
+    sources = " ".join(f"'sha256-{value}'" for value in hashes)
+    allowed = {
+        "default-src": "'none'",
+        "script-src": sources,
+        "style-src": "'unsafe-inline'",
+        "img-src": "data:",
+        "base-uri": "'none'",
+        "form-action": "'none'",
+    }
+    return "; ".join(f"{kind} {value}" for kind, value in allowed.items())
+
+
+def _source(name: str) -> str:
+    return (resources.files(__package__) / name).read_text(encoding="utf-8")

@@ -1,0 +1,79 @@
+// Charts: specifications of Vega that came with the page, their rows filled in. Vega loads nothing and evaluates no code.
+
+const MARKS = { actions: false, ast: true, defaultStyle: false, mode: "vega", renderer: "svg" };
+
+// Charts of one kind in one place, one for each group of rows, redrawn as the rows change.
+class Figure {
+  // With `across`, a group whose rows have one value of that name is not drawn: an axis needs two.
+  constructor(run, name, id, across = "") {
+    this.run = run;
+    this.name = name;
+    this.home = place(id);
+    this.across = across;
+    this.plots = [];
+    this.groups = [];
+    this.drawn = Promise.resolve();
+    const csvButton = element("button", { type: "button", onclick: () => save(`${name}.csv`, csv(this.rows())) }, "Save as CSV");
+    this.tools = element("div", { class: "tools" }, csvButton);
+  }
+
+  // Groups: {label, rows}.
+  show(groups) {
+    this.groups = groups;
+    this.drawn = this.drawn.then(() => this.redraw()).catch((error) => console.error(error));
+    return this.drawn;
+  }
+
+  rows() {
+    const single = this.groups.length === 1 && !this.groups[0].label;
+    return this.groups.flatMap(({ label, rows }) => rows.map(({ number, ...row }) => (single ? row : { family: label, ...row })));
+  }
+
+  async redraw() {
+    const groups = this.groups;
+    while (this.plots.length > groups.length) this.plots.pop().view?.finalize();
+    while (this.plots.length < groups.length) this.plots.push(this.plot());
+    const plots = element("div", { class: "plots" }, this.plots.map((plot) => plot.home));
+    this.home.replaceChildren(plots, ...(groups.some(({ rows }) => rows.length) ? [this.tools] : []));
+    for (const [k, { label, rows }] of groups.entries()) await this.draw(this.plots[k], label, rows);
+  }
+
+  plot() {
+    const [title, drawing] = [element("h4"), element("div", { class: "drawing" })];
+    const plot = { home: element("div", { class: "plot" }, title, drawing), title, drawing, view: null };
+    const fit = () => {
+      const width = drawing.clientWidth;
+      if (plot.view && width && width !== plot.view.width()) plot.view.width(width).runAsync();
+    };
+    new ResizeObserver(fit).observe(drawing);
+    return plot;
+  }
+
+  async draw(plot, label, rows) {
+    plot.title.textContent = label;
+    plot.title.hidden = !label;
+    if (!rows.length || (this.across && rows.every((row) => row[this.across] === rows[0][this.across]))) {
+      plot.view?.finalize();
+      plot.view = null;
+      plot.drawing.replaceChildren(element("p", { class: "note" }, "Too little to draw for this choice."));
+      return;
+    }
+    const width = plot.drawing.clientWidth || 480;
+    if (plot.view) {
+      await plot.view.data(this.run.rows, structuredClone(rows)).width(width).runAsync();
+      return;
+    }
+    const chart = structuredClone(this.run.charts[this.name]);
+    chart.data.find((data) => data.name === this.run.rows).values = structuredClone(rows);
+    chart.width = width;
+    const tooltip = (handler, event, item, value) => {
+      const texts = value && typeof value === "object" ? Object.entries(value).map((pair) => pair.join(": ")) : [value ?? ""];
+      plot.drawing.title = texts.join("\n");
+    };
+    plot.drawing.replaceChildren();
+    plot.view = (await vegaEmbed(plot.drawing, chart, { ...MARKS, tooltip })).view;
+    const drawn = plot.drawing.querySelector("svg");
+    drawn?.setAttribute("role", "img");
+    drawn?.setAttribute("aria-label", `${this.name} ${label}`.trim());
+  }
+}

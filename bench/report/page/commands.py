@@ -1,0 +1,58 @@
+"""Commands that measure a run, or a case of it, again, one option a line."""
+
+import shlex
+
+from ....problems.catalog.catalog import suite_members
+from ....problems.errors import ProblemError
+from ...store.records import RunRecord
+
+MEBIBYTE = 2**20
+
+NEXT = " \\\n  "
+"""Between the lines of a command."""
+
+
+def run_command(run: RunRecord) -> str:
+    """Return the command that measures a run again; files, folders and plugins must be where they were."""
+    plan = run.plan
+    selection = [option("suite", plan.suite)] if plan.suite else [option("problem", name) for name in plan.problems]
+    if plan.suite and 0 < len(plan.problems) < _size(plan.suite):
+        selection.append(option("sample", len(plan.problems)))
+    solvers = [option("solver", name) for name in plan.solvers]
+    return NEXT.join(["proxbench run", *selection, *solvers, protocol_options(run)])
+
+
+def protocol_options(run: RunRecord) -> str:
+    """Return the options of a run beside its problems and solvers.
+
+    A case is measured again by ``proxbench run``, an option for its problem, one for its solver, and these.
+    """
+    plan, limits = run.plan, run.plan.limits
+    options = {
+        "passes": plan.passes,
+        "seed": plan.seed,
+        "solve-seconds": f"{limits.solve_seconds:g}",
+        "case-seconds": f"{limits.case_seconds:g}",
+        "memory": round(limits.memory_bytes / MEBIBYTE),
+    }
+    lines = [
+        " ".join(option("tolerance", f"{tolerance:g}") for tolerance in plan.tolerances),
+        " ".join(option(name, value) for name, value in options.items()),
+        *(option("plugin", file) for file in dict.fromkeys(use.file for use in run.plugins if use.file)),
+    ]
+    return NEXT.join(lines)
+
+
+def option(name: str, value: object) -> str:
+    """Return an option with its value as one word of a shell."""
+    text = str(value)
+    in_double_quotes = "'" in text and not set('"$`\\!\n') & set(text)
+    return f'--{name} "{text}"' if in_double_quotes else f"--{name} {shlex.quote(text)}"
+
+
+def _size(suite: str) -> int:
+    """Return how many problems a named suite has; 0 for a folder."""
+    try:
+        return len(suite_members(suite))
+    except ProblemError:
+        return 0

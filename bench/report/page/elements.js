@@ -1,0 +1,111 @@
+// Elements of the page. Texts of a run become text nodes here and nowhere else, so that none of them is markup.
+
+function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== false && value !== undefined) made.setAttribute(name, value);
+  }
+  made.append(...children.flat().map((child) => (child instanceof Node ? child : String(child))));
+  return made;
+}
+
+const place = (id) => document.getElementById(id);
+
+function fill(id, ...children) {
+  place(id).replaceChildren(...children.map((child) => (child instanceof Node ? child : String(child))));
+}
+
+const NONE = "–";
+
+// A time in engineering units, as the tables of proxbench have it.
+function duration(seconds) {
+  if (!Number.isFinite(seconds)) return NONE;
+  for (const [unit, size] of [["s", 1], ["ms", 1e-3], ["µs", 1e-6]]) {
+    if (seconds >= 0.9995 * size) return `${digits(seconds / size, 3)} ${unit}`;
+  }
+  return `${digits(seconds / 1e-6, 2)} µs`;
+}
+
+const digits = (value, count) => (Number.isFinite(value) ? String(Number(value.toPrecision(count))) : NONE);
+const power = (value, count = 1) => (!Number.isFinite(value) ? NONE : value === 0 ? "0" : value.toExponential(count - 1));
+
+const SHAPES = {
+  circle: "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
+  square: "M-3.5,-3.5h7v7h-7z",
+  "triangle-up": "M0,-4.5L4.5,3.5h-9z",
+  "triangle-down": "M0,4.5L4.5,-3.5h-9z",
+  diamond: "M0,-5L4,0L0,5L-4,0z",
+  cross: "M-1.5,-4.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z",
+};
+
+// The line and mark of a solver, as all charts draw it.
+function swatch(solver) {
+  const names = "http://www.w3.org/2000/svg";
+  const drawing = document.createElementNS(names, "svg");
+  const attributes = { width: 34, height: 12, viewBox: "0 0 34 12", class: "swatch", "aria-hidden": "true" };
+  for (const [name, value] of Object.entries(attributes)) drawing.setAttribute(name, value);
+  const line = document.createElementNS(names, "path");
+  line.setAttribute("d", "M0,6H34");
+  line.setAttribute("stroke", solver.colour);
+  line.setAttribute("stroke-width", 2);
+  line.setAttribute("stroke-dasharray", solver.dash.join(" "));
+  const mark = document.createElementNS(names, "path");
+  mark.setAttribute("d", SHAPES[solver.shape]);
+  mark.setAttribute("transform", "translate(17,6)");
+  mark.setAttribute("fill", solver.colour);
+  drawing.append(line, mark);
+  return drawing;
+}
+
+// A table that its heads sort. Columns: {name, numeric}; cells: {text, value, node, best, share}, or texts.
+function table(columns, rows, caption) {
+  const body = element("tbody");
+  let sorted = null;
+  const show = (ordered) => body.replaceChildren(...ordered.map((row) => element("tr", {}, row.map(cell))));
+  function cell(one, index) {
+    const { text, node, best, share } = typeof one === "object" ? one : { text: one };
+    const kinds = [columns[index].numeric ? "number" : "words", best ? "best" : "", share === undefined ? "" : "share"];
+    const made = element("td", { class: kinds.filter(Boolean).join(" ") }, node ?? text ?? NONE);
+    if (share !== undefined) made.style.setProperty("--share", `${Math.round(100 * share)}%`);
+    return made;
+  }
+  const value = (one) => (typeof one === "object" ? one.value ?? one.text : one);
+  function sort(index) {
+    const descends = sorted?.index === index && !sorted.descends;
+    sorted = { index, descends };
+    const known = (one) => one !== null && one !== undefined && !Number.isNaN(one);
+    const ordered = [...rows].sort((a, b) => {
+      const [x, y] = [value(a[index]), value(b[index])];
+      if (!known(x) || !known(y)) return Number(known(y)) - Number(known(x)); // what is missing stays below
+      const order = typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y));
+      return descends ? -order : order;
+    });
+    heads.forEach((head, k) => head.setAttribute("aria-sort", k !== index ? "none" : descends ? "descending" : "ascending"));
+    show(ordered);
+  }
+  const heads = columns.map((column, index) =>
+    element("th", { scope: "col", class: column.numeric ? "number" : "", "aria-sort": "none" },
+      element("button", { type: "button", onclick: () => sort(index) }, column.name)));
+  show(rows);
+  const made = element("table", { "aria-label": caption }, element("thead", {}, element("tr", {}, heads)), body);
+  return element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption }, made);
+}
+
+// Rows as a file that the browser saves: no request is made. Texts that a spreadsheet would run are quoted by a mark.
+function csv(rows) {
+  const quoted = (value) => {
+    const text = value === null || value === undefined || Number.isNaN(value) ? "" : String(value);
+    const safe = typeof value === "string" && /^[=+\-@\t\r]/.test(text) ? `'${text}` : text;
+    return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+  };
+  const names = rows.length ? Object.keys(rows[0]) : [];
+  return [names, ...rows.map((row) => names.map((name) => row[name]))].map((row) => row.map(quoted).join(",") + "\n").join("");
+}
+
+function save(name, text) {
+  const address = URL.createObjectURL(new Blob([text], { type: "text/csv" }));
+  element("a", { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
+}

@@ -1,0 +1,200 @@
+"""Profiles of solvers over many problems: by ratios of times, by accuracies, by budgets of time, and speed-ups.
+
+All of them are over the problems and solvers of one table, so that they change with what it shows: the least time of a
+problem is that of the solvers of the table. What is not solved, not supported or not measured stays in the number of
+problems that shares are of.
+
+Source of the performance profile: E. D. Dolan and J. J. Moré, Benchmarking optimization software with performance
+profiles, Mathematical Programming 91 (2002), eq. (2.2); of the data profile: J. J. Moré and S. M. Wild, Benchmarking
+derivative-free optimization algorithms, SIAM Journal on Optimization 20(1) (2009), eq. (2.8), over seconds in place of
+evaluations.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pandas as pd
+
+from ...problems.errors import suggestion
+from ..errors import BenchError
+from ..store.certainty import reaching
+from ..store.frames import RunFrames
+from .accuracy import families, summary_accuracies, within
+
+PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
+"""Judged residuals that profiles are of, as far as the tolerances of the run reach."""
+
+RESIDUALS = tuple(float(f"1e-{power}") for power in range(2, 13))
+"""Judged residuals ε of an accuracy profile."""
+
+BUDGETS = (1e-3, 1e-2, 1e-1, 1.0)
+"""Times [s] that a data profile is tabulated at."""
+
+ROOM = 1.1
+"""Ratio of the last corner of a profile to the largest value, so that the last step is seen."""
+
+ALL = "all problems"
+"""What the column of families has for all of them together."""
+
+
+def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
+    """Return the judged residuals of the profiles of a run, from coarse to fine."""
+    return within(PROFILE_ACCURACIES, frames.info.plan.tolerances) or summary_accuracies(frames)
+
+
+def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
+    """Return the time to an accuracy [s], problems down and solvers across; NaN where it is not reached."""
+    reached = reaching(frames.points, accuracy, frames.info.plan.limits.solve_seconds)
+    return _matrix(frames, reached, "total_seconds")
+
+
+def residual_matrix(frames: RunFrames) -> pd.DataFrame:
+    """Return the least judged residual of any point that counts, problems down and solvers across; NaN without one."""
+    counted = reaching(frames.points, np.inf, frames.info.plan.limits.solve_seconds)
+    return _matrix(frames, counted[counted["total_seconds"].notna()], "residual")
+
+
+def _matrix(frames: RunFrames, points: pd.DataFrame, column: str) -> pd.DataFrame:
+    solvers = [name for name in frames.info.plan.solvers if name in set(frames.cases["solver"])]
+    least = points.groupby(["problem", "solver"], sort=False)[column].min().unstack("solver")
+    return least.reindex(index=pd.Index(frames.cases["problem"].unique(), name="problem"), columns=solvers)
+
+
+def performance_profile(seconds: pd.DataFrame) -> pd.DataFrame:
+    """Return the share of problems that each solver solves within a ratio to the least time of any solver.
+
+    Args:
+        seconds: as ``seconds_matrix`` returns it.
+
+    Returns:
+        The corners of the steps: solver, ratio (from 1 to a little beyond the largest of any solver), share.
+    """
+    ratios = seconds.div(seconds.min(axis=1), axis=0)
+    return _steps(ratios, "ratio", 1.0, ROOM * np.fmax(_largest(ratios), 1.0))
+
+
+def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
+    """Return the share of problems that each solver solves within a time.
+
+    Args:
+        seconds: as ``seconds_matrix`` returns it.
+
+    Returns:
+        The corners of the steps: solver, seconds (from the least of any solver to the last of ``BUDGETS``, or a little
+        beyond the largest), share.
+    """
+    least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
+    first = least if np.isfinite(least) else BUDGETS[0]
+    return _steps(seconds, "seconds", first, np.fmax(ROOM * _largest(seconds), BUDGETS[-1]))
+
+
+def budget_table(seconds: pd.DataFrame) -> pd.DataFrame:
+    """Return what is solved within each of ``BUDGETS``: solver, budget [s], solved, problems, share."""
+    rows = [
+        (solver, budget, int((times <= budget).sum()), len(times))
+        for solver, times in seconds.items()
+        for budget in BUDGETS
+    ]
+    table = pd.DataFrame(rows, columns=["solver", "budget", "solved", "problems"])
+    return table.assign(share=table["solved"] / table["problems"])
+
+
+def accuracy_profile(residuals: pd.DataFrame) -> pd.DataFrame:
+    """Return the share of problems that each solver brings to a judged residual of at most each of ``RESIDUALS``.
+
+    Args:
+        residuals: as ``residual_matrix`` returns it.
+
+    Returns:
+        solver, residual, share.
+    """
+    rows = [(solver, residual, (own <= residual).mean()) for solver, own in residuals.items() for residual in RESIDUALS]
+    return pd.DataFrame(rows, columns=["solver", "residual", "share"])
+
+
+def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
+    """Return how much faster than a baseline each solver is, on the problems that both solve.
+
+    Args:
+        seconds: as ``seconds_matrix`` returns it.
+        baseline: one of its solvers.
+
+    Returns:
+        solver, problem, speedup (time of the baseline over that of the solver).
+    """
+    factors = (1.0 / seconds.drop(columns=baseline)).mul(seconds[baseline], axis=0)
+    rows = factors.melt(var_name="solver", value_name="speedup", ignore_index=False).dropna()
+    rows = rows.rename_axis(index="problem").reset_index()
+    return rows.reindex(columns=["solver", "problem", "speedup"])
+
+
+def baseline_of(frames: RunFrames, wanted: str = "") -> str:
+    """Return the solver that speed-ups are against: ``wanted``, else that which solves most to the finest accuracy.
+
+    Raises:
+        BenchError: if the run has no case of ``wanted``, or no case at all.
+    """
+    solvers = list(dict.fromkeys(frames.cases["solver"]))
+    if wanted and wanted not in solvers:
+        raise BenchError(f"{frames.folder} has no solver {wanted!r}{suggestion(wanted, solvers)}")
+    require_cases(frames)
+    return wanted or str(seconds_matrix(frames, profile_accuracies(frames)[-1]).notna().sum().idxmax())
+
+
+def require_cases(frames: RunFrames) -> None:
+    """Raise ``BenchError`` if a run has no case."""
+    if frames.cases.empty:
+        raise BenchError(f"{frames.folder} has no finished case, so there is nothing to show; measure it to its end.")
+
+
+def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
+    """Return the numbers of all profiles of a run, over all problems and by family.
+
+    Returns:
+        By name: "performance", "data" and "budgets" with the columns accuracy and family before their own, "accuracy"
+        with the column family, "speedup" with accuracy, family and baseline.
+    """
+    kinds: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+        "performance": performance_profile,
+        "data": data_profile,
+        "budgets": budget_table,
+        "speedup": lambda seconds: speedups(seconds, baseline).assign(baseline=baseline),
+    }
+    parts: dict[str, list[pd.DataFrame]] = {name: [] for name in (*kinds, "accuracy")}
+    for family, own in _parts(frames):
+        for accuracy in profile_accuracies(frames):
+            seconds = seconds_matrix(frames, accuracy).loc[own]
+            for name, profile in kinds.items():
+                parts[name].append(_labelled(profile(seconds), accuracy=accuracy, family=family))
+        parts["accuracy"].append(_labelled(accuracy_profile(residual_matrix(frames).loc[own]), family=family))
+    return {name: pd.concat(frames_of, ignore_index=True) for name, frames_of in parts.items()}
+
+
+def _parts(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
+    """Yield the problems of a run: all, and those of each family where families say more than problems do."""
+    problems = frames.cases.drop_duplicates("problem").set_index("problem")["family"]
+    yield ALL, problems.index
+    for family in families(frames):
+        yield family, problems.index[problems == family]
+
+
+def _labelled(profile: pd.DataFrame, **labels: str | float) -> pd.DataFrame:
+    for place, (name, value) in enumerate(labels.items()):
+        profile.insert(place, name, value)
+    return profile
+
+
+def _largest(values: pd.DataFrame) -> float:
+    """Return the largest number of a table; NaN without one."""
+    return float(np.fmax.reduce(values.to_numpy(dtype=np.float64), axis=None))
+
+
+def _steps(values: pd.DataFrame, column: str, first: float, last: float) -> pd.DataFrame:
+    """Return how the share of rows with at most a value grows with it: the corners of a staircase for each column."""
+    parts = []
+    for solver, own in values.items():
+        solved = np.sort(own.dropna().to_numpy())
+        at = np.unique(np.concatenate([[first], solved, [last]]))
+        share = np.searchsorted(solved, at, side="right") / len(own)
+        parts.append(pd.DataFrame({"solver": str(solver), column: at, "share": share}))
+    return pd.concat(parts, ignore_index=True)

@@ -1,0 +1,66 @@
+"""``report --html`` and ``--baseline``: one page and its place, or one sentence and nothing written."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli.main import run_command
+
+REFERENCE = Path(__file__).parents[3] / "results/reference"
+
+
+@pytest.fixture
+def copied(tmp_path: Path, finished_run: Path) -> Path:
+    """A run that may be written to."""
+    (tmp_path / "cases").mkdir()
+    for file in (finished_run / "run.json", *finished_run.glob("cases/*.json")):
+        (tmp_path / file.relative_to(finished_run)).write_bytes(file.read_bytes())
+    return tmp_path
+
+
+def test_the_page_of_a_run_is_written_and_nothing_else(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["report", str(copied), "--html"]) == 1  # the run has faults
+    assert capsys.readouterr().out == f"page     {copied / 'report.html'}\n"
+    assert {file.name for file in copied.iterdir()} == {"run.json", "cases", "report.html"}
+    assert run_command(["report", str(copied), "--html", "--json", "--residual", "local"]) == 1
+    assert json.loads(capsys.readouterr().out)["page"] == str(copied / "local/report.html")
+
+
+def test_charts_and_page_take_the_baseline_that_is_named(copied: Path) -> None:
+    assert run_command(["report", str(copied), "--quiet", "--baseline", "SORprox"]) == 1
+    lines = (copied / "charts/profile-speedup.csv").read_text().splitlines()
+    assert lines[0] == "accuracy,family,solver,problem,speedup,baseline"
+    assert {line.rsplit(",", 1)[1] for line in lines[1:]} == {"SORprox"}
+
+
+@pytest.mark.parametrize("switch", ["--html", "--quiet"])
+def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mistake: Callable[[str], str]) -> None:
+    assert "did you mean 'NSGS'?" in mistake(f"report {REFERENCE} {switch} --baseline NSG")
+
+
+def test_a_run_without_cases_has_no_page(
+    finished_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run.json").write_bytes((finished_run / "run.json").read_bytes())
+    for options in (["--html"], ["--baseline", "NSGS"]):
+        assert run_command(["report", str(tmp_path), *options]) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("proxbench: ")
+        assert printed.err.count("\n") == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["run.json"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    ["--html --problem funnel-100", "--html --no-charts", "--html --quiet --json", "--baseline NSGS --problem x"],
+)
+def test_options_that_exclude_each_other_are_refused(options: str, mistake: Callable[[str], str]) -> None:
+    sentence = mistake(f"report {REFERENCE} {options}")
+    assert "leave" in sentence or "exclude each other" in sentence
+
+
+@pytest.mark.parametrize("switch", ["--html", "--baseline NSGS"])
+def test_simulations_have_neither_page_nor_baseline(switch: str, mistake: Callable[[str], str]) -> None:
+    assert "are for runs" in mistake(f"report pour.npz {switch}")

@@ -1,0 +1,166 @@
+"""What a page knows of a run compares with accuracies as the run does, is small, and stays in its place in the file."""
+
+import json
+import re
+import shlex
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+from proxbench.bench import load
+from proxbench.bench.errors import BenchError
+from proxbench.bench.report.charts.profiles import write_profiles
+from proxbench.bench.report.page.assembly import page, write_page
+from proxbench.bench.report.page.commands import option, run_command
+from proxbench.bench.report.page.document import page_document
+from proxbench.bench.report.profiles import baseline_of
+from proxbench.bench.runs import Run
+from proxbench.bench.store.frames import RunFrames
+
+REFERENCE = Path(__file__).parents[4] / "results/reference"
+
+
+def enlarged(frames: RunFrames, problems: int, solvers: int) -> RunFrames:
+    """A run with copies of problems, and one more of the solvers, so that it has so many of both."""
+    plan = frames.info.plan
+    names = [f"{plan.problems[k % len(plan.problems)]}-{k}" for k in range(problems)]
+    more = [*plan.solvers, *(f"Other{k}" for k in range(solvers - len(plan.solvers)))]
+
+    def copied(frame: pd.DataFrame) -> pd.DataFrame:
+        extra = [frame[frame["solver"] == "NSGS"].assign(solver=name) for name in more[len(plan.solvers) :]]
+        whole = pd.concat([frame, *extra])
+        own = dict(iter(whole.groupby("problem")))
+        parts = [
+            own[plan.problems[k % len(plan.problems)]].assign(problem=name)
+            for k, name in enumerate(names)
+            if plan.problems[k % len(plan.problems)] in own
+        ]
+        return pd.concat(parts, ignore_index=True)
+
+    kept = msgspec.structs.replace(plan, problems=names, solvers=more, families={})
+    tables = {name: copied(getattr(frames, name)) for name in ("cases", "points", "iterations")}
+    noise = np.random.default_rng(0).uniform(0.9, 1.1, len(tables["points"]))
+    for column in ("total_seconds", "total_seconds_q1", "total_seconds_q3", "prepare_seconds", "residual"):
+        tables["points"][column] *= noise
+    tables["points"]["reason"] = [
+        f"{text} ({value:.4g})" if text else "" for text, value in zip(tables["points"]["reason"], noise, strict=True)
+    ]
+    return replace(frames, info=msgspec.structs.replace(frames.info, plan=kept), **tables)
+
+
+def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
+    frames = load(REFERENCE)
+    draw = np.random.default_rng(0)
+    exact = 10.0 ** draw.integers(-10, 0, len(frames.points)) * (
+        1.0 + draw.choice([-1e-12, 0.0, 1e-12], len(frames.points))
+    )
+    points = frames.points.assign(residual=exact)
+    document = page_document(replace(frames, points=points), "NSGS")
+    pairs = zip(document["cases"]["problem"], document["cases"]["solver"], document["cases"]["points"], strict=True)
+    for problem, solver, columns in pairs:
+        is_own = points["problem"] == document["problems"][problem]["name"]
+        own = points[is_own & (points["solver"] == document["solvers"][solver]["name"])]
+        for accuracy in document["accuracies"]:
+            assert [value <= accuracy for value in columns[5]] == (own["residual"] <= accuracy).tolist()
+
+
+@pytest.fixture(scope="module")
+def quick() -> str:
+    """The page of a quick run."""
+    return page(load(REFERENCE))
+
+
+def test_the_page_of_a_quick_run_is_small(quick: str) -> None:
+    assert len(quick.encode()) < 3e6
+
+
+@pytest.mark.slow
+def test_the_page_of_many_problems_and_solvers_is_not_large() -> None:
+    frames = enlarged(load(REFERENCE), 500, 15)
+    assert len(frames.cases) == 7500
+    assert len(page(frames, "NSGS").encode()) < 15e6
+
+
+def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None:
+    frames = load(REFERENCE)
+    nothing = {name: getattr(frames, name).iloc[:0] for name in ("points", "rounds", "iterations")}
+    failed = replace(frames, cases=frames.cases.assign(outcome="crashed", reason="signal 11", stderr="boom"), **nothing)
+    document = page_document(failed, baseline_of(failed))
+    assert set(document["cases"]["outcome"]) == {"crashed"}
+    assert {document["texts"][number] for number in document["cases"]["stderr"]} == {"boom"}
+    assert all(not column for columns in document["cases"]["points"] for column in columns)
+    assert len(write_profiles(failed, "NSGS", tmp_path)) == 15
+
+
+def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
+    frames = load(REFERENCE)
+    tables = {name: getattr(frames, name) for name in ("cases", "points", "rounds", "iterations")}
+    own = {name: table[table["solver"] == "NSGS"] for name, table in tables.items()}
+    plan = msgspec.structs.replace(frames.info.plan, solvers=["NSGS"])
+    single = replace(frames, info=msgspec.structs.replace(frames.info, plan=plan), **own)
+    assert [solver["name"] for solver in page_document(single, "NSGS")["solvers"]] == ["NSGS"]
+    assert len(write_profiles(single, "NSGS", tmp_path)) == 15
+
+
+def test_nothing_of_a_run_ends_its_element() -> None:
+    frames = load(REFERENCE)
+    hostile = "</script><script>alert(1)</script><!-- <img src=x onerror=alert(1)> & \u2028"
+    frames.cases.loc[0, ["stderr", "reason", "family"]] = hostile
+
+    class Tags(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.found: list[str] = []
+
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            self.found.append(tag)
+
+    tags = Tags()
+    made = page(frames)
+    tags.feed(made)
+    assert tags.found.count("script") == 3
+    assert "img" not in tags.found
+    embedded = re.search(r'<script type="application/json" id="run">(.*?)</script>', made, re.DOTALL)
+    assert embedded is not None
+    assert hostile in json.loads(embedded[1])["texts"]
+
+
+def test_the_page_refers_to_nothing_outside(quick: str) -> None:
+    own = quick[: quick.index('<script type="application/json"')]
+    assert not re.search(r"\b(src|href)=\"(?!#)|@import|url\(", own)
+    assert "default-src 'none'" in own
+
+
+def test_the_command_of_a_run_names_all_that_it_measured() -> None:
+    info = load(REFERENCE).info
+    words = shlex.split(run_command(info).replace("\\\n", ""))
+    given = [value for name, value in pairwise(words) if name == "--solver"]
+    assert given == info.plan.solvers
+    assert words[:4] == ["proxbench", "run", "--suite", "quick"]
+    assert "--sample" not in words
+
+
+@pytest.mark.parametrize(
+    "name", ["NSGS", "S(form='factors')", "it's $HOME `ls` \\", "both \" and '", "-x; rm *", "!1 'a'"]
+)
+def test_a_name_is_one_word_of_a_command(name: str) -> None:
+    assert shlex.split(option("solver", name)) == ["--solver", name]
+
+
+def test_a_study_has_no_page() -> None:
+    class Study(Run):
+        is_study = property(lambda self: True)
+
+    with pytest.raises(BenchError, match="trajectories"):
+        Study(**vars(load(REFERENCE))).page()
+
+
+def test_a_page_is_written_into_the_folder_of_its_run_and_residual(tmp_path: Path) -> None:
+    frames = replace(load(REFERENCE), folder=tmp_path)
+    assert write_page(frames) == tmp_path / "report.html"
+    assert write_page(frames.judged_by("local")) == tmp_path / "local/report.html"

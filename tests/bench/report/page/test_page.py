@@ -1,0 +1,266 @@
+"""The page as a browser shows it: no errors, no requests, filters give what the tables compute, texts stay texts."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+from headless_chromium import Chromium, chromium
+from proxbench.bench import load
+from proxbench.bench.report.accuracy import summary_table
+from proxbench.bench.report.cells import duration
+from proxbench.bench.report.page.assembly import page
+from proxbench.bench.report.profiles import (
+    accuracy_profile,
+    data_profile,
+    performance_profile,
+    residual_matrix,
+    seconds_matrix,
+    speedups,
+)
+from proxbench.bench.store.frames import RunFrames
+
+pytestmark = pytest.mark.skipif(
+    not chromium(), reason="no Chromium is installed; put one on the path, or name it by PROXBENCH_CHROMIUM"
+)
+
+REFERENCE = Path(__file__).parents[4] / "results/reference"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Chromium]:
+    with Chromium() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def reference(browser: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("page") / "report.html"
+    file.write_text(page(load(REFERENCE), "NSGS"), encoding="utf-8")
+    return file
+
+
+def opened(browser: Chromium, file: Path) -> None:
+    browser.errors.clear()
+    browser.requests.clear()
+    browser.open(file)
+
+
+def uncheck(browser: Chromium, names: list[str]) -> None:
+    """Uncheck what has these labels, and wait for the charts."""
+    for name in names:
+        find = f"[...document.querySelectorAll('#filters label')].find((one) => one.textContent === {json.dumps(name)})"
+        assert browser.evaluate(f"{find}.querySelector('input').click(), true")
+    browser.evaluate("proxbench.render()")
+
+
+def enter(browser: Chromium, field: str, value: str, event: str) -> None:
+    """Enter a value in the first field that a selector finds, and wait for the charts."""
+    script = f"""(() => {{ const field = document.querySelector({json.dumps(field)}); field.value = {json.dumps(value)};
+        field.dispatchEvent(new Event({json.dumps(event)}, {{ bubbles: true }})); }})()"""
+    browser.evaluate(script)
+    browser.evaluate("proxbench.render()")
+
+
+def shown(browser: Chromium, place: str) -> pd.DataFrame:
+    """The texts of a table."""
+    script = f"""[...document.querySelectorAll('#{place} tr')].map(
+        (row) => [...row.cells].map((cell) => cell.textContent.trim()))"""
+    head, *rows = browser.evaluate(script)
+    return pd.DataFrame(rows, columns=head)
+
+
+def without(frames: RunFrames, solvers: list[str], families: list[str]) -> RunFrames:
+    """What is left of a run when solvers and families are taken away."""
+    plan = frames.info.plan
+    kept = frames.only([name for name in plan.problems if plan.families[name] not in families])
+    tables = {name: getattr(kept, name) for name in ("cases", "points", "rounds", "iterations")}
+    chosen = {name: table[~table["solver"].isin(solvers)] for name, table in tables.items()}
+    left = msgspec.structs.replace(kept.info.plan, solvers=[name for name in plan.solvers if name not in solvers])
+    return replace(kept, info=msgspec.structs.replace(kept.info, plan=left), **chosen)
+
+
+def test_it_opens_without_errors_and_without_requests(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    assert browser.errors == []
+    assert browser.requests == [reference.as_uri()]
+    assert browser.evaluate("document.querySelectorAll('.drawing svg').length") == 6
+    assert browser.evaluate("document.title") == "Proxbench: reference"
+
+
+@pytest.mark.parametrize(
+    ("solvers", "families"),
+    [
+        ([], []),
+        (["Lemke", "ClarabelSOCP", "SafeguardedSORprox"], []),
+        (["Jprox", "Lemke"], ["woodpecker", "hard: rods"]),
+    ],
+)
+def test_filters_give_what_the_tables_compute(
+    browser: Chromium, reference: Path, solvers: list[str], families: list[str]
+) -> None:
+    opened(browser, reference)
+    uncheck(browser, [*solvers, *families])
+    left = without(load(REFERENCE), solvers, families)
+    expected = summary_table(left).set_index("solver")
+    found = shown(browser, "summary-table").set_index("solver")
+    assert list(found.index) == list(expected.index)
+    for solver, row in expected.iterrows():
+        says, true = (round(row[f"{kind}_1e-06"] * row["problems"]) for kind in ("success", "correct"))
+        texts = [f"{says}/{row['problems']}", f"{true}/{row['problems']}", duration(row["mean_time_1e-06"])]
+        assert found.loc[solver, ["says", "true", "mean"]].tolist() == texts
+        assert found.loc[solver, "own mean"] == duration(row["own_mean_time_1e-06"])
+        assert found.loc[solver, "wrong"] == str(row["wrong"])
+    seconds = seconds_matrix(left, 1e-6)
+    profiles = {
+        "performance": performance_profile(seconds),
+        "data": data_profile(seconds),
+        "accuracy": accuracy_profile(residual_matrix(left)),
+        "speedup": speedups(seconds, "NSGS"),
+    }
+    for name, profile in profiles.items():
+        rows = pd.DataFrame(browser.evaluate(f"proxbench.figures.{name}.rows()"))
+        pd.testing.assert_frame_equal(rows[profile.columns], profile, rtol=1e-6, check_dtype=False)
+    wins = (seconds.eq(seconds.min(axis=1), axis=0)).sum()
+    assert found["fastest"].astype(int).to_dict() == wins[found.index].to_dict()
+    assert browser.errors == []
+
+
+def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    uncheck(browser, ["planar friction (2 rows)", "convex", "pyramid(4)"])
+    enter(browser, "input[placeholder='at most']", "1000", "change")
+    enter(browser, "input[type='search']", "FUNNEL", "input")
+    enter(browser, "#filters select", "3", "change")  # 1e-4
+    frames = load(REFERENCE)
+    cases = frames.cases
+    kept = cases["problem"].str.contains("funnel") & (cases["n_rows"] != 2 * cases["n_contacts"])
+    kept &= cases["n_contacts"] <= 1000
+    problems = cases["problem"][kept].unique()
+    solvers = cases["solver"][~cases["model"].isin(["convex", "pyramid(4)"])].unique()
+    seconds = seconds_matrix(frames, 1e-4).loc[problems, solvers]
+    assert set(problems) == {"funnel-100", "funnel-frictionless-300"}
+    found = shown(browser, "problems-table")
+    assert found["problem"].tolist() == list(problems)
+    assert found["fastest"].tolist() == seconds.idxmin(axis=1).tolist()
+    assert found["time"].tolist() == seconds.min(axis=1).map(duration).tolist()
+    assert shown(browser, "summary-table")["solver"].tolist() == list(solvers)
+    counts = browser.evaluate("document.getElementById('counts').textContent")
+    assert counts == f"2 of 8 problems, {len(solvers)} of 14 solvers, to a judged residual of 1e-4"
+    assert browser.errors == []
+
+
+def test_profiles_by_family_are_those_of_each_family(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    uncheck(browser, ["profiles by family"])
+    rows = pd.DataFrame(browser.evaluate("proxbench.figures.performance.rows()"))
+    frames = load(REFERENCE)
+    for family, own in rows.groupby("family"):
+        members = [name for name, of in frames.info.plan.families.items() if of == family]
+        profile = performance_profile(seconds_matrix(frames.only(members), 1e-6))
+        pd.testing.assert_frame_equal(own[profile.columns].reset_index(drop=True), profile, rtol=1e-6)
+    assert browser.errors == []
+
+
+def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
+    assert browser.errors == []
+    assert browser.evaluate("proxbench.figures.performance.rows().length") == 0
+    uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
+    assert browser.evaluate("proxbench.figures.performance.rows().length") > 0
+    assert browser.errors == []
+
+
+def test_heads_sort_tables_by_their_numbers(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    head = "[...document.querySelectorAll('#problems-table th button')].find((one) => one.textContent === 'contacts')"
+    for order in ("ascending", "descending"):
+        browser.evaluate(f"{head}.click()")
+        contacts = shown(browser, "problems-table")["contacts"].astype(int).tolist()
+        assert contacts == sorted(contacts, reverse=order == "descending")
+        assert browser.evaluate(f"{head}.parentElement.getAttribute('aria-sort')") == order
+
+
+def test_an_address_opens_a_case_with_all_that_is_known_of_it(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    frames = load(REFERENCE)
+    problem, solver = frames.info.plan.problems.index("funnel-100"), frames.info.plan.solvers.index("NSGS")
+    browser.evaluate(f"location.hash = '#case-{problem}-{solver}'")
+    browser.evaluate("new Promise((done) => setTimeout(done, 200)).then(() => proxbench.render())")
+    text = browser.evaluate("document.getElementById('case-view').textContent")
+    case = frames.cases[(frames.cases["problem"] == "funnel-100") & (frames.cases["solver"] == "NSGS")].iloc[0]
+    for part in ("NSGS on funnel-100", case["digest"], "--problem funnel-100", "--solver NSGS", "coulomb"):
+        assert part in text
+    assert browser.evaluate("document.querySelectorAll('#case-view .drawing svg').length") == 2
+    assert len(shown(browser, "case-view")) == len(frames.info.plan.tolerances)
+    assert browser.errors == []
+
+
+def renamed(table: pd.DataFrame, names: dict[str, dict[str, str]]) -> pd.DataFrame:
+    return table.replace({column: own for column, own in names.items() if column in table})
+
+
+def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path) -> None:
+    frames = load(REFERENCE)
+    attack = (
+        '<img src=x onerror="window.hacked=1"></script><script>window.hacked=2</script>{{datum}}\'"`${window.hacked=3}'
+    )
+    plan = frames.info.plan
+    names = {
+        "problem": {"funnel-100": f"p{attack}"},
+        "solver": {"NSGS": f"s{attack}"},
+        "family": {"funnel": f"f{attack}"},
+    }
+    tables: dict[str, Any] = {
+        name: renamed(getattr(frames, name), names) for name in ("cases", "points", "rounds", "iterations")
+    }
+    for column in ("reason", "stderr", "traceback", "model"):
+        tables["cases"].loc[tables["cases"]["solver"] == f"s{attack}", column] = f"{column} {attack}"
+    tables["cases"].loc[tables["cases"]["solver"] == f"s{attack}", "outcome"] = "crashed"
+    swapped = msgspec.structs.replace(
+        plan,
+        problems=[names["problem"].get(name, name) for name in plan.problems],
+        solvers=[names["solver"].get(name, name) for name in plan.solvers],
+        families={names["problem"].get(name, name): family for name, family in plan.families.items()},
+        suite=f"suite {attack}",
+        left_out=[f"left out {attack}"],
+    )
+    info = msgspec.structs.replace(frames.info, plan=swapped, run_id=f"run {attack}")
+    file = tmp_path / "report.html"
+    file.write_text(page(replace(frames, info=info, **tables)), encoding="utf-8")
+    opened(browser, file)
+    problem, solver = plan.problems.index("funnel-100"), plan.solvers.index("NSGS")
+    browser.evaluate(f"location.hash = '#case-{problem}-{solver}'")
+    browser.evaluate("new Promise((done) => setTimeout(done, 300)).then(() => proxbench.render())")
+    text = browser.evaluate("document.body.textContent")
+    for part in ("p", "s", "f", "run ", "suite ", "left out ", "stderr ", "traceback ", "reason ", "model "):
+        assert f"{part}{attack}" in text
+    assert browser.evaluate("window.hacked") is None
+    assert browser.evaluate("document.querySelectorAll('img, iframe, object, embed').length") == 0
+    assert browser.errors == []
+    assert browser.requests == [file.as_uri()]
+
+
+def test_the_policy_of_the_page_stops_other_scripts_and_requests(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    script = """(() => { const one = document.createElement('script'); one.textContent = 'window.hacked = 1';
+        document.body.append(one); return window.hacked ?? null; })()"""
+    assert browser.evaluate(script) is None
+    assert browser.evaluate("fetch('https://example.org').then(() => 'sent', () => 'stopped')") == "stopped"
+    assert browser.evaluate("(() => { try { return eval('1'); } catch { return 'stopped'; } })()") == "stopped"
+
+
+def test_the_numbers_of_a_chart_are_saved_as_csv(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    save = """new Promise((done) => { URL.createObjectURL = (blob) => { blob.text().then(done); return '#summary'; };
+        document.querySelector('#performance .tools button').click(); })"""
+    lines = browser.evaluate(save).splitlines()
+    assert lines[0] == "solver,ratio,share"
+    assert len(lines) == 1 + len(performance_profile(seconds_matrix(load(REFERENCE), 1e-6)))
+    assert not np.isnan(float(lines[1].rsplit(",", 1)[1]))
