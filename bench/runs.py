@@ -11,6 +11,7 @@ import msgspec
 import pandas as pd
 
 from ..problems.contact.problem import ContactProblem
+from ..problems.spelling import switch
 from ..solvers.interface import Solver
 from .errors import BenchError, UnwritableError
 from .measure.plan import PASSES, Plan, make_plan
@@ -18,14 +19,24 @@ from .measure.runner import Event, measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
+from .store.bundles.bundle import SUFFIX, bundle_of_run, read_bundle, write_bundle
+from .store.bundles.merge import merge as merge_sources
+from .store.bundles.rejudge import Rejudged
+from .store.bundles.rejudge import rejudge as judge_again
 from .store.frames import JUDGED, RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
 
 OnEvent = Callable[[Event], None]
 
+OnCase = Callable[[int, int], None]
+
 
 def _ignore(event: Event) -> None:
+    """Show nothing."""
+
+
+def _uncounted(done: int, total: int) -> None:
     """Show nothing."""
 
 
@@ -253,12 +264,17 @@ def study(
 
 def _measured(plan: Plan, results: Path | str, run_id: str | None, on_event: OnEvent, prefix: str = "") -> Run:
     """Carry out a plan in a new folder, and return the run."""
+    folder = _new_folder(results, run_id, prefix)
+    measure(plan, folder, on_event)
+    return load(folder)
+
+
+def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
+    """Return the folder of a new run."""
     identity = run_id or f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
     if identity != plain_name(identity):
         raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
-    folder = Path(results) / identity
-    measure(plan, folder, on_event)
-    return load(folder)
+    return Path(results) / identity
 
 
 def resume(
@@ -296,6 +312,70 @@ def load(run_dir: os.PathLike[str] | str) -> Run:
         BenchError: if the folder is no run, or its run.json is damaged.
     """
     return Run(**vars(read_frames(Path(run_dir))))
+
+
+def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None = None, *, force: bool = False) -> Path:
+    """Pack a run into one file, as a whole or not at all; return the file.
+
+    It holds plan, machines, cases, the impulses of the finest point of each, and the problems that the package does not
+    hold. Equal runs give equal files.
+
+    Args:
+        run_dir: the folder of the run, or the run.
+        file: where to; the name of the run with ``.bundle``, in the current folder, if None.
+        force: replace a file that exists.
+
+    Raises:
+        BenchError: if the folder is no run or has a damaged file, nothing is measured, it is a study or of an earlier
+            version that kept no impulses, or the file exists or cannot be written.
+    """
+    packed, folder = bundle_of_run(Path(run_dir)), Path(run_dir).resolve()
+    path = Path(f"{folder.name}{SUFFIX}") if file is None else Path(file)
+    if path.exists() and not force:
+        raise BenchError(f"{path} exists already; name another file, or replace it with {switch('force')}.")
+    write_bundle(packed, path)
+    return path
+
+
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _uncounted) -> Rejudged:
+    """Judge a bundle again, from its problems and impulses; no code of it runs, and nothing is written.
+
+    Args:
+        file: the bundle.
+        on_case: called with the number of cases that are done, and of all.
+
+    Raises:
+        BenchError: if it is no bundle, damaged, of another version, or does not hold together.
+    """
+    return judge_again(read_bundle(Path(file)), on_case)
+
+
+def merge(
+    sources: Iterable[os.PathLike[str] | str] | os.PathLike[str] | str,
+    results: Path | str = "results",
+    run_id: str | None = None,
+    on_case: OnCase = _uncounted,
+    on_missing: Callable[[str], None] = lambda sentence: None,
+) -> Run:
+    """Make one run of several, each judged again before it counts.
+
+    A case that is in several of them counts once, the finished one before the unfinished one.
+
+    Args:
+        sources: files of bundles and folders of runs, or one of them.
+        results: the folder in which the folder of the run is made.
+        run_id: its name; date and time if None.
+        on_case: called with the number of cases of a source that are judged again, and of all of it.
+        on_missing: called with a sentence for each shard that is missing.
+
+    Raises:
+        BenchError: if a source cannot be read or is not as it says, sources contradict each other or were measured on
+            different terms, a problem has cases of several machines, or the folder exists or cannot be written.
+    """
+    given = [sources] if isinstance(sources, str | os.PathLike) else sources
+    folder = _new_folder(results, run_id)
+    merge_sources([Path(source) for source in given], folder, on_case, on_missing)
+    return load(folder)
 
 
 def _several(given: Any) -> tuple[Any, ...] | None:

@@ -36,6 +36,7 @@ def describe_machine() -> dict[str, Any]:
         "commit": _git("rev-parse", "HEAD"),
         "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
         "source": _source(),
+        "host": platform.node(),
         "load": list(os.getloadavg()),
     }
 
