@@ -166,6 +166,7 @@ def run(
     passes: int = PASSES,
     seed: int = 0,
     sample: int | None = None,
+    shard: str = "",
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
@@ -189,6 +190,7 @@ def run(
             of times have no intervals.
         seed: of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw, families in proportion; all if None.
+        shard: measure every n-th problem from the i-th on, for "i/n": ``merge`` puts shards together.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
@@ -210,6 +212,7 @@ def run(
         passes,
         seed,
         sample,
+        shard,
     )
     return _measured(plan, results, run_id, on_event)
 

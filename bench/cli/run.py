@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from ..runs import Report, Run
     from ..store.frames import RunFrames
 
-_continued = partial(typer.Option, rich_help_panel="Continue an interrupted run")
+_measuring = partial(typer.Option, rich_help_panel="Measuring")
 
 _STORED_WITH_THE_RUN = (
     "suite",
     "sample",
+    "shard",
     "problem",
     "solver",
     "tolerance",
@@ -41,20 +42,23 @@ def run(
     sample: Annotated[
         int | None, options.selection(metavar="NUMBER", help="Problems to draw, families in proportion.")
     ] = None,
+    shard: Annotated[str, options.selection(metavar="I/N", help="Every N-th problem from the I-th; see merge.")] = "",
     solver: options.Solvers = None,
     tolerance: Annotated[
         list[float] | None, options.selection(metavar="NUMBER", help="Accuracy to measure the time to; repeatable.")
     ] = None,
     results: Annotated[Path, options.output(metavar="FOLDER", help="Where the run gets its folder.")] = Path("results"),
     run_id: Annotated[str, options.output(metavar="NAME", help="Name of its folder; the time if left out.")] = "",
-    resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
-    retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
-    mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
-    passes: Annotated[int, options.limits(metavar="NUMBER", help="Rounds of each point, at least.")] = 3,
-    seed: Annotated[int, options.limits(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
-    solve_seconds: options.SolveSeconds = 0.5,
-    case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
-    memory: Annotated[int, options.limits(metavar="MB", help="Memory of one case.")] = 2048,
+    resume: Annotated[Path | None, _measuring(metavar="RUN", help="Finish the interrupted run in this folder.")] = None,
+    retry_failed: Annotated[
+        bool, _measuring("--retry-failed", help="With --resume: measure failed cases again.")
+    ] = False,
+    mix: Annotated[bool, _measuring("--mix", help="With --resume: also on another machine or source.")] = False,
+    passes: Annotated[int, _measuring(metavar="NUMBER", help="Rounds of each point, at least.")] = 3,
+    seed: Annotated[int, _measuring(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
+    solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time of one solve.")] = 0.5,
+    case_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time of one case.")] = 60.0,
+    memory: Annotated[int, _measuring(metavar="MB", help="Memory of one case.")] = 2048,
     record: Annotated[bool, options.output("--record", help="Record the iterations, one file a problem.")] = False,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
@@ -89,6 +93,7 @@ def run(
                 passes=passes,
                 seed=seed,
                 sample=sample,
+                shard=shard,
             )
     return report_run(made, charts, quiet, as_json, residual, record)
 

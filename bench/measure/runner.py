@@ -121,6 +121,7 @@ def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None
                 suite=plan.suite,
                 families=dict(plan.families),
                 left_out=list(plan.left_out),
+                shard=plan.shard,
             ),
             machine=_this_machine(),
             judge=JUDGE,
