@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,8 +15,9 @@ from ..problems.contact.problem import ContactProblem
 from ..problems.spelling import switch
 from ..solvers.interface import Solver
 from .errors import BenchError, UnwritableError
+from .measure.execution.events import OnEvent
 from .measure.plan import PASSES, Plan, make_plan
-from .measure.runner import Event, measure, measure_rest
+from .measure.runner import measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
@@ -27,12 +29,10 @@ from .store.frames import JUDGED, RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
 
-OnEvent = Callable[[Event], None]
-
 OnCase = Callable[[int, int], None]
 
 
-def _ignore(event: Event) -> None:
+def _ignore(event: object) -> None:
     """Show nothing."""
 
 
@@ -167,6 +167,7 @@ def run(
     seed: int = 0,
     sample: int | None = None,
     shard: str = "",
+    executor: Executor | None = None,
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
@@ -191,6 +192,8 @@ def run(
         seed: of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw, families in proportion; all if None.
         shard: measure every n-th problem from the i-th on, for "i/n": ``merge`` puts shards together.
+        executor: measures the problems, each as a task that any of its workers may do, on any machine with this version
+            of Proxbench; this process if None.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
@@ -214,7 +217,7 @@ def run(
         sample,
         shard,
     )
-    return _measured(plan, results, run_id, on_event)
+    return _measured(plan, results, run_id, on_event, executor=executor)
 
 
 def study(
@@ -265,10 +268,17 @@ def study(
     return _measured(plan, results, run_id, on_event, prefix=f"{scene.partition('(')[0]}-study-")
 
 
-def _measured(plan: Plan, results: Path | str, run_id: str | None, on_event: OnEvent, prefix: str = "") -> Run:
+def _measured(
+    plan: Plan,
+    results: Path | str,
+    run_id: str | None,
+    on_event: OnEvent,
+    prefix: str = "",
+    executor: Executor | None = None,
+) -> Run:
     """Carry out a plan in a new folder, and return the run."""
     folder = _new_folder(results, run_id, prefix)
-    measure(plan, folder, on_event)
+    measure(plan, folder, on_event, executor)
     return load(folder)
 
 
@@ -286,6 +296,8 @@ def resume(
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
     mix: bool = False,
+    *,
+    executor: Executor | None = None,
 ) -> Run:
     """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
 
@@ -295,6 +307,7 @@ def resume(
         on_event: called as the run goes on.
         plugins: the plugin files from which it has its solvers, or one of them; problems of plugins are stored with it.
         mix: go on also where machine, versions or source differ from those it was begun with; its reports say so.
+        executor: measures what is missing, as in ``run``.
 
     Returns:
         The run as it then is.
@@ -304,7 +317,7 @@ def resume(
             or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix)
+    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
     return load(run_dir)
 
 

@@ -27,7 +27,7 @@ def matrix(
     from ...problems.spelling import for_command_line
     from ...solvers.interface import Stop
     from ..errors import BenchError, UnwritableError
-    from ..measure.matrix import default_solvers, measured_matrix
+    from ..measure.contacts.matrix import default_solvers, measured_matrix
     from ..measure.selection import select
     from ..report.matrix import count_bad, matrix_page
     from ..report.output_file import refuse_taken, write_file

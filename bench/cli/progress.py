@@ -6,7 +6,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..measure.runner import Event, PointFinished, ProblemStarted, VisitFinished
+from ..measure.execution.events import Event, PointFinished, ProblemStarted, VisitFinished
 
 
 class ProgressBar:

@@ -3,6 +3,8 @@
 import json
 import sys
 from collections.abc import Collection, Iterator
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -54,6 +56,7 @@ def run(
         bool, _measuring("--retry-failed", help="With --resume: measure failed cases again.")
     ] = False,
     mix: Annotated[bool, _measuring("--mix", help="With --resume: also on another machine or source.")] = False,
+    dask: Annotated[str, _measuring(metavar="ADDRESS", help="On this dask cluster; local for one here.")] = "",
     passes: Annotated[int, _measuring(metavar="NUMBER", help="Rounds of each point, at least.")] = 3,
     seed: Annotated[int, _measuring(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
     solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time of one solve.")] = 0.5,
@@ -75,9 +78,10 @@ def run(
 
     _refuse_contradictions(context)
     options.refuse_two_prints(quiet, as_json)
-    with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+    shows_nothing = not progress or quiet or as_json
+    with _executor(dask) as executor, RunProgress(Console(stderr=True), hidden=shows_nothing) as shown:
         if resume is not None:
-            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix)
+            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix, executor=executor)
         else:
             made = runs.run(
                 problem,
@@ -94,8 +98,18 @@ def run(
                 seed=seed,
                 sample=sample,
                 shard=shard,
+                executor=executor,
             )
     return report_run(made, charts, quiet, as_json, residual, record)
+
+
+def _executor(dask: str) -> AbstractContextManager[Executor | None]:
+    """Return the cluster of an address; nothing for none."""
+    if not dask:
+        return nullcontext()
+    from ..measure.execution.cluster import dask_executor
+
+    return dask_executor(dask)
 
 
 def report_run(

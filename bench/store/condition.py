@@ -34,7 +34,7 @@ def drift(run: RunRecord) -> float:
 
 def differences(before: Machine, now: Machine) -> list[str]:
     """Return in words what two machines, or the versions and sources on them, differ in; nothing if times compare."""
-    return [*_other_hardware(before, now), *_other_software(before, now)]
+    return [*_other_hardware(before, now), *other_software(before, now)]
 
 
 def _other_hardware(before: Machine, now: Machine) -> list[str]:
@@ -45,7 +45,8 @@ def _other_hardware(before: Machine, now: Machine) -> list[str]:
     ]
 
 
-def _other_software(before: Machine, now: Machine) -> list[str]:
+def other_software(before: Machine, now: Machine) -> list[str]:
+    """Return in words what versions and sources on two machines differ in."""
     names = sorted(set(before.versions) | set(now.versions))
     versions = ((name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names)
     found = [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in versions if old != new]
@@ -77,7 +78,7 @@ def mixtures(frames: RunFrames) -> list[str]:
         for machine in group
         if not is_one and machine.host != group[0].host
     ]
-    found += [said for machine in machines for said in _other_software(machines[0], machine)]
+    found += [said for machine in machines for said in other_software(machines[0], machine)]
     return list(dict.fromkeys(found))
 
 

@@ -1,10 +1,12 @@
 """What a run stores, as typed records: files are written from them, checked against them, and made frames by them."""
 
 import itertools
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from ...problems.catalog.families import family_of
 from ..errors import BenchError
@@ -379,3 +381,15 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     peak_memory_bytes: Count
     curve: Curve
     points: list[Point]
+
+
+def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
+    """Return a case in a run where its sessions have these numbers."""
+
+    def moved(point: Point) -> Point:
+        if point.measured is None:
+            return point
+        rounds = [replace(one, session=places[one.session]) for one in point.rounds]
+        return replace(point, measured=replace(point.measured, rounds=rounds))
+
+    return replace(case, points=[moved(point) for point in case.points])

@@ -19,7 +19,7 @@ from ....problems.catalog.atomic_file import PART
 from ....problems.contact.problem import ContactProblem
 from ....problems.spelling import option
 from ...errors import BenchError
-from ..records import CaseRecord, PlanRecord, Point, Session
+from ..records import CaseRecord, PlanRecord, Session, with_sessions
 from ..store import Store
 from .bundle import Bundle, bundle_of_run, read_bundle
 from .rejudge import rejudge
@@ -95,7 +95,7 @@ class _Merged:
                     raise BenchError(
                         f"the problem {case.problem!r} of {bundle.source} has other numbers elsewhere; rename it."
                     )
-                self._add(_with_sessions(case, places), bundle, sources)
+                self._add(with_sessions(case, places), bundle, sources)
             self.carried |= bundle.carried
         plan, self.missing = _plan([bundle.run.plan for bundle in self.bundles])
         self.run = replace(
@@ -175,18 +175,6 @@ def _once(items: Iterable[Item]) -> list[Item]:
         if item not in found:
             found.append(item)
     return found
-
-
-def _with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
-    """Return a case whose rounds name the sessions by their places in the merged run."""
-
-    def moved(point: Point) -> Point:
-        if point.measured is None:
-            return point
-        rounds = [replace(one, session=places[one.session]) for one in point.rounds]
-        return replace(point, measured=replace(point.measured, rounds=rounds))
-
-    return replace(case, points=[moved(point) for point in case.points])
 
 
 def _write(folder: Path, merged: _Merged) -> None:

@@ -5,7 +5,14 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.progress import RunProgress
-from proxbench.bench.measure.runner import CaseFinished, Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
+from proxbench.bench.measure.execution.events import (
+    CaseFinished,
+    Event,
+    PointFinished,
+    ProblemStarted,
+    RunStarted,
+    VisitFinished,
+)
 from rich.console import Console
 
 EVENTS: list[Event] = [
