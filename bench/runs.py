@@ -2,51 +2,42 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import pandas as pd
 
 from ..problems.contact.problem import ContactProblem
-from ..problems.spelling import option
+from ..problems.spelling import switch
 from ..solvers.interface import Solver
-from .errors import BenchError, UnwritableError
+from .errors import BenchError
+from .measure.execution.events import OnEvent
 from .measure.plan import Plan, make_plan
-from .measure.runner import Event, measure, measure_rest
+from .measure.runner import measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
-from .store.frames import JUDGED, RunFrames, read_frames
+from .report.making import Report, make_report
+from .store.bundles.bundle import SUFFIX, bundle_of_run, read_bundle, write_bundle
+from .store.bundles.merge import merge as merge_sources
+from .store.bundles.rejudge import Rejudged
+from .store.bundles.rejudge import rejudge as judge_again
+from .store.frames import RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
 
-OnEvent = Callable[[Event], None]
+OnCase = Callable[[int, int], None]
 
 
-def _ignore(event: Event) -> None:
+def _ignore(event: object) -> None:
     """Show nothing."""
 
 
-@dataclass(frozen=True)
-class Report:
-    """What a run has to show.
-
-    Attributes:
-        results: time to accuracy and ending of each case.
-        summary: success and mean time of each solver; in a run over trajectories, its points.
-        tables: the files that hold both.
-        charts: the files of the charts; none if they were not drawn.
-        unwritten: why files are missing, in one sentence; empty if none is.
-    """
-
-    results: pd.DataFrame
-    summary: pd.DataFrame
-    tables: list[Path]
-    charts: list[Path]
-    unwritten: str = ""
+def _uncounted(done: int, total: int) -> None:
+    """Show nothing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,35 +91,7 @@ class Run(RunFrames, os.PathLike[str]):
             BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
                 no such residuals, or no such solver.
         """
-        from .report.accuracy import summary_table
-        from .report.profiles import baseline_of
-        from .report.studies import points_table
-        from .report.tables import results_table, write_tables
-        from .store.links import refuse_links_out
-
-        frames = self.judged_by(residual or self.residual)
-        folder = self.folder if frames.residual == JUDGED else self.folder / frames.residual
-        tables, drawn, unwritten = [], [], ""
-        has_profiles = len(frames.cases) > 0 and not frames.is_study
-        if baseline and not has_profiles:
-            raise BenchError(f"{self.folder} has no speed-ups; leave {option('baseline')} out.")
-        against = baseline_of(frames, baseline) if has_profiles else ""
-        for place in ("tables", "charts"):
-            refuse_links_out(folder / place, self.folder)
-        try:
-            tables = write_tables(frames, folder / "tables")
-            if charts:
-                from .report.charts.problems import write_charts  # altair takes a second to import
-
-                drawn = write_charts(frames, folder / "charts")
-                if against:
-                    from .report.charts.profiles import write_profiles
-
-                    drawn += write_profiles(frames, against, folder / "charts")
-        except UnwritableError as error:
-            unwritten = error.sentence
-        summary = points_table(self) if self.is_study else summary_table(frames)
-        return Report(results_table(frames), summary, tables, drawn, unwritten)
+        return make_report(self.judged_by(residual or self.residual), charts, baseline)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
         """Write one offline HTML page into the folder of the run, as ``proxbench report --html`` does; return its file.
@@ -182,6 +145,8 @@ def run(
     seed: int = 0,
     sample: int | None = None,
     thorough: bool = False,
+    shard: str = "",
+    executor: Executor | None = None,
 ) -> Run:
     """Measure solvers on problems, store the results and return them.
 
@@ -206,6 +171,9 @@ def run(
         seed: of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw, families in proportion; all if None.
         thorough: take ten tolerances, 1e-1 … 1e-10, and five passes, where they are not given.
+        shard: measure every n-th problem from the i-th on, for "i/n": ``merge`` puts shards together.
+        executor: measures the problems, each as a task that any of its workers may do, on any machine with this version
+            of Proxbench; this process if None.
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
@@ -228,8 +196,9 @@ def run(
         seed,
         sample,
         thorough,
+        shard,
     )
-    return _measured(plan, results, run_id, on_event)
+    return _measured(plan, results, run_id, on_event, executor=executor)
 
 
 def study(
@@ -280,14 +249,26 @@ def study(
     return _measured(plan, results, run_id, on_event, prefix=f"{scene.partition('(')[0]}-study-")
 
 
-def _measured(plan: Plan, results: Path | str, run_id: str | None, on_event: OnEvent, prefix: str = "") -> Run:
+def _measured(
+    plan: Plan,
+    results: Path | str,
+    run_id: str | None,
+    on_event: OnEvent,
+    prefix: str = "",
+    executor: Executor | None = None,
+) -> Run:
     """Carry out a plan in a new folder, and return the run."""
+    folder = _new_folder(results, run_id, prefix)
+    measure(plan, folder, on_event, executor)
+    return load(folder)
+
+
+def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
+    """Return the folder of a new run."""
     identity = run_id or f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
     if identity != plain_name(identity):
         raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
-    folder = Path(results) / identity
-    measure(plan, folder, on_event)
-    return load(folder)
+    return Path(results) / identity
 
 
 def resume(
@@ -296,6 +277,8 @@ def resume(
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
     mix: bool = False,
+    *,
+    executor: Executor | None = None,
 ) -> Run:
     """Finish an interrupted run: measure the cases that are missing, damaged, or of a problem with another digest.
 
@@ -305,6 +288,7 @@ def resume(
         on_event: called as the run goes on.
         plugins: the plugin files from which it has its solvers, or one of them; problems of plugins are stored with it.
         mix: go on also where machine, versions or source differ from those it was begun with; its reports say so.
+        executor: measures what is missing, as in ``run``.
 
     Returns:
         The run as it then is.
@@ -314,7 +298,7 @@ def resume(
             or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix)
+    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
     return load(run_dir)
 
 
@@ -325,6 +309,70 @@ def load(run_dir: os.PathLike[str] | str) -> Run:
         BenchError: if the folder is no run, or its run.json is damaged.
     """
     return Run(**vars(read_frames(Path(run_dir))))
+
+
+def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None = None, *, force: bool = False) -> Path:
+    """Pack a run into one file, as a whole or not at all; return the file.
+
+    It holds plan, machines, cases, the impulses of the finest point of each, and the problems that the package does not
+    hold. Equal runs give equal files.
+
+    Args:
+        run_dir: the folder of the run, or the run.
+        file: where to; the name of the run with ``.bundle``, in the current folder, if None.
+        force: replace a file that exists.
+
+    Raises:
+        BenchError: if the folder is no run or has a damaged file, nothing is measured, it is a study or of an earlier
+            version that kept no impulses, or the file exists or cannot be written.
+    """
+    packed, folder = bundle_of_run(Path(run_dir)), Path(run_dir).resolve()
+    path = Path(f"{folder.name}{SUFFIX}") if file is None else Path(file)
+    if path.exists() and not force:
+        raise BenchError(f"{path} exists already; name another file, or replace it with {switch('force')}.")
+    write_bundle(packed, path)
+    return path
+
+
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _uncounted) -> Rejudged:
+    """Judge a bundle again, from its problems and impulses; no code of it runs, and nothing is written.
+
+    Args:
+        file: the bundle.
+        on_case: called with the number of cases that are done, and of all.
+
+    Raises:
+        BenchError: if it is no bundle, damaged, of another version, or does not hold together.
+    """
+    return judge_again(read_bundle(Path(file)), on_case)
+
+
+def merge(
+    sources: Iterable[os.PathLike[str] | str] | os.PathLike[str] | str,
+    results: Path | str = "results",
+    run_id: str | None = None,
+    on_case: OnCase = _uncounted,
+    on_missing: Callable[[str], None] = lambda sentence: None,
+) -> Run:
+    """Make one run of several, each judged again before it counts.
+
+    A case that is in several of them counts once, the finished one before the unfinished one.
+
+    Args:
+        sources: files of bundles and folders of runs, or one of them.
+        results: the folder in which the folder of the run is made.
+        run_id: its name; date and time if None.
+        on_case: called with the number of cases of a source that are judged again, and of all of it.
+        on_missing: called with a sentence for each shard that is missing.
+
+    Raises:
+        BenchError: if a source cannot be read or is not as it says, sources contradict each other or were measured on
+            different terms, a problem has cases of several machines, or the folder exists or cannot be written.
+    """
+    given = [sources] if isinstance(sources, str | os.PathLike) else sources
+    folder = _new_folder(results, run_id)
+    merge_sources([Path(source) for source in given], folder, on_case, on_missing)
+    return load(folder)
 
 
 def _several(given: Any) -> tuple[Any, ...] | None:

@@ -58,9 +58,13 @@ AT_HOME = {
         "bench/report/charts/summary.py",
         "bench/simulation/chart.py",
     },
-    "typer": {f"bench/cli/{name}.py" for name in ("fclib", "help", "main", "options", "record", "run", "simulate")},
+    "typer": {
+        f"bench/cli/{name}.py"
+        for name in ("fclib", "help", "main", "options", "record", "run", "simulation/command", "travel")
+    },
     "h5py": {f"problems/catalog/fclib/{name}.py" for name in ("container", "files")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
+    "distributed": {"bench/measure/execution/cluster.py"},
     "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
 }
 

@@ -55,7 +55,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     from dataclasses import asdict
 
     from ...problems.catalog.fclib.survey import survey
-    from ..report.text import print_json
+    from ..report.layout.text import print_json
 
     found, broken = _tried(sources, lambda file, _: survey(file))
     if as_json:
@@ -127,7 +127,7 @@ def export(
     from ...problems.catalog.fclib.conversion import contents_of
     from ...problems.catalog.fclib.files import SUFFIXES
     from ..plugins.problems import resolved
-    from ..report.output_file import refuse_taken
+    from ..report.layout.output_file import refuse_taken
 
     problems = [resolved(name) for name in names]
     for problem in problems:
@@ -174,7 +174,7 @@ def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[
         ProblemError: if a folder has no FCLIB files.
     """
     from ...problems.catalog.fclib.survey import fclib_files
-    from ..report.output_file import refuse_taken
+    from ..report.layout.output_file import refuse_taken
 
     is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
     targets = {}
@@ -231,7 +231,7 @@ def _range(ends: tuple[float, float]) -> str:
 
 
 def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool) -> None:
-    from ..report.text import print_json
+    from ..report.layout.text import print_json
 
     if as_json:
         print_json({"files": digests, "broken": list(broken)})

@@ -16,7 +16,7 @@ from ...solvers.interface import SolverError
 from ...solvers.registry import available, composites, create, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
-from ..report.text import counted, output_width
+from ..report.layout.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
 

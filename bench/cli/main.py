@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | matrix | check | simulate | report | record | list | generate | fclib``.
+"""The command line: ``proxbench COMMAND``, as ``proxbench -h`` lists them.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -18,12 +18,14 @@ from .help import HelpCommand, HelpGroup
 from .matrix import matrix
 from .record import record
 from .run import print_problems, report_page, report_run, run
-from .simulate import NO_STUDY, SceneCommand, simulate
+from .simulation.command import NO_STUDY, SceneCommand, simulate
+from .travel import bundle, merge, rejudge
 
-COMPARE, SIMULATE, SHOW, LOOK_UP = (
+COMPARE, SIMULATE, SHOW, TRAVEL, LOOK_UP = (
     "Compare and test solvers",
     "Simulate a scene",
     "Show stored results",
+    "Send results and put them together",
     "Find or make problems",
 )
 """Topics of commands."""
@@ -160,7 +162,7 @@ def check(
     from rich.console import Console
 
     from ..conformance.run import checked, print_checks
-    from ..report.text import print_json
+    from ..report.layout.text import print_json
     from .progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
@@ -234,7 +236,7 @@ def report(
     if run_dir.suffix == ".json" and not run_dir.is_dir():
         raise BenchError(NO_STUDY.format(run_dir))
     if run_dir.suffix == ".npz" and not run_dir.is_dir():
-        from .simulation import report_simulation
+        from .simulation.show import report_simulation
 
         if residual != "judged":
             raise BenchError(f"{run_dir} is a simulation, whose steps have judged residuals; leave --residual out.")
@@ -258,6 +260,34 @@ proxbench record results/woodpecker.npz""",
 )(record)
 
 
+_command(
+    TRAVEL,
+    "bundle",
+    "Pack a run into one file.",
+    """\
+proxbench bundle results/RUN
+proxbench bundle results/RUN --output mine.bundle""",
+)(bundle)
+
+_command(
+    TRAVEL,
+    "rejudge",
+    "Judge a bundle again, from its impulses.",
+    """\
+proxbench rejudge RUN.bundle
+proxbench rejudge RUN.bundle --quiet""",
+)(rejudge)
+
+_command(
+    TRAVEL,
+    "merge",
+    "Make one run of several.",
+    """\
+proxbench merge theirs.bundle --run-id theirs
+proxbench merge results/shard-1 results/shard-2 --run-id whole""",
+)(merge)
+
+
 @_command(
     LOOK_UP,
     "list",
@@ -277,7 +307,7 @@ def list_names(
     as_json: options.Json = False,
 ) -> None:
     """List solvers and scenes with their options, suites with their sizes, or problems by family."""
-    from ..report.text import print_json
+    from ..report.layout.text import print_json
     from .listing import listed, print_listing
 
     names = listed(what, suite, name)
@@ -310,7 +340,7 @@ def generate(
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..generate import generate as make
-    from ..report.text import print_json
+    from ..report.layout.text import print_json
 
     chosen = list(names or [])
     if suite:

@@ -27,11 +27,11 @@ def matrix(
     from ...problems.spelling import for_command_line
     from ...solvers.interface import Stop
     from ..errors import BenchError, UnwritableError
-    from ..measure.matrix import default_solvers, measured_matrix
+    from ..measure.contacts.matrix import default_solvers, measured_matrix
     from ..measure.selection import select
+    from ..report.layout.output_file import refuse_taken, write_file
+    from ..report.layout.text import print_json
     from ..report.matrix import count_bad, matrix_page
-    from ..report.output_file import refuse_taken, write_file
-    from ..report.text import print_json
     from ..store.outcome import Cell
     from .progress import ProgressBar
 

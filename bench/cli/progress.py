@@ -10,7 +10,7 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from ..measure.runner import Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
+from ..measure.execution.events import Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
 
 
 class _Bar(Progress):
@@ -73,20 +73,18 @@ class RunProgress(ProgressBar):
     """
 
     _folder = Path()
-    _problem = ""
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
         if isinstance(event, RunStarted):
             self._folder = event.run_dir
         elif isinstance(event, ProblemStarted):
-            self._problem = event.problem
             self.name(f"{event.problem}{_pass(event)}")
         elif isinstance(event, PointFinished):
             self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", again=True)
         elif isinstance(event, VisitFinished):
             if not self._bar.disable:
-                self._bar.above = _first_look(self._folder, self._problem, self._console.width)
+                self._bar.above = _first_look(self._folder, event.problem, self._console.width)
             self.count(event.done, event.total)
 
 

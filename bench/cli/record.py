@@ -32,8 +32,8 @@ def record(
     from ..recordings.blueprints import ITERATION, STEP
     from ..recordings.solves import record_solves
     from ..recordings.still import refuse_still, write_still
-    from ..report.text import print_json
-    from .simulation import record_simulation
+    from ..report.layout.text import print_json
+    from .simulation.show import record_simulation
 
     options.refuse_two_prints(quiet, as_json)
     is_simulation = problem.endswith(".npz")

@@ -3,6 +3,8 @@
 import json
 import sys
 from collections.abc import Collection, Iterator
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,14 +14,16 @@ import typer
 from . import options
 
 if TYPE_CHECKING:
-    from ..runs import Report, Run
+    from ..report.making import Report
+    from ..runs import Run
     from ..store.frames import RunFrames
 
-_continued = partial(typer.Option, rich_help_panel="Continue an interrupted run")
+_measuring = partial(typer.Option, rich_help_panel="Measuring")
 
 _STORED_WITH_THE_RUN = (
     "suite",
     "sample",
+    "shard",
     "problem",
     "solver",
     "tolerance",
@@ -42,21 +46,25 @@ def run(
     sample: Annotated[
         int | None, options.selection(metavar="NUMBER", help="Problems to draw, families in proportion.")
     ] = None,
+    shard: Annotated[str, options.selection(metavar="I/N", help="Every N-th problem from the I-th; see merge.")] = "",
     solver: options.Solvers = None,
     tolerance: Annotated[
         list[float] | None, options.selection(metavar="NUMBER", help="Accuracy to measure the time to; repeatable.")
     ] = None,
     results: Annotated[Path, options.output(metavar="FOLDER", help="Where the run gets its folder.")] = Path("results"),
     run_id: Annotated[str, options.output(metavar="NAME", help="Name of its folder; the time if left out.")] = "",
-    resume: Annotated[Path | None, _continued(metavar="RUN", help="Finish the run in this folder.")] = None,
-    retry_failed: Annotated[bool, _continued("--retry-failed", help="Measure its failed cases again.")] = False,
-    mix: Annotated[bool, _continued("--mix", help="Also on another machine or source.")] = False,
-    thorough: Annotated[bool, options.limits("--thorough", help="Ten accuracies and five passes.")] = False,
-    passes: Annotated[int | None, options.limits(metavar="NUMBER", help="Passes over all problems.")] = None,
-    seed: Annotated[int, options.limits(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
-    solve_seconds: options.SolveSeconds = 0.5,
-    case_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one case.")] = 60.0,
-    memory: Annotated[int, options.limits(metavar="MB", help="Memory of one case.")] = 2048,
+    resume: Annotated[Path | None, _measuring(metavar="RUN", help="Finish the interrupted run in this folder.")] = None,
+    retry_failed: Annotated[
+        bool, _measuring("--retry-failed", help="With --resume: measure failed cases again.")
+    ] = False,
+    mix: Annotated[bool, _measuring("--mix", help="With --resume: also on another machine or source.")] = False,
+    dask: Annotated[str, _measuring(metavar="ADDRESS", help="On this dask cluster; local for one here.")] = "",
+    thorough: Annotated[bool, _measuring("--thorough", help="Ten accuracies and five passes.")] = False,
+    passes: Annotated[int | None, _measuring(metavar="NUMBER", help="Passes over all problems.")] = None,
+    seed: Annotated[int, _measuring(metavar="NUMBER", help="Of orders and of the sample.")] = 0,
+    solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time of one solve.")] = 0.5,
+    case_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time of one case.")] = 60.0,
+    memory: Annotated[int, _measuring(metavar="MB", help="Memory of one case.")] = 2048,
     record: Annotated[bool, options.output("--record", help="Record the iterations, one file a problem.")] = False,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
@@ -73,9 +81,10 @@ def run(
 
     _refuse_contradictions(context)
     options.refuse_two_prints(quiet, as_json)
-    with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+    shows_nothing = not progress or quiet or as_json
+    with _executor(dask) as executor, RunProgress(Console(stderr=True), hidden=shows_nothing) as shown:
         if resume is not None:
-            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix)
+            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix, executor=executor)
         else:
             made = runs.run(
                 problem,
@@ -92,8 +101,19 @@ def run(
                 seed=seed,
                 sample=sample,
                 thorough=thorough,
+                shard=shard,
+                executor=executor,
             )
     return report_run(made, charts, quiet, as_json, residual, record)
+
+
+def _executor(dask: str) -> AbstractContextManager[Executor | None]:
+    """Return the cluster of an address; nothing for none."""
+    if not dask:
+        return nullcontext()
+    from ..measure.execution.cluster import dask_executor
+
+    return dask_executor(dask)
 
 
 def report_run(
@@ -128,9 +148,9 @@ def report_run(
 
     from ...problems.spelling import for_command_line
     from ..errors import BenchError
+    from ..report.layout.text import output_width, print_json
     from ..report.profiles import baseline_of
     from ..report.tables import print_tables
-    from ..report.text import output_width, print_json
 
     frames, console = run.judged_by(residual), Console(width=output_width())
     if baseline:
@@ -163,7 +183,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
     Raises:
         BenchError: if it has no case, is over trajectories or has no such baseline, or the page cannot be written.
     """
-    from ..report.text import print_json
+    from ..report.layout.text import print_json
 
     file = run.page(residual, baseline)
     if as_json:
@@ -182,8 +202,8 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
     from rich.console import Console
 
     from ..report.accuracy import problems_table
+    from ..report.layout.text import output_width, print_json
     from ..report.tables import print_tables, results_table
-    from ..report.text import output_width, print_json
 
     frames = run.only(problems).judged_by(residual)
     if as_json:

@@ -14,7 +14,7 @@ from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
 from ..plugins.describing import contestant
 from ..plugins.files import use_plugin_files
-from ..report.text import output_width
+from ..report.layout.text import output_width
 from ..store.outcome import Outcome
 from .task import CHECKS, CheckingTask
 

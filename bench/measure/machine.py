@@ -9,9 +9,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import psutil
 from threadpoolctl import threadpool_info
+
+from ..store.records import Machine
 
 FLOORS = ("problems", "solvers", "bench")
 """Folders of the package."""
@@ -36,8 +39,14 @@ def describe_machine() -> dict[str, Any]:
         "commit": _git("rev-parse", "HEAD"),
         "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
         "source": _source(),
+        "host": platform.node(),
         "load": list(os.getloadavg()),
     }
+
+
+def this_machine() -> Machine:
+    """Return the machine as it is stored."""
+    return msgspec.convert(describe_machine(), Machine)
 
 
 def calibration_seconds() -> float:

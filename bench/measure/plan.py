@@ -12,7 +12,7 @@ from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..store.records import MOST_PASSES, Limits
 from ..store.trajectory_records import TrajectoryRecord
-from .selection import Given, name_of, select
+from .selection import Given, name_of, select, shard_of
 from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
@@ -63,6 +63,7 @@ class Plan:
         suite: name of the suite that the problems are; empty where they were named.
         families: the family of each problem, by its name.
         left_out: a sentence for each file of a folder that cannot be measured.
+        shard: which part of the problems of a divided run these are, "2/8"; empty if all.
     """
 
     problems: tuple[str | ContactProblem, ...]
@@ -77,6 +78,7 @@ class Plan:
     suite: str = ""
     families: Mapping[str, str] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+    shard: str = ""
 
 
 def make_plan(
@@ -89,6 +91,7 @@ def make_plan(
     seed: int = 0,
     sample: int | None = None,
     thorough: bool = False,
+    shard: str = "",
 ) -> Plan:
     """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
 
@@ -101,9 +104,11 @@ def make_plan(
         SolverError: for an unknown solver or option, with the nearest name.
         PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
         BenchError: for a name given twice, a problem with the name of one of the library and other numbers, a solver
-            object that breaks the contract, or a tolerance, a number of passes or a seed out of range.
+            object that breaks the contract, or a tolerance, a number of passes, a seed or a shard out of range.
     """
     chosen = select(problems, suite, sample, seed)
+    if shard:
+        chosen = shard_of(chosen, shard)
     methods = tuple(map(contestant, solvers or DEFAULT_SOLVERS))
     names = [method.name for method in methods]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -129,4 +134,5 @@ def make_plan(
         suite=chosen.suite,
         families=chosen.families,
         left_out=chosen.left_out,
+        shard=shard,
     )

@@ -7,11 +7,23 @@ import numpy as np
 from msgspec.structs import replace
 
 from ...problems.arrays import FloatArray
+from ..store.impulses import number_of, worst
 from ..store.outcome import Outcome
 from ..store.records import MOST_ANSWERS, Measured, Point, Quartiles, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 """Outcomes from good to bad; the others stand between being relaxed and being wrong."""
+
+
+def with_impulses_at_the_finest(points: Sequence[Point]) -> list[Point]:
+    """Return the points of a case, of which only the finest measured one keeps its impulses."""
+    finest = max((level for level, point in enumerate(points) if point.measured is not None), default=-1)
+    return [
+        point
+        if level == finest or point.measured is None or not point.measured.impulses
+        else replace(point, measured=replace(point.measured, impulses=[]))
+        for level, point in enumerate(points)
+    ]
 
 
 def marked(rounds: Sequence[Round]) -> list[Round]:
@@ -57,13 +69,9 @@ def _joined(before: Measured, now: Measured) -> Measured:
         first_seconds=before.first_seconds if now.first_seconds is None else now.first_seconds,
         answers=len(hashes),
         hashes=hashes,
+        impulses=worst([*before.impulses, *now.impulses]) if before.impulses else [],
         impulse_error=max(errors, default=None),
     )
-
-
-def number_of(residual: float | None) -> float:
-    """Return a residual, those that are not finite as infinite."""
-    return np.inf if residual is None or not residual < np.inf else residual
 
 
 def times_of(rounds: Sequence[Round]) -> dict[str, Any]:

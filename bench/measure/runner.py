@@ -1,101 +1,37 @@
-"""A run: every contestant on every problem, in passes over all of them, stored point by point.
+"""A run from its begin, or from where it stopped: what it was planned as is stored, then what it lacks is measured."""
 
-Each pass takes problems and solvers in another order and measures one round of each point, so that a program that
-disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still uncertain
-are measured again. A reference workload between problems measures the drift of the machine; it is stored each time.
-"""
-
-import os
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 
-import msgspec
-from msgspec.structs import replace
-
-from ...problems.catalog.catalog import is_available
-from ...problems.catalog.storage import problem_bytes
 from ...problems.contact.judge import JUDGE
 from ...problems.scenes.registry import read_scene
 from ...problems.spelling import either
-from ..errors import BenchError, InterruptedRunError
-from ..generate import generate
-from ..plugins.contestants import Contestant
+from ..errors import BenchError
 from ..plugins.describing import contestant
 from ..plugins.files import check_again, sources, use_plugin_files
-from ..plugins.problems import carry, check_known, problem_of
-from ..store.condition import differences
+from ..plugins.problems import carry, check_known
+from ..store.condition import differences, other_software
 from ..store.conversion import content_of, record_of
-from ..store.outcome import FAULTS, Outcome
-from ..store.records import CaseRecord, Machine, PlanRecord, RunRecord, Session
+from ..store.outcome import FAULTS
+from ..store.records import PlanRecord, RunRecord
 from ..store.store import Store
-from .contacts.case import Case, Visit
-from .contacts.verdicts import RememberedVerdicts
-from .ladder import LadderCase, measure_ladder
-from .machine import calibration_seconds, describe_machine
-from .passes import EXTRA_SHARE, shuffled, uncertain
+from .execution.dispatch import Dispatch
+from .execution.events import OnEvent
+from .execution.progress import Contestants, Progress
+from .machine import this_machine
 from .plan import Plan, name_of
-from .refutation import refuted
-from .trajectories.case import TrajectoryCase
-from .trajectories.methods import Method, stored_method
-from .trajectories.problems import referenced, trajectory_of
-
-Contestants = Sequence[Contestant] | Sequence[Method]
+from .trajectories.methods import stored_method
 
 
-@dataclass(frozen=True)
-class RunStarted:
-    """The plan is made and the folder exists."""
-
-    run_dir: Path
-    total: int
-    done: int
-
-
-@dataclass(frozen=True)
-class ProblemStarted:
-    """The cases of one problem begin, in a pass of the planned number of passes, from 0, or in one more."""
-
-    problem: str
-    number: int = 0
-    passes: int = 1
-
-
-@dataclass(frozen=True)
-class PointFinished:
-    """A round of a point is measured and stored."""
-
-    problem: str
-    solver: str
-    tolerance: float
-
-
-@dataclass(frozen=True)
-class CaseFinished:
-    """All that is planned of one case is stored."""
-
-    problem: str
-    solver: str
-    outcome: str
-    done: int
-    total: int
-
-
-@dataclass(frozen=True)
-class VisitFinished:
-    """One problem is through one of the planned passes, so many of all."""
-
-    done: int
-    total: int
-
-
-Event = RunStarted | ProblemStarted | PointFinished | CaseFinished | VisitFinished
-
-
-def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None:
+def measure(plan: Plan, folder: Path, on_event: OnEvent, executor: Executor | None = None) -> None:
     """Carry out a plan, and store it and what is measured in a new folder, named as the run is.
+
+    Args:
+        plan: what to measure.
+        folder: of the run.
+        on_event: called as the run goes on.
+        executor: measures its problems, each as a task; this process if None.
 
     Raises:
         ProxbenchError: if the folder cannot be written or there is a run in it, before the start.
@@ -121,22 +57,24 @@ def measure(plan: Plan, folder: Path, on_event: Callable[[Event], None]) -> None
                 suite=plan.suite,
                 families=dict(plan.families),
                 left_out=list(plan.left_out),
+                shard=plan.shard,
             ),
-            machine=_this_machine(),
+            machine=this_machine(),
             judge=JUDGE,
             plugins=sources([solver.name for solver in solvers], names, scenes),
             carried={} if scenes else carry(plan.problems, store),
         )
         record = record_of(content_of(record), RunRecord)
-        _Progress(plan.methods or plan.solvers, store, record, on_event).complete({})
+        _progress(plan.methods or plan.solvers, store, record, on_event, executor).complete({})
 
 
 def measure_rest(
     folder: Path,
     retry_failed: bool,
-    on_event: Callable[[Event], None],
+    on_event: OnEvent,
     plugins: Sequence[Path | str] = (),
     mix: bool = False,
+    executor: Executor | None = None,
 ) -> None:
     """Measure the cases of a stored run that are missing, damaged, or of a problem with another digest.
 
@@ -146,6 +84,7 @@ def measure_rest(
         on_event: called as the run goes on.
         plugins: the plugin files that it was begun with.
         mix: go on also where machine, versions or source are others than those it was begun with.
+        executor: measures its problems, each as a task; this process if None. It need not be of the same machine then.
 
     Raises:
         ProxbenchError: if the folder is no run, its run.json is damaged, a name in it is unknown, a plugin file of its
@@ -159,7 +98,8 @@ def measure_rest(
             f"{folder} was judged by version {record.judge} of the judge, this is {JUDGE}; residuals of both do not "
             "compare, begin a new run."
         )
-    changed = differences(record.machine, _this_machine())
+    differing = differences if executor is None else other_software
+    changed = differing(record.machine, this_machine())
     if changed and not mix:
         raise BenchError(
             f"{folder} was begun with another machine or source ({'; '.join(changed)}), whose times do not compare; "
@@ -174,172 +114,13 @@ def measure_rest(
     with store.alone():
         cases, _ = store.read_cases()
         stored = {(case.problem, case.solver): case for case in cases if not (retry_failed and case.outcome in FAULTS)}
-        _Progress(contestants, store, record, on_event).complete(stored)
+        _progress(contestants, store, record, on_event, executor).complete(stored)
 
 
-class _Progress:
-    """A plan as far as it is carried out."""
-
-    def __init__(
-        self, contestants: Contestants, store: Store, record: RunRecord, on_event: Callable[[Event], None]
-    ) -> None:
-        self._contestants, self._store, self._record, self._on_event = contestants, store, record, on_event
-        self._session = Session(started=_now(), machine=_this_machine())
-        self._verdicts = RememberedVerdicts()
-        self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
-        self._done = 0
-
-    def complete(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
-        """Measure what is not among the stored cases, by problem and solver."""
-        plan = self._record.plan
-        for (problem, solver), case in stored.items():
-            if problem in self._cases:
-                self._cases[problem][solver] = case
-        self._note_machine()
-        self._done = sum(plan.has_finished(case) for case in stored.values())
-        self._on_event(RunStarted(self._store.folder, len(plan.problems) * len(plan.solvers), self._done))
-        try:
-            self._generate()
-            self._forget_other_problems()
-            began = time.monotonic()
-            self._measure_passes()
-            if not plan.trajectories:
-                self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
-        except KeyboardInterrupt:
-            raise InterruptedRunError(self._store.folder) from None
-        self._store.restore()
-        self._session = replace(self._session, finished=_now())
-        self._note(self._record)
-
-    def _measure_passes(self) -> None:
-        """Measure a round of each point in each planned pass."""
-        plan, session = self._record.plan, len(self._record.sessions)
-        for number in range(plan.passes):
-            names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
-            for index, name in enumerate(names):
-                if not self._is_finished(name):
-                    self._visit(name, Visit(session, number, verdicts=self._verdicts))
-                self._on_event(VisitFinished(number * len(names) + index + 1, plan.passes * len(names)))
-
-    def _measure_more(self, seconds: float) -> None:
-        """Measure more rounds of uncertain points, in as many passes again at most, for about ``seconds``."""
-        plan, session, end = self._record.plan, len(self._record.sessions), time.monotonic() + seconds
-        for number in range(plan.passes, 2 * plan.passes):
-            for name in shuffled(plan.problems, plan.seed, number):
-                if time.monotonic() >= end:
-                    return
-                whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
-                points = uncertain([_read_again(case) for case in whole], plan, number == plan.passes)
-                if points:
-                    self._visit(name, Visit(session, number, points, self._verdicts))
-
-    def _is_finished(self, name: str) -> bool:
-        plan, cases = self._record.plan, self._cases[name]
-        return len(cases) == len(plan.solvers) and all(map(plan.has_finished, cases.values()))
-
-    def _visit(self, name: str, visit: Visit) -> None:
-        """Measure one round of the cases of a problem."""
-        plan, known = self._record.plan, self._cases[name]
-        finished = {solver for solver, case in known.items() if plan.has_finished(case)}
-        self._on_event(ProblemStarted(name, visit.number, plan.passes))
-        cases = self._cases_of(name, visit)
-        try:
-            measure_ladder(cases, self._keep)
-        finally:
-            for case in cases:
-                self._put(case.record())
-        for wrong in refuted(list(known.values()), cases[0].is_solvable if cases else None):
-            self._put(wrong)
-        for solver, record in known.items():
-            if solver not in finished and plan.has_finished(record):
-                self._done += 1
-                total = len(plan.problems) * len(plan.solvers)
-                self._on_event(CaseFinished(name, solver, record.outcome, self._done, total))
-        self._note_machine()
-
-    def _generate(self) -> None:
-        """Generate the problems that are neither carried nor available, and simulate missing references."""
-        record, plan = self._record, self._record.plan
-        for index, trajectory in enumerate(plan.trajectories):
-            for known in referenced(trajectory, plan.limits):
-                plan = replace(plan, trajectories=[*plan.trajectories[:index], known, *plan.trajectories[index + 1 :]])
-                self._note(replace(record, plan=plan))
-        names = [] if plan.trajectories else plan.problems
-        missing = [name for name in names if name not in record.carried and not is_available(name)]
-        if missing:
-            generate(missing)
-            self._note(replace(record, carried={**record.carried, **carry(missing, self._store)}))
-
-    def _forget_other_problems(self) -> None:
-        """Forget stored cases of problems whose numbers are others now."""
-        for name, cases in self._cases.items():
-            if cases:
-                digest = self._digest(name)
-                self._cases[name] = {solver: case for solver, case in cases.items() if case.digest == digest}
-        self._done = sum(
-            self._record.plan.has_finished(case) for cases in self._cases.values() for case in cases.values()
-        )
-
-    def _digest(self, name: str) -> str:
-        plan = self._record.plan
-        if plan.trajectories:
-            return trajectory_of(plan.trajectory(name)).digest
-        return problem_of(self._store, self._record, name).digest
-
-    def _cases_of(self, name: str, visit: Visit) -> list[LadderCase]:
-        """Return the cases of a problem that are measured in a visit, in an order of its own."""
-        record, known, plan = self._record, self._cases[name], self._record.plan
-        if visit.points is None:
-            left = {one for one in plan.solvers if one not in known or not plan.has_finished(known[one])}
-        else:
-            left = {solver for solver, _ in visit.points}
-        if plan.trajectories:
-            trajectory = trajectory_of(plan.trajectory(name))
-            methods = [one for one in self._contestants if isinstance(one, Method) and one.record.name in left]
-            return [TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name)) for one in methods]
-        problem = problem_of(self._store, record, name)
-        solvers = [one for one in self._contestants if isinstance(one, Contestant) and one.name in left]
-        data = problem_bytes(problem.anonymous()) if solvers else b""
-        return [
-            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), visit)
-            for solver in shuffled(solvers, plan.seed, visit.number, plan.problems.index(name))
-        ]
-
-    def _keep(self, case: LadderCase, value: float) -> None:
-        """Store a case that has come to another point, and name it; later rounds of a point follow with the visit."""
-        record = case.record()
-        before = self._cases[record.problem].get(record.solver)
-        if before is None or record.outcome is not before.outcome or len(record.points) > len(before.points):
-            self._put(record)
-        if record.points and record != before:
-            self._cases[record.problem][record.solver] = record
-            self._on_event(PointFinished(record.problem, record.solver, value))
-
-    def _put(self, record: CaseRecord) -> None:
-        self._cases[record.problem][record.solver] = record
-        self._store.write_case(record)
-
-    def _note_machine(self) -> None:
-        """Store the speed and load of the machine at this moment."""
-        seconds, load, session = calibration_seconds(), os.getloadavg()[0], self._session
-        times = [*session.calibration_seconds, seconds]
-        self._session = replace(session, calibration_seconds=times, load=[*session.load, load])
-        self._note(self._record)
-
-    def _note(self, record: RunRecord) -> None:
-        """Store the record of the run."""
-        self._record = record
-        self._store.write_run(replace(record, sessions=[*record.sessions, self._session]))
-
-
-def _read_again(case: CaseRecord) -> CaseRecord:
-    """Return a case as its file has it."""
-    return record_of(content_of(case), CaseRecord)
-
-
-def _this_machine() -> Machine:
-    return msgspec.convert(describe_machine(), Machine)
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+def _progress(
+    contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor | None
+) -> Progress:
+    """Return what carries out a plan, here or on an executor."""
+    if executor is None:
+        return Progress(contestants, store, record, on_event)
+    return Dispatch(contestants, store, record, on_event, executor)

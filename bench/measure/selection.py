@@ -4,8 +4,9 @@ What is named itself must be sound. Of a folder the files that cannot be measure
 """
 
 import os
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...problems.catalog.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
@@ -13,6 +14,7 @@ from ...problems.catalog.families import family_of, sampled
 from ...problems.catalog.folder import Member, list_folder
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, ProxbenchError
+from ...problems.spelling import option
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolved
 
@@ -69,6 +71,24 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
         raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
     families = {one.name: one.family for one in candidates if one.name in taken}
     return Selection(tuple(taken.values()), families, folders[0] if name and folders else name, tuple(left_out))
+
+
+def shard_of(selection: Selection, shard: str) -> Selection:
+    """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``; all together are all problems.
+
+    Raises:
+        BenchError: if it is no shard, or has no problem.
+    """
+    found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
+    number, count = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= number <= count:
+        raise BenchError(f"{option('shard')} must be i/n with 1 ≤ i ≤ n, as 2/8 is, got {shard!r}.")
+    problems = selection.problems[number - 1 :: count]
+    if not problems:
+        raise BenchError(f"{option('shard')} {shard} has no problem, there are {len(selection.problems)}; divide less.")
+    names = set(map(name_of, problems))
+    families = {name: family for name, family in selection.families.items() if name in names}
+    return replace(selection, problems=problems, families=families)
 
 
 def name_of(problem: str | ContactProblem) -> str:

@@ -23,7 +23,7 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.pieces import Pieces, cut_into_pieces
 from ...problems.contact.problem import ContactProblem
 from ..errors import BenchError
-from ..report.text import counted
+from ..report.layout.text import counted
 from .meshes import in_space
 
 RIGID_TOLERANCE = 1e-9

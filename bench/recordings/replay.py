@@ -15,7 +15,7 @@ from ...problems.mechanics.system import System
 from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import Step, step_problem
 from ..errors import BenchError
-from ..report.text import counted
+from ..report.layout.text import counted
 from .balls import BallRecorder
 from .simulation import SMALLEST, CoordinateRecorder, StepRecorder
 from .woodpecker import WoodpeckerRecorder

@@ -17,7 +17,7 @@ from rerun.experimental import ViewerClient
 
 from ...problems.errors import said
 from ..errors import BenchError
-from ..report.output_file import refuse_taken, write_file
+from ..report.layout.output_file import refuse_taken, write_file
 
 SUFFIX = ".png"
 

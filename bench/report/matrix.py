@@ -12,7 +12,7 @@ from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
 from ...problems.hard import CASE_GROUPS
 from ..store.outcome import BAD_OUTCOMES, FAULTS, Cell, Outcome
-from .text import inline, markdown_table
+from .layout.text import inline, markdown_table
 
 MARKS = {
     Outcome.SOLVED: "✓",

@@ -9,7 +9,7 @@ from ...problems.trajectories.pour import UNITS
 from ...problems.trajectories.problem import Aggregates
 from ..store.frames import RunFrames
 from ..store.trajectory_records import TrajectoryRecord
-from .fitting import hanging, print_table
+from .layout.fitting import hanging, print_table
 
 _POINT = ("problem", "solver", "tolerance")
 

@@ -40,11 +40,11 @@ from .cells import (
     summary_tags,
     time_columns,
 )
-from .fitting import hanging, narrowest, print_table
+from .layout.fitting import hanging, narrowest, print_table
+from .layout.output_file import write_file
+from .layout.text import counted, inline, markdown_table
 from .matrix import matrix_page
-from .output_file import write_file
 from .studies import headline, points_table, print_points
-from .text import counted, inline, markdown_table
 
 _CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "model")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..report.output_file import drawn, picture_files, refuse_pictures, refuse_taken
+from ..report.layout.output_file import drawn, picture_files, refuse_pictures, refuse_taken
 
 
 @dataclass(frozen=True)

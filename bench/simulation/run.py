@@ -12,7 +12,7 @@ from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.stepping.moreau import Step
 from ...solvers.interface import Solver
 from ..errors import BenchError, FailedSimulationError
-from ..report.output_file import output_file
+from ..report.layout.output_file import output_file
 from .failure import Failure
 from .file import SUFFIX, read_simulation, write_simulation
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement

@@ -12,7 +12,7 @@ from rich.text import Text
 from ...problems.scenes.registry import SCENES
 from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from ...problems.trajectories.limit_cycle import Cycle, Cycles, Incident, cycles, relative_deviations
-from ..report.text import counted
+from ..report.layout.text import counted
 from .trajectory import Simulation
 
 MOST_ROWS = 30

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...problems.contact.model import Model
-from ..report.text import counted, unsolved_words
+from ..report.layout.text import counted, unsolved_words
 from ..store.conversion import content_of
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 from .trajectory import Ending, Simulation, switching_words

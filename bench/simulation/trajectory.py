@@ -15,7 +15,7 @@ from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.stepping.contact_states import LawStates, SwitchingPoint
 from ...problems.trajectories.limit_cycle import Incident
 from ...solvers.interface import Status
-from ..report.text import counted
+from ..report.layout.text import counted
 from ..store.outcome import ROUNDING
 from .beside import Beside
 from .failure import Failure

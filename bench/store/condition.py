@@ -22,30 +22,71 @@ _COMPARED = {
 
 
 def drift(run: RunRecord) -> float:
-    """Return the longest over the shortest time of the reference workload in a run; NaN where it was timed once."""
-    times = [seconds for session in run.sessions for seconds in session.calibration_seconds if seconds > 0.0]
-    return max(times) / min(times) if len(times) > 1 else math.nan
+    """Return the longest over the shortest time of the reference workload in a run; NaN where it was timed once.
+
+    Of a run on several machines it is that of the least steady one.
+    """
+    by_host: dict[str, list[float]] = {}
+    for session in run.sessions:
+        by_host.setdefault(session.host, []).extend(one for one in session.calibration_seconds if one > 0.0)
+    return max((max(times) / min(times) for times in by_host.values() if len(times) > 1), default=math.nan)
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
     """Return in words what two machines, or the versions and sources on them, differ in; nothing if times compare."""
-    found = [
+    return [*_other_hardware(before, now), *other_software(before, now)]
+
+
+def _other_hardware(before: Machine, now: Machine) -> list[str]:
+    return [
         f"{word} {_short(getattr(before, name))}, now {_short(getattr(now, name))}"
         for name, word in _COMPARED.items()
         if getattr(before, name) != getattr(now, name)
     ]
+
+
+def other_software(before: Machine, now: Machine) -> list[str]:
+    """Return in words what versions and sources on two machines differ in."""
     names = sorted(set(before.versions) | set(now.versions))
     versions = ((name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names)
-    found += [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in versions if old != new]
+    found = [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in versions if old != new]
     if before.source != now.source:
         found.append(f"source {_short(before.source)}, now {_short(now.source)}")
     return found
 
 
-def mixtures(run: RunRecord) -> list[str]:
-    """Return in words what the sessions of a run differ in from what it was begun on."""
-    machines = [session.machine for session in run.sessions if session.machine is not None]
-    return list(dict.fromkeys(said for machine in machines for said in differences(run.machine, machine)))
+def hosts(frames: RunFrames) -> dict[str, int]:
+    """Return how many problems of a run were measured on each machine, by its name."""
+    names = [session.host for session in frames.info.sessions]
+    found = [{names[index] for index in indices} for indices in _sessions_by_problem(frames).values()]
+    return {name: sum(name in one for one in found) for name in dict.fromkeys(names)}
+
+
+def mixtures(frames: RunFrames) -> list[str]:
+    """Return in words what sessions of a run differ in though their times are compared.
+
+    All must have the same versions and source, and those that measured one problem the same machine.
+    """
+    run = frames.info
+    machines = [session.machine or run.machine for session in run.sessions]
+    is_one = len(hosts(frames)) <= 1
+    groups = [machines] if is_one else [[machines[i] for i in used] for used in _sessions_by_problem(frames).values()]
+    found = [said for group in groups for machine in group for said in _other_hardware(group[0], machine)]
+    found += [
+        f"machine {group[0].host}, now {machine.host}"
+        for group in groups
+        for machine in group
+        if not is_one and machine.host != group[0].host
+    ]
+    found += [said for machine in machines for said in other_software(machines[0], machine)]
+    return list(dict.fromkeys(found))
+
+
+def _sessions_by_problem(frames: RunFrames) -> dict[str, list[int]]:
+    """Return the sessions in which each problem was measured, as far as the run has them."""
+    known = frames.rounds[frames.rounds["session"] < len(frames.info.sessions)]
+    by_problem = known.groupby("problem", sort=False)["session"]
+    return {str(name): sorted(set(map(int, sessions))) for name, sessions in by_problem}
 
 
 def _short(value: object) -> str:
@@ -68,7 +109,14 @@ def warnings(frames: RunFrames) -> list[str]:
             f"UNSTEADY: the machine's speed changed by a factor of {drift(frames.info):.2f} during the run; times of "
             "different problems do not compare; measure again on a quiet machine"
         )
-    mixed = mixtures(frames.info)
+    by_host = hosts(frames)
+    if len(by_host) > 1:
+        shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in by_host.items())
+        found.append(
+            f"MACHINES: measured on {len(by_host)} machines ({shares}), each problem on one of them; times of "
+            "different problems do not compare"
+        )
+    mixed = mixtures(frames)
     if mixed:
         found.append(
             f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
@@ -91,7 +139,9 @@ def steadiness(run: RunRecord) -> str:
     speed = "drift unknown" if math.isnan(factor) else f"drift {factor:.2f} (slowest / fastest reference workload)"
     ends = sorted({f"{load:.1f}" for load in loads if load in (min(loads), max(loads))}, key=float)
     load = f"load {' to '.join(ends)}" if ends else "load unknown"
-    return f"{run.machine.processor}, {run.machine.cores} cores; {speed}; {load}"
+    machines = [session.machine for session in run.sessions if session.machine is not None] or [run.machine]
+    names = dict.fromkeys(f"{machine.processor}, {machine.cores} cores" for machine in machines)
+    return f"{' and '.join(names)}; {speed}; {load}"
 
 
 def run_state(frames: RunFrames) -> list[str]:

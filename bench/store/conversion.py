@@ -1,5 +1,7 @@
-"""Records as JSON objects, and back: texts that can be shown anywhere, numbers that are not finite as null."""
+"""Records as JSON objects and as files, and back: texts that can be shown anywhere, numbers not finite as null."""
 
+import hashlib
+import json
 import math
 import re
 from typing import Any, TypeVar
@@ -15,6 +17,9 @@ _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202
 
 _DOUBTFUL = re.compile(rb"\\[ubfr]|\x7f")
 """What ASCII JSON has in place of some of these characters."""
+
+FORMAT = 2
+"""Version of the files; those of version 1 are read too."""
 
 R = TypeVar("R", RunRecord, CaseRecord)
 
@@ -58,7 +63,50 @@ def record_of(content: dict[str, Any], kind: type[R]) -> R:
         raise ValueError("limits") from None
 
 
-def of_format_1(content: dict[str, Any], kind: type[R]) -> dict[str, Any]:
+def sealed(content: dict[str, Any]) -> bytes:
+    """Return the file that holds content: JSON with its format and its checksum."""
+    body = {"format": FORMAT, **content}
+    return msgspec.json.format(msgspec.json.encode({**body, "checksum": checksum(body)}), indent=1)
+
+
+def unsealed(text: bytes, kind: type[R], name: str, remedy: str) -> R:
+    """Return the record that a file holds.
+
+    Args:
+        text: content of the file.
+        kind: of the record.
+        name: of the file in messages.
+        remedy: how they end.
+
+    Raises:
+        BenchError: if it is damaged, or of another format.
+    """
+    try:
+        content = json.loads(text.decode(), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError):
+        raise BenchError(f"{name} is damaged (no JSON); {remedy}.") from None
+    if not isinstance(content, dict) or content.pop("checksum", None) != checksum(content):
+        raise BenchError(f"{name} is damaged (its checksum does not match); {remedy}.")
+    version = content.pop("format", None)
+    if version not in (1, FORMAT):
+        raise BenchError(f"{name} is of another format than {FORMAT}; measure it again with this version.")
+    try:
+        return record_of(_of_format_1(content, kind) if version == 1 else content, kind)
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        field = error if isinstance(error, ValueError) else "content"
+        raise BenchError(f"{name} is damaged (its {field} makes no sense); {remedy}.") from None
+
+
+def checksum(content: dict[str, Any]) -> str:
+    """Return the SHA-256 of a JSON object: it shows that a file is whole, not that it is honest."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _of_format_1(content: dict[str, Any], kind: type[R]) -> dict[str, Any]:
     """Return content of the first format as one of today's: it had one session, and the numbers of a point flat in it.
 
     Raises:

@@ -1,14 +1,17 @@
 """What a run stores, as typed records: files are written from them, checked against them, and made frames by them."""
 
 import itertools
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from ...problems.catalog.families import family_of
 from ..errors import BenchError
 from .fields import LARGEST, Count, Number, Record, Residual, Tolerance
+from .impulses import Impulses
 from .outcome import Outcome
 from .trajectory_records import MethodRecord, TrajectoryRecord
 
@@ -61,6 +64,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         suite: name of the suite that the problems are of; empty where they were named.
         families: the family of each problem, by its name.
         left_out: a sentence for each file of a folder that cannot be measured.
+        shard: which part of the problems of a divided run these are, "2/8"; empty if all.
 
     Raises:
         ValueError: if a run over trajectories names others than it has.
@@ -77,6 +81,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     suite: str = ""
     families: dict[str, str] = {}
     left_out: list[str] = []
+    shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
 
     def __post_init__(self) -> None:
         names = [one.name for one in self.trajectories], [method.name for method in self.methods]
@@ -120,6 +125,7 @@ class Machine(Record, frozen=True, kw_only=True):
         commit: the commit of the source; empty where it is no checkout.
         dirty: whether the source differed from it.
         source: SHA-256 of the source files of this package; empty where it was not noted.
+        host: its name in its network; empty where it was not noted.
     """
 
     processor: str
@@ -133,6 +139,7 @@ class Machine(Record, frozen=True, kw_only=True):
     commit: str
     dirty: bool
     source: str = ""
+    host: str = ""
 
 
 class PluginUse(Record, frozen=True, kw_only=True):
@@ -161,6 +168,11 @@ class Session(Record, frozen=True, kw_only=True):
     machine: Machine | None = None
     calibration_seconds: list[Number] = []
     load: list[Number] = []
+
+    @property
+    def host(self) -> str:
+        """Name of the machine; empty where it was not noted."""
+        return "" if self.machine is None else self.machine.host
 
 
 class RunRecord(Record, frozen=True, kw_only=True):
@@ -268,6 +280,7 @@ class Measured(Record, frozen=True, kw_only=True):
             solves the worst is judged.
         hashes: what tells these vectors apart.
         verdict: the other numbers of the judge's verdict.
+        impulses: the answers that the residuals are of, kept at the finest point of a case; empty elsewhere.
         impulse_error: distance to the known impulses, if the problem has such.
         errors: of a trajectory, in each quantity.
         unsolved_steps: steps of all members of a trajectory that the judge does not find solved.
@@ -287,6 +300,7 @@ class Measured(Record, frozen=True, kw_only=True):
     hashes: Annotated[list[str], Meta(max_length=MOST_ANSWERS)] = []
     claimed_iterations: Count | None = None
     verdict: dict[str, bool | Number | None]
+    impulses: Annotated[list[Impulses], Meta(max_length=2)] = []
     impulse_error: Number | None
     errors: list[QuantityError] = []
     unsolved_steps: Count = 0
@@ -367,3 +381,15 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     peak_memory_bytes: Count
     curve: Curve
     points: list[Point]
+
+
+def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
+    """Return a case in a run where its sessions have these numbers."""
+
+    def moved(point: Point) -> Point:
+        if point.measured is None:
+            return point
+        rounds = [replace(one, session=places[one.session]) for one in point.rounds]
+        return replace(point, measured=replace(point.measured, rounds=rounds))
+
+    return replace(case, points=[moved(point) for point in case.points])

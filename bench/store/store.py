@@ -8,28 +8,24 @@ RUN/problems/*.npz      the problems that the package itself does not hold, by t
 import fcntl
 import hashlib
 import io
-import json
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import msgspec
 
 from ...problems.catalog.atomic_file import PART, replacing
 from ...problems.catalog.storage import SUFFIX, packed_problem, read_problem
 from ...problems.contact.problem import ContactProblem
 from ...problems.spelling import either, option
 from ..errors import BenchError
-from .conversion import R, content_of, of_format_1, record_of
+from .conversion import R, content_of, sealed, unsealed
 from .links import refuse_links_out
 from .records import CaseRecord, RunRecord
 
-FORMAT = 2
-"""Version of the files; those of version 1 are read too."""
+RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
+"""Names in the folder of a run."""
 
 _ELSEWHERE = f"choose another folder with {option('results')}"
 
@@ -66,7 +62,7 @@ class Store:
         Raises:
             BenchError: if it is none.
         """
-        if not (folder / "run.json").is_file():
+        if not (folder / RUN_FILE).is_file():
             raise BenchError(f"{folder} is no stored run (it has no run.json); name the folder of a run.")
         return Store(folder)
 
@@ -110,11 +106,11 @@ class Store:
 
     @property
     def _cases(self) -> Path:
-        return self.folder / "cases"
+        return self.folder / CASES
 
     @property
     def _problems(self) -> Path:
-        return self.folder / "problems"
+        return self.folder / PROBLEMS
 
     def write_run(self, run: RunRecord) -> None:
         """Write run.json.
@@ -122,7 +118,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        self._write(self.folder / "run.json", _text(content_of(run)))
+        self._write(self.folder / RUN_FILE, sealed(content_of(run)))
 
     def read_run(self) -> RunRecord:
         """Return what run.json says.
@@ -130,7 +126,7 @@ class Store:
         Raises:
             BenchError: if it is damaged.
         """
-        return _read(self.folder / "run.json", RunRecord, "begin a new run")
+        return _read(self.folder / RUN_FILE, RunRecord, "begin a new run")
 
     def write_case(self, case: CaseRecord) -> None:
         """Write one finished case, its names and texts as they can be shown anywhere.
@@ -139,7 +135,7 @@ class Store:
             BenchError: if it cannot be written.
         """
         content = content_of(case)
-        self._write(self._case_file(content["problem"], content["solver"]), _text(content))
+        self._write(self.folder / case_file(content["problem"], content["solver"]), sealed(content))
 
     def write_problem(self, problem: ContactProblem) -> None:
         """Write a problem, once for each digest.
@@ -147,7 +143,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        path = self._problem_file(problem.digest)
+        path = self.folder / problem_file(problem.digest)
         if path not in self._written:
             self._write(path, packed_problem(problem))
 
@@ -158,7 +154,7 @@ class Store:
             ProblemError: if its file is missing or damaged.
             BenchError: if its file holds another problem.
         """
-        path = self._problem_file(digest)
+        path = self.folder / problem_file(digest)
         known = self._written.get(path)
         problem = read_problem(path if known is None else io.BytesIO(known), str(path))
         if problem.digest != digest:
@@ -188,19 +184,22 @@ class Store:
         for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:
                 case = _read(file, CaseRecord, "resume the run to measure it again")
-                if self._case_file(case.problem, case.solver) != file:
+                if self.folder / case_file(case.problem, case.solver) != file:
                     raise BenchError(f"{file.name} holds another case than its name says.")
                 cases.append(case)
             except BenchError as error:
                 damaged.append(f"{file.name} is left out: {error}")
         return cases, damaged
 
-    def _case_file(self, problem: str, solver: str) -> Path:
-        """Return the file of a case: readable, safe as a file name, and unique."""
-        return self._cases / f"{plain_name(problem)}--{plain_name(solver)}.json"
 
-    def _problem_file(self, digest: str) -> Path:
-        return self._problems / f"{digest}{SUFFIX}"
+def case_file(problem: str, solver: str) -> str:
+    """Return the file of a case in the folder of a run: readable, safe as a file name, and unique."""
+    return f"{CASES}/{plain_name(problem)}--{plain_name(solver)}.json"
+
+
+def problem_file(digest: str) -> str:
+    """Return the file of a problem in the folder of a run."""
+    return f"{PROBLEMS}/{digest}{SUFFIX}"
 
 
 def plain_name(name: str) -> str:
@@ -209,12 +208,6 @@ def plain_name(name: str) -> str:
     if plain == name and len(plain) <= 60:
         return plain
     return f"{plain[:51]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
-
-
-def _text(content: dict[str, Any]) -> bytes:
-    """Return content as JSON with its format and its checksum."""
-    body = {"format": FORMAT, **content}
-    return msgspec.json.format(msgspec.json.encode({**body, "checksum": _checksum(body)}), indent=1)
 
 
 def _put(path: Path, content: bytes) -> None:
@@ -243,26 +236,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_FILE:
             raise BenchError(f"{path.name} is no file that a run writes; remove it.")
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+        text = path.read_bytes()
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror}.") from None
-    except (ValueError, RecursionError):
-        raise BenchError(f"{path.name} is damaged (no JSON); {remedy}.") from None
-    if not isinstance(content, dict) or content.pop("checksum", None) != _checksum(content):
-        raise BenchError(f"{path.name} is damaged (its checksum does not match); {remedy}.")
-    version = content.pop("format", None)
-    if version not in (1, FORMAT):
-        raise BenchError(f"{path.name} is of another format than {FORMAT}; measure it again with this version.")
-    try:
-        return record_of(of_format_1(content, kind) if version == 1 else content, kind)
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
-        field = error if isinstance(error, ValueError) else "content"
-        raise BenchError(f"{path.name} is damaged (its {field} makes no sense); {remedy}.") from None
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no JSON")
-
-
-def _checksum(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return unsealed(text, kind, path.name, remedy)

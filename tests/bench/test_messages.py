@@ -11,7 +11,7 @@ from proxbench.bench import resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, InterruptedRunError, InterruptedSimulationError
 from proxbench.bench.recordings.file import refuse_bad_path
-from proxbench.bench.report.output_file import output_file, refuse_taken
+from proxbench.bench.report.layout.output_file import output_file, refuse_taken
 from proxbench.problems import ProxbenchError
 from proxbench.problems.spelling import for_command_line
 

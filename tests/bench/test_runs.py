@@ -130,7 +130,7 @@ def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_f
     monkeypatch.setenv("PROXBENCH_CACHE", str(cache))
     monkeypatch.setitem(SUITES, "all", [*SUITES["all"], "late"])
     monkeypatch.setattr(
-        "proxbench.bench.measure.runner.generate",
+        "proxbench.bench.measure.execution.progress.generate",
         lambda names: [save_problem(falling(name, 2.0), cache / f"{name}.npz") for name in names],
     )
     save_problem(falling("early"), cache / "early.npz")
@@ -200,4 +200,4 @@ def test_the_version_is_that_of_the_installation() -> None:
     from importlib import metadata
 
     assert bench.__version__ == metadata.version("proxbench")
-    assert set(bench.__all__) == {"Run", "load", "resume", "run", "study"}
+    assert set(bench.__all__) == {"Run", "bundle", "load", "merge", "rejudge", "resume", "run", "study"}

@@ -18,11 +18,12 @@ from ....solvers.interface import Status, Stop
 from ...isolation.worker import LARGEST_CONTENT, Fault, no_answer
 from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import are_iterations
+from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
 from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
 from ..pace import free_probe_seconds, free_share, slowness
-from ..points import joined, number_of, times_of
+from ..points import joined, times_of, with_impulses_at_the_finest
 from .clock_account import ClockAccount
 from .control import THOROUGH, Controls, Solve, explains
 from .protocol import TIMED, MeasuringTask, medians_on_free_core, round_fault
@@ -180,7 +181,7 @@ class Case(LadderCase):
         last = answers[-1]
         times = np.array([pair for answer in answers for pair in answer["times"]])
         status = Status(last["status"])
-        outcome, own, coulomb, different, claims = self._judged(value, status, answers)
+        outcome, own, coulomb, different, claims, kept = self._judged(value, status, answers)
         reason = last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence)
         late = late_reason(float(np.median(times[:, 1])), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
@@ -200,6 +201,7 @@ class Case(LadderCase):
             answers=len(hashes),
             hashes=hashes,
             verdict=coulomb.numbers(),
+            impulses=kept,
             impulse_error=max(errors, default=None),
         )
         point = Point(tolerance=value, outcome=outcome, status=status.value, reason=reason, measured=measured)
@@ -256,6 +258,7 @@ class Case(LadderCase):
         In later rounds this is done again where one is faster than that first solve explains.
         """
         super().add_point(level, answers)
+        self.points = with_impulses_at_the_finest(self.points)
         point = self.points[level]
         measured = point.measured
         if measured is None or not point.is_repeated or point.outcome is Outcome.WRONG or not self.problem.n_rows:
@@ -282,16 +285,17 @@ class Case(LadderCase):
         if outcome in (Outcome.SOLVED, Outcome.RELAXED):
             return point
         reason = claim_reason(outcome, tolerance, model, own.residual) or f"it ends {outcome.value}"
-        worst = {
+        worse = {
             "residual": max(point.measured.residual, coulomb.residual, key=number_of),
             "model_residual": max(point.measured.model_residual, own.residual, key=number_of),
+            "impulses": worst([*point.measured.impulses, Impulses.of(first.impulses, own, coulomb)]),
         }
         return replace(
             point,
             outcome=outcome,
             status=first.status.value,
             reason=f"in a first solve in a fresh process, {reason}",
-            measured=replace(point.measured, **worst),
+            measured=replace(point.measured, **worse),
         )
 
     def _median_again(self, value: float) -> float:
@@ -311,8 +315,8 @@ class Case(LadderCase):
 
     def _judged(
         self, tolerance: float, status: Status, answers: list[dict[str, Any]]
-    ) -> tuple[Outcome, Verdict, Verdict, list[FloatArray], list[bytes]]:
-        """Return the outcome, the worst verdicts under the solver's own model and Coulomb's law, answers and claims.
+    ) -> tuple[Outcome, Verdict, Verdict, list[FloatArray], list[bytes], list[Impulses]]:
+        """Return outcome, worst verdicts under the solver's own model and Coulomb's law, answers, claims, what is kept.
 
         All solves but the last one claim to have solved; times are those of all, so the residuals are the worst of all.
         """
@@ -327,8 +331,10 @@ class Case(LadderCase):
             outcome = Outcome.WRONG
         elif status is Status.SOLVED and Outcome.RELAXED in outcomes:
             outcome = Outcome.RELAXED
-        own, coulomb = (max(found, key=_residual) for found in zip(*judged.values(), strict=True))
-        return outcome, own, coulomb, list(different.values()), claims
+        under_model, under_coulomb = (max(judged, key=lambda key: judged[key][law].residual) for law in (0, 1))
+        kept = worst(Impulses.of(different[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
+        own, coulomb = judged[under_model][0], judged[under_coulomb][1]
+        return outcome, own, coulomb, list(different.values()), claims, kept
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve that claims ``claimed``.
@@ -384,7 +390,3 @@ def _contradicted_count(answer: dict[str, Any]) -> tuple[int, int] | None:
     if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):
         return None
     return calls, claimed
-
-
-def _residual(verdict: Verdict) -> float:
-    return verdict.residual

@@ -18,10 +18,10 @@ from ...store.frames import RunFrames
 from ...store.outcome import Outcome
 from ...store.store import plain_name
 from ..accuracy import measured_points
+from ..layout.text import counted
 from ..palette import Look, looks
 from ..studies import headline, spreads
 from ..tables import ending
-from ..text import counted
 from .drawing import (
     FONT_SIZE,
     Label,

@@ -12,10 +12,10 @@ from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
 from ..cells import exponent
-from ..output_file import write_file
+from ..layout.output_file import write_file
+from ..layout.text import counted
 from ..palette import Look, looks
 from ..profiles import ALL, BUDGETS, RESIDUALS, profile_accuracies, profile_tables
-from ..text import counted
 from .drawing import by_name, heading, key, stacked, write_drawing
 
 WIDTH, HEIGHT = 300, 220

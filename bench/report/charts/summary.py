@@ -10,8 +10,8 @@ from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
 from ..cells import duration, exponent
+from ..layout.text import counted
 from ..palette import PALETTE, looks
-from ..text import counted
 from .drawing import FONT_SIZE, by_name, heading, log_axis, round_values, stacked
 
 WIDTH = 300

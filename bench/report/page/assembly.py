@@ -16,7 +16,7 @@ from typing import Any
 from ...errors import BenchError
 from ...store.frames import JUDGED, RunFrames
 from ..charts.drawing import drawing_script
-from ..output_file import write_file
+from ..layout.output_file import write_file
 from ..profiles import baseline_of, require_cases
 from .document import page_document
 

@@ -5,9 +5,9 @@ from crashing_solver import CrashingBelow
 from msgspec.structs import replace
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.execution.events import Event, ProblemStarted
 from proxbench.bench.measure.passes import shuffled, uncertain
 from proxbench.bench.measure.plan import PASSES
-from proxbench.bench.measure.runner import Event, ProblemStarted
 from proxbench.bench.store.certainty import ratio
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.outcome import Outcome

@@ -13,8 +13,8 @@ import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import load, resume, run
 from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.execution.events import CaseFinished, RunStarted
 from proxbench.bench.measure.plan import PASSES, Limits
-from proxbench.bench.measure.runner import CaseFinished, RunStarted
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem, judge

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.selection import name_of, select
+from proxbench.bench.measure.selection import Selection, name_of, select, shard_of
 from proxbench.problems import ContactProblem, ProblemError, save_problem, write_fclib
 from proxbench.problems.catalog.catalog import suite_members
 
@@ -130,3 +130,24 @@ def test_pipes_and_links_to_nothing_are_no_members(tmp_path: Path) -> None:
     os.mkfifo(folder / "pipe.hdf5")
     chosen = select(None, folder)
     assert (list(chosen.families), chosen.left_out) == (["boxes-000"], ())
+
+
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_shards_have_each_problem_once_in_turns_with_its_family(count: int) -> None:
+    whole = select(None, "woodpecker")
+    shards = [shard_of(whole, f"{number}/{count}") for number in range(1, count + 1)]
+    assert sorted(name for shard in shards for name in map(name_of, shard.problems)) == sorted(whole.problems)
+    assert {name: family for shard in shards for name, family in shard.families.items()} == whole.families
+    assert [name_of(shard.problems[0]) for shard in shards] == list(whole.problems[:count])
+    assert max(len(shard.problems) for shard in shards) - min(len(shard.problems) for shard in shards) <= 1
+
+
+@pytest.mark.parametrize("shard", ["0/2", "3/2", "1/0", "2", "1/2/3", "-1/2", "a/b", "1/ 2", "", "1/999999"])
+def test_a_shard_that_is_none_is_refused(shard: str) -> None:
+    with pytest.raises(BenchError, match="must be i/n"):
+        shard_of(Selection(("a", "b"), {}), shard)
+
+
+def test_a_shard_without_a_problem_is_refused() -> None:
+    with pytest.raises(BenchError, match="has no problem, there are 2; divide less"):
+        shard_of(Selection(("a", "b"), {}), "3/3")

@@ -9,7 +9,7 @@ from proxbench import bench
 from proxbench.bench import load
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.report.output_file import write_file
+from proxbench.bench.report.layout.output_file import write_file
 
 MINE = "not a result"
 LITTLE = "pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3) --no-progress"

@@ -64,7 +64,7 @@ def test_columns_are_the_fields_of_the_records_however_little_was_measured(point
     lists = {"curve", "points"}
     assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
-    numbers -= {"verdict", "errors", "rounds", "hashes", "component_residuals"}
+    numbers -= {"verdict", "errors", "rounds", "hashes", "impulses", "component_residuals"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}
     identity = {"problem", "family", "solver", "model"}
     assert set(run.points) == identity | (set(Point.__struct_fields__) - {"measured"}) | numbers | spread

@@ -64,7 +64,7 @@ def test_truncation_and_every_flipped_bit_are_noticed(store: Store, case: CaseRe
 
 
 def test_another_format_is_noticed(store: Store, case: CaseRecord, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.store.store.FORMAT", 99)
+    monkeypatch.setattr("proxbench.bench.store.conversion.FORMAT", 99)
     store.write_case(case)
     monkeypatch.undo()
     assert "format" in store.read_cases()[1][0]

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from proxbench.bench import Run, load, resume, study
 from proxbench.bench.errors import BenchError, InterruptedRunError
-from proxbench.bench.measure.runner import Event, PointFinished
+from proxbench.bench.measure.execution.events import Event, PointFinished
 from proxbench.bench.measure.trajectories import problems, task
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits

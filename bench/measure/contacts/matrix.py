@@ -8,16 +8,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
-from ...solvers.interface import Solver, Stop
-from ...solvers.registry import available
-from ..plugins.describing import contestant
-from ..plugins.problems import resolved
-from ..plugins.remote_solver import FailedSolveError, RemoteSolver
-from ..store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
-from .plan import DEFAULT_SOLVERS
-from .selection import name_of
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.residual import Residual
+from ....solvers.interface import Solver, Stop
+from ....solvers.registry import available
+from ...plugins.describing import contestant
+from ...plugins.problems import resolved
+from ...plugins.remote_solver import FailedSolveError, RemoteSolver
+from ...store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
+from ..plan import DEFAULT_SOLVERS
+from ..selection import name_of
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell may take beyond its solve, for preparing [s]."""

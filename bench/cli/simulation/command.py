@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from . import options
-from .help import HelpCommand
-from .run import report_run
+from .. import options
+from ..help import HelpCommand
+from ..run import report_run
 
 _NUMBERS = ("stepper", "tolerance", "max_iterations", "states", "step_seconds")
 
@@ -60,7 +60,7 @@ class SceneCommand(HelpCommand):
 
 
 def _scene_options(word: str) -> list[tuple[str, str]]:
-    from ...problems.scenes.registry import SCENES
+    from ....problems.scenes.registry import SCENES
 
     name = word.partition("(")[0]
     if name not in SCENES:
@@ -106,7 +106,7 @@ def simulate(
     progress: options.Progress = True,
 ) -> int:
     """Simulate a scene step by step; every step is judged and stored. SCENE -h shows the options of a scene."""
-    from .simulation import Request, run_simulation
+    from .show import Request, run_simulation
 
     _refuse_contradictions(context)
     options.refuse_two_prints(quiet, as_json)
@@ -124,9 +124,9 @@ def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: boo
     from msgspec.structs import replace
     from rich.console import Console
 
-    from .. import runs
-    from ..measure.trajectories.plan import LIMITS as DEFAULTS
-    from .progress import RunProgress
+    from ... import runs
+    from ...measure.trajectories.plan import LIMITS as DEFAULTS
+    from ..progress import RunProgress
 
     given = context.params
     with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
@@ -141,8 +141,8 @@ def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: boo
 
 
 def _refuse_contradictions(context: typer.Context) -> None:
-    from ...problems.scenes.registry import SCENES
-    from ..errors import BenchError
+    from ....problems.scenes.registry import SCENES
+    from ...errors import BenchError
 
     given, resume = context.params, context.params["resume"]
     named = options.given(context)

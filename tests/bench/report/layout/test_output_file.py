@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.report.output_file import drawn, output_file, picture_files, refuse_pictures
+from proxbench.bench.report.layout.output_file import drawn, output_file, picture_files, refuse_pictures
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems.catalog.atomic_file import replacing

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.measure.matrix import default_solvers, measured_matrix
+from proxbench.bench.measure.contacts.matrix import default_solvers, measured_matrix
 from proxbench.bench.report.matrix import count_bad, matrix_page
 from proxbench.bench.store.outcome import Cell, Outcome
 from proxbench.solvers import Stop, available

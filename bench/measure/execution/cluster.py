@@ -1,0 +1,44 @@
+"""Clusters of dask.distributed as executors."""
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from ...errors import BenchError
+
+LOCAL = "local"
+"""Stands for a cluster on this machine, of one worker for each core."""
+
+CONNECT_SECONDS = 10.0
+"""Time that a scheduler, and then its first worker, has to answer [s]."""
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Yield an executor on a cluster; a cluster of this machine ends with it.
+
+    Args:
+        address: of its scheduler, "tcp://host:8786", or ``LOCAL``.
+
+    Raises:
+        BenchError: if dask is not installed, or there is no scheduler at the address, or it has no worker.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise BenchError('dask is not installed; install it with: pip install "proxbench[dask]"') from None
+    dask: Any = distributed  # its classes have no types
+    with ExitStack() as opened:
+        try:
+            where: Any = address
+            if address == LOCAL:
+                where = opened.enter_context(dask.LocalCluster(threads_per_worker=1, dashboard_address=None))
+            client = opened.enter_context(dask.Client(where, timeout=CONNECT_SECONDS, set_as_default=False))
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except (OSError, TimeoutError, ValueError) as error:
+            why = type(error).__name__
+            raise BenchError(
+                f"there is no dask cluster with workers at {address} ({why}); start it, or name another."
+            ) from None
+        yield client.get_executor()

@@ -1,0 +1,156 @@
+"""A plan carried out on an executor: each problem is a task, and what comes back is stored as it comes.
+
+A task that is lost with its worker is given to another one; one that is done twice gives the same cases, and the later
+ones count. So a worker that dies loses what it was measuring, and nothing else.
+"""
+
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+
+from msgspec.structs import replace
+
+from ....problems.catalog.plugins import registered
+from ....problems.catalog.storage import packed_problem
+from ....problems.errors import ProxbenchError, first_line
+from ....problems.spelling import either
+from ...errors import BenchError
+from ...plugins.contestants import Contestant
+from ...plugins.problems import problem_of
+from ...store.records import CaseRecord, RunRecord, Session, with_sessions
+from ...store.store import Store
+from ..passes import shuffled
+from .events import CaseFinished, OnEvent, VisitFinished
+from .part import MeasuredPart, Part, measure_part
+from .progress import Contestants, Progress
+
+MOST_WAITING = 64
+"""Tasks that an executor has at a time: problems are sent with them."""
+
+ATTEMPTS = 3
+"""Workers that may be lost with a task before it is given up."""
+
+
+class Dispatch(Progress):
+    """A plan as far as it is carried out on an executor; the machine of this process measures nothing."""
+
+    def __init__(
+        self, contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor
+    ) -> None:
+        """Note what to carry out, where to store it, what to call as it goes on, and what measures."""
+        super().__init__(contestants, store, record, on_event)
+        self._executor = executor
+        self._n_before = len(record.sessions)
+        self._lost: dict[str, BaseException] = {}
+
+    def _measure(self) -> None:
+        """Give each unfinished problem to the executor, and store what comes back.
+
+        Raises:
+            BenchError: if problems were lost with their workers too often; all else is stored.
+        """
+        plan = self._record.plan
+        left = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
+        attempts, n_done = dict.fromkeys(left, ATTEMPTS), len(plan.problems) - len(left)
+        running: dict[Future[MeasuredPart], str] = {}
+        try:
+            while left or running:
+                self._submit(left, running)
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    name, fault = running.pop(future), _fault(future)
+                    if fault is None:
+                        self._keep_part(name, future.result())
+                        n_done += 1
+                        self._on_event(VisitFinished(name, n_done, len(plan.problems)))
+                        continue
+                    attempts[name] -= 1
+                    if attempts[name]:
+                        left.append(name)
+                    else:
+                        self._lost[name] = fault
+        finally:
+            for future in running:
+                future.cancel()
+        self._refuse_losses()
+
+    def _submit(self, left: list[str], running: dict[Future[MeasuredPart], str]) -> None:
+        """Give the executor as many problems as it may have; all are lost if it takes none any more."""
+        while left and len(running) < MOST_WAITING:
+            part = self._part(left[0])
+            try:
+                running[self._executor.submit(measure_part, part)] = left[0]
+            except (RuntimeError, OSError) as broken:
+                self._lost |= dict.fromkeys(left, broken)
+                left.clear()
+            else:
+                left.pop(0)
+
+    def _refuse_losses(self) -> None:
+        if self._lost:
+            count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
+            why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
+            again = either(f"proxbench run --resume {folder}", f"proxbench.bench.resume({str(folder)!r})")
+            raise BenchError(f"{count} were lost with their workers ({why}); the others are kept, go on with: {again}")
+
+    def _part(self, name: str) -> Part:
+        record, plan = self._record, self._record.plan
+        problem = problem_of(self._store, record, name)
+        own = replace(
+            record,
+            plan=replace(plan, problems=[name], families={name: plan.family(name)}, left_out=[], shard=""),
+            carried={name: problem.digest},
+            sessions=record.sessions[: self._n_before],
+        )
+        contestants = tuple(one for one in self._contestants if isinstance(one, Contestant))
+        return Part(own, tuple(self._cases[name].values()), packed_problem(problem), contestants, tuple(registered()))
+
+    def _keep_part(self, name: str, part: MeasuredPart) -> None:
+        """Store the cases of a problem, and what is known of the machine that measured them."""
+        plan, place = self._record.plan, self._place_of(part.session)
+        places = [*range(self._n_before), place]
+        for case in self._unfinished(name, part):
+            self._put(with_sessions(case, places))
+            if plan.has_finished(case):
+                self._done += 1
+                total = len(plan.problems) * len(plan.solvers)
+                self._on_event(CaseFinished(name, case.solver, case.outcome, self._done, total))
+
+    def _unfinished(self, name: str, part: MeasuredPart) -> Iterator[CaseRecord]:
+        """Yield the cases of a part that were not finished before."""
+        plan, known = self._record.plan, self._cases[name]
+        finished = {solver for solver, case in known.items() if plan.has_finished(case)}
+        return (case for case in part.cases if case.solver not in finished)
+
+    def _place_of(self, session: Session) -> int:
+        """Return the number of the session of a machine, to which what was measured there now is added."""
+        sessions = self._record.sessions
+        for place, known in enumerate(sessions[self._n_before :], self._n_before):
+            if known.host == session.host:
+                times = [*known.calibration_seconds, *session.calibration_seconds]
+                loads = [*known.load, *session.load]
+                joined = replace(known, finished=session.finished, calibration_seconds=times, load=loads)
+                self._note(replace(self._record, sessions=[*sessions[:place], joined, *sessions[place + 1 :]]))
+                return place
+        self._note(replace(self._record, sessions=[*sessions, session]))
+        return len(sessions)
+
+    def _note_machine(self) -> None:
+        """Note nothing of this machine."""
+
+    def _note(self, record: RunRecord) -> None:
+        """Store the record of the run, whose sessions are those of the workers."""
+        self._record = record
+        self._store.write_run(record)
+
+
+def _fault(future: Future[MeasuredPart]) -> BaseException | None:
+    """Return why a task has no result; None if it has.
+
+    Raises:
+        ProxbenchError: if it would fail anywhere.
+    """
+    if future.cancelled():
+        return CancelledError("it was cancelled")
+    fault = future.exception()
+    if isinstance(fault, ProxbenchError):
+        raise fault
+    return fault

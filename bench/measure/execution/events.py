@@ -1,0 +1,57 @@
+"""What a run says as it goes on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class RunStarted:
+    """The plan is made and the folder exists."""
+
+    run_dir: Path
+    total: int
+    done: int
+
+
+@dataclass(frozen=True)
+class ProblemStarted:
+    """The cases of one problem begin, in a pass of the planned number of passes, from 0, or in one more."""
+
+    problem: str
+    number: int = 0
+    passes: int = 1
+
+
+@dataclass(frozen=True)
+class PointFinished:
+    """A round of a point is measured and stored."""
+
+    problem: str
+    solver: str
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class CaseFinished:
+    """All that is planned of one case is stored."""
+
+    problem: str
+    solver: str
+    outcome: str
+    done: int
+    total: int
+
+
+@dataclass(frozen=True)
+class VisitFinished:
+    """One problem is through one of the planned passes, so many of all."""
+
+    problem: str
+    done: int
+    total: int
+
+
+Event = RunStarted | ProblemStarted | PointFinished | CaseFinished | VisitFinished
+
+OnEvent = Callable[[Event], None]

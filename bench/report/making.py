@@ -1,0 +1,72 @@
+"""What a run has to show, as frames and as files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from ...problems.spelling import option
+from ..errors import BenchError, UnwritableError
+from ..store.frames import JUDGED, RunFrames
+from ..store.links import refuse_links_out
+from .accuracy import summary_table
+from .profiles import baseline_of
+from .studies import points_table
+from .tables import results_table, write_tables
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a run has to show.
+
+    Attributes:
+        results: time to accuracy and ending of each case.
+        summary: success and mean time of each solver; in a run over trajectories, its points.
+        tables: the files that hold both.
+        charts: the files of the charts; none if they were not drawn.
+        unwritten: why files are missing, in one sentence; empty if none is.
+    """
+
+    results: pd.DataFrame
+    summary: pd.DataFrame
+    tables: list[Path]
+    charts: list[Path]
+    unwritten: str = ""
+
+
+def make_report(frames: RunFrames, charts: bool, baseline: str) -> Report:
+    """Write tables and charts of a run, and return them; see ``Run.report``.
+
+    Args:
+        frames: the run, with the residual that tables go by.
+        charts: draw charts.
+        baseline: the solver that charts give speed-ups against; the one that solves most if empty.
+
+    Raises:
+        BenchError: if a link in the folder of the run leads out of it, or the run has no such solver.
+    """
+    folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
+    tables, drawn, unwritten = [], [], ""
+    has_profiles = len(frames.cases) > 0 and not frames.is_study
+    if baseline and not has_profiles:
+        raise BenchError(f"{frames.folder} has no speed-ups; leave {option('baseline')} out.")
+    against = baseline_of(frames, baseline) if has_profiles else ""
+    for place in ("tables", "charts"):
+        refuse_links_out(folder / place, frames.folder)
+    try:
+        tables = write_tables(frames, folder / "tables")
+        if charts:
+            drawn = _draw(frames, against, folder / "charts")
+    except UnwritableError as error:
+        unwritten = error.sentence
+    summary = points_table(frames) if frames.is_study else summary_table(frames)
+    return Report(results_table(frames), summary, tables, drawn, unwritten)
+
+
+def _draw(frames: RunFrames, against: str, folder: Path) -> list[Path]:
+    """Draw the charts of a run, with profiles if it has a baseline; altair takes a second to import."""
+    from .charts.problems import write_charts
+    from .charts.profiles import write_profiles
+
+    drawn = write_charts(frames, folder)
+    return [*drawn, *write_profiles(frames, against, folder)] if against else drawn

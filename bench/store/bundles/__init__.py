@@ -1,0 +1,1 @@
+"""Runs that travel as one file: packed, read from strangers, judged again, merged."""

@@ -1,0 +1,207 @@
+"""Judging again: every residual that impulses prove is computed anew from problem and impulses.
+
+Two machines add in other orders, so that their judges differ by rounding. What that may be is found by judging the
+impulses once more with relative changes of ``ROUNDING`` in them: numbers agree within ``MARGIN`` of what that changes,
+and ``RELATIVE`` of their size. On one machine they are equal to the bit.
+
+What cannot be proved: times and iterations, and the residuals of points that are coarser than the finest one of a case,
+which must only fit the outcomes that they are given with.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ....problems.arrays import FloatArray
+from ....problems.contact.judge import Verdict
+from ....problems.contact.model import Model
+from ....problems.contact.problem import ContactProblem
+from ....problems.errors import ProxbenchError
+from ....solvers.interface import Status
+from ..impulses import Impulses, number_of, worst
+from ..outcome import RELAXED_FACTOR, WRONG_FACTOR, Outcome, verdicts
+from ..outcome import ROUNDING as RELAXED_ROUNDING
+from ..records import CaseRecord, Measured, Point
+from .bundle import Bundle
+
+ROUNDING = 2.0**-44
+"""Relative change of impulses that is taken for rounding of sums over a row."""
+
+MARGIN = 8.0
+
+MOST_SIDES = 10**6
+"""Sides of a pyramid that is a cone up to rounding."""
+
+RELATIVE = 1e-6
+"""Relative difference that is none."""
+
+
+@dataclass
+class Rejudged:
+    """What came of judging a bundle again.
+
+    Attributes:
+        n_cases: cases in it.
+        n_judged: cases whose finest point was judged again.
+        n_residuals: residuals computed again, under Coulomb's law and the solvers' own models.
+        n_identical: how many of them are equal to the bit.
+        disagreements: a sentence for each case that is not what the bundle says.
+    """
+
+    n_cases: int = 0
+    n_judged: int = 0
+    n_residuals: int = 0
+    n_identical: int = 0
+    disagreements: list[str] = field(default_factory=list)
+
+    @property
+    def sentence(self) -> str:
+        """What came of it, in words."""
+        share = "all" if self.n_identical == self.n_residuals else str(self.n_identical)
+        judged = (
+            f"{self.n_judged} of {self.n_cases} cases judged again: {self.n_residuals} residuals, {share} to the bit"
+        )
+        wrong = len(self.disagreements)
+        return f"{judged}; {f'{wrong} cases are not what the bundle says' if wrong else 'nothing disagrees'}"
+
+
+class _Disagreement(Exception):  # noqa: N818 - a finding, not a mistake of the program
+    """A case that is not what the bundle says; the text says how."""
+
+
+def rejudge(bundle: Bundle, on_case: Callable[[int, int], None] = lambda done, total: None) -> Rejudged:
+    """Judge a bundle again, from its problems and impulses.
+
+    Args:
+        bundle: the bundle.
+        on_case: called with the number of cases that are done, and of all.
+    """
+    found, known = Rejudged(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
+    for done, case in enumerate(sorted(bundle.cases, key=lambda case: case.problem), 1):
+        try:
+            if case.problem not in known:
+                known = {case.problem: bundle.problem(case.problem)}
+            _judge_again(case, known[case.problem], found)
+        except (_Disagreement, ProxbenchError) as disagreement:
+            found.disagreements.append(f"{case.solver} on {case.problem}: {disagreement}")
+        on_case(done, len(bundle.cases))
+    return found
+
+
+def _judge_again(case: CaseRecord, problem: ContactProblem, found: Rejudged) -> None:
+    """Judge the finest point of a case again, and hold the others against their outcomes.
+
+    Raises:
+        _Disagreement: if something is not what the case says.
+    """
+    sizes = problem.digest, problem.n_rows, problem.n_contacts
+    if (case.digest, case.n_rows, case.n_contacts) != sizes:
+        raise _Disagreement("it was measured on a problem with other numbers")
+    try:
+        model = Model.from_text(case.model)
+    except (ProxbenchError, ValueError):
+        raise _Disagreement(f"there is no model {case.model!r:.60}") from None
+    if model.sides > MOST_SIDES:
+        raise _Disagreement(f"there is no model {case.model!r:.60} with so many sides")
+    for point in case.points:
+        fault = _claim_fault(point, model)
+        if fault:
+            raise _Disagreement(f"at {point.tolerance:g}, {fault}")
+    finest = next((point for point in reversed(case.points) if point.measured is not None), None)
+    if finest is not None and finest.measured is not None:
+        _judge_point(finest.measured, problem, model, found)
+        found.n_judged += 1
+
+
+def _claim_fault(point: Point, model: Model) -> str:
+    """Return why the residuals of a point do not allow its outcome; empty if they do."""
+    measured, tolerance = point.measured, point.tolerance
+    if measured is None:
+        return "" if point.outcome is Outcome.NOT_ATTEMPTED else f"it ended {point.outcome.value} without a measurement"
+    own, coulomb = number_of(measured.model_residual), number_of(measured.residual)
+    if model == Model.COULOMB and own != coulomb:
+        return "its two residuals differ, which are one under Coulomb's law"
+    if point.outcome in (Outcome.SOLVED, Outcome.RELAXED):
+        if point.status != Status.SOLVED:
+            return f"it counts as {point.outcome.value}, and its solver says {point.status!r}"
+        if own > WRONG_FACTOR * tolerance:
+            return f"it counts as {point.outcome.value} with the residual {own:.1e}"
+    is_close = coulomb <= min(tolerance, RELAXED_FACTOR * max(own, RELAXED_ROUNDING))
+    if point.outcome is Outcome.SOLVED and model != Model.COULOMB and not is_close:
+        return f"it counts as solved, and solves the {model} model with the residual {coulomb:.1e}"
+    return ""
+
+
+def _judge_point(measured: Measured, problem: ContactProblem, model: Model, found: Rejudged) -> None:
+    """Compute residuals and verdict of a point again.
+
+    Raises:
+        _Disagreement: if they are others.
+    """
+    if worst(measured.impulses) != measured.impulses:
+        raise _Disagreement("its impulses are not those that count")
+    for index, kept in enumerate(measured.impulses):
+        try:
+            impulses = kept.unpacked(problem.n_rows)
+        except ValueError as error:
+            raise _Disagreement(f"its impulses {error}") from None
+        again, moved = (verdicts(problem, one, model) for one in (impulses, _rounded_otherwise(impulses)))
+        for name, said, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
+            number = again[law].residual
+            _compare(name, number_of(said), number, abs(number - moved[law].residual))
+            found.n_residuals += 1
+            found.n_identical += number_of(said) == number
+        if index == 0:
+            _compare_verdict(measured, again[1], moved[1])
+            _compare_answer(measured, problem, impulses)
+    for name in ("residual", "model_residual"):
+        if number_of(getattr(measured, name)) != _largest(measured.impulses, name):
+            raise _Disagreement(f"its {name.replace('_', ' ')} is not that of its impulses")
+
+
+def _largest(answers: list[Impulses], name: str) -> float:
+    return max(number_of(getattr(one, name)) for one in answers)
+
+
+def _compare_verdict(measured: Measured, again: Verdict, moved: Verdict) -> None:
+    numbers, others = again.numbers(), moved.numbers()
+    if set(measured.verdict) != set(numbers):
+        raise _Disagreement("its verdict has other numbers than the judge gives")
+    for name, number in numbers.items():
+        said, other = measured.verdict[name], others[name]
+        if type(number) is bool or number is None:
+            if said != number:
+                raise _Disagreement(f"{_words(name)} {said}, the judge reads {number}")
+        elif type(said) is bool:
+            raise _Disagreement(f"{_words(name)} {said}, the judge reads {number:.2e}")
+        else:
+            change = 0.0 if other is None else abs(number - other)
+            _compare(name, np.inf if said is None else said, number if np.isfinite(number) else np.inf, change)
+
+
+def _compare_answer(measured: Measured, problem: ContactProblem, impulses: FloatArray) -> None:
+    """See that the distance to known impulses is not less than that of these: it is the largest of all solves."""
+    error = None if problem.answer is None else problem.answer.impulse_error(impulses)
+    if error is not None and np.isfinite(error):
+        said = -np.inf if measured.impulse_error is None else measured.impulse_error
+        if said < (1.0 - RELATIVE) * error - MARGIN * ROUNDING:
+            raise _Disagreement(f"its impulses are {error:.1e} from the known ones, not {measured.impulse_error}")
+
+
+def _compare(name: str, said: float, number: float, change: float) -> None:
+    if said == number:
+        return
+    allowed = RELATIVE * max(abs(said), abs(number)) + MARGIN * change
+    if not (np.isfinite(said) and np.isfinite(number) and abs(said - number) <= allowed):
+        raise _Disagreement(f"{_words(name)} {said:.6e}, the judge reads {number:.6e}")
+
+
+def _words(name: str) -> str:
+    return f"the bundle says {name.replace('_', ' ')}"
+
+
+def _rounded_otherwise(impulses: FloatArray) -> FloatArray:
+    """Return Λ [N s] with relative changes of ``ROUNDING`` of either sign, the same ones always."""
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), size=impulses.shape)
+    return impulses * (1.0 + ROUNDING * signs)

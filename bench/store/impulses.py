@@ -1,0 +1,70 @@
+"""The impulses that a run keeps, from which anyone can judge again what it claims."""
+
+import zlib
+from collections.abc import Iterable
+from typing import Self
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.judge import Verdict
+from .fields import Record, Residual
+
+_NUMBER = np.dtype("<f8")
+
+_FAST = 1
+"""Level of compression: numbers are smaller by their zeros, which the least one finds."""
+
+
+def number_of(residual: float | None) -> float:
+    """Return a residual, those that are not finite as infinite."""
+    return np.inf if residual is None or not residual < np.inf else residual
+
+
+class Impulses(Record, frozen=True, kw_only=True):
+    """An answer of a solver, with what the judge reads in it.
+
+    Attributes:
+        residual: the judge's, under Coulomb's law.
+        model_residual: the judge's, under the solver's own model.
+        packed: Λ [N s] in double precision, least byte first, deflated.
+    """
+
+    residual: Residual
+    model_residual: Residual
+    packed: bytes
+
+    @classmethod
+    def of(cls, impulses: FloatArray, own: Verdict, coulomb: Verdict) -> Self:
+        """Return Λ [N s], shape (n_rows,), with the verdicts under the solver's own model and Coulomb's law."""
+        packed = zlib.compress(np.ascontiguousarray(impulses, dtype=_NUMBER).tobytes(), _FAST)
+        return cls(residual=coulomb.residual, model_residual=own.residual, packed=packed)
+
+    def unpacked(self, n_rows: int) -> FloatArray:
+        """Return Λ [N s], shape (n_rows,).
+
+        Raises:
+            ValueError: if it is damaged, or has not so many numbers; no more than these are unpacked.
+        """
+        unpacking = zlib.decompressobj()
+        try:
+            content = unpacking.decompress(self.packed, max(_NUMBER.itemsize * n_rows, 1))
+            content += unpacking.decompress(unpacking.unconsumed_tail, 1)
+        except zlib.error:
+            raise ValueError("cannot be unpacked") from None
+        if not unpacking.eof or unpacking.unused_data or len(content) != _NUMBER.itemsize * n_rows:
+            raise ValueError(f"are not {n_rows} numbers, one a row")
+        return np.frombuffer(content, dtype=_NUMBER).astype(np.float64)
+
+
+def worst(answers: Iterable[Impulses]) -> list[Impulses]:
+    """Return the answers whose residuals count for all: the worst under Coulomb's law, and the worst under the model.
+
+    They are one where one answer is both; the first of equal ones is taken.
+    """
+    kept = list(answers)
+    if not kept:
+        return []
+    under_coulomb = max(kept, key=lambda one: number_of(one.residual))
+    under_model = max([under_coulomb, *kept], key=lambda one: number_of(one.model_residual))
+    return [under_coulomb] if under_model is under_coulomb else [under_coulomb, under_model]

@@ -1,0 +1,181 @@
+"""A run on an executor is the run on one machine: each problem is a task, and lost tasks are done again or named."""
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from proxbench.bench import Run, bundle, rejudge, resume, run
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.execution import dispatch, part
+from proxbench.bench.measure.execution.events import CaseFinished, Event, VisitFinished
+from proxbench.bench.store.condition import hosts, warnings
+from proxbench.problems import ContactProblem
+
+PROBLEMS = ["hard-groove", "hard-counterexample", "woodpecker-beak-impact"]
+SOLVERS = ["NSGS", "SORprox"]
+
+
+class Inline(Executor):
+    """Does each task at once, or what is put in its place."""
+
+    def __init__(self, *instead: Callable[[Any], Any]) -> None:
+        self.instead, self.parts = list(instead), list[part.Part]()
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        self.parts += arguments
+        future: Future[Any] = Future()
+        try:
+            future.set_result((self.instead.pop(0) if self.instead else function)(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def lost(given: Any) -> Any:
+    raise ConnectionError("the worker is gone")
+
+
+def measured(executor: Executor | None, results: Path, **options: Any) -> Run:
+    given: dict[str, Any] = {"tolerances": [1e-2, 1e-4], "passes": 1, "results": results, **options}
+    return run(given.pop("problems", PROBLEMS), SOLVERS, executor=executor, **given)
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The run on one machine."""
+    return measured(None, tmp_path_factory.mktemp("here"), run_id="here")
+
+
+@pytest.mark.parametrize("workers", ["threads", "processes"])
+def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine(workers: str, here: Run, tmp_path: Path) -> None:
+    events: list[Event] = []
+    fresh = multiprocessing.get_context("spawn")
+    with ThreadPoolExecutor(2) if workers == "threads" else ProcessPoolExecutor(2, fresh) as executor:
+        made = measured(executor, tmp_path, on_event=events.append)
+    assert made.is_finished
+    assert made.points["residual"].equals(here.points["residual"])
+    assert made.points["outcome"].tolist() == here.points["outcome"].tolist()
+    assert made.info.plan == here.info.plan
+    assert [event.done for event in events if isinstance(event, CaseFinished)] == list(range(1, 7))
+    assert [event.done for event in events if isinstance(event, VisitFinished)] == [1, 2, 3]
+    assert rejudge(bundle(made, tmp_path / "it.bundle")).disagreements == []
+
+
+def test_a_machine_has_one_session_with_its_reference_workload(tmp_path: Path) -> None:
+    made = measured(Inline(), tmp_path)
+    (session,) = made.info.sessions
+    assert session.machine is not None
+    assert len(session.calibration_seconds) == len(session.load) >= 2 * len(PROBLEMS)
+    assert session.finished
+    assert set(made.rounds["session"]) == {0}
+
+
+def elsewhere(host: str) -> Callable[[part.Part], part.MeasuredPart]:
+    def measure(given: part.Part) -> part.MeasuredPart:
+        found = part.measure_part(given)
+        machine = found.session.machine
+        assert machine is not None
+        return part.MeasuredPart(replace(found.session, machine=replace(machine, host=host)), found.cases)
+
+    return measure
+
+
+def test_every_problem_is_of_one_machine_and_rounds_name_its_session(tmp_path: Path) -> None:
+    made = measured(Inline(elsewhere("one"), elsewhere("two"), elsewhere("one")), tmp_path)
+    assert hosts(made) == {"one": 2, "two": 1}
+    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert any(sentence.startswith("MACHINES: measured on 2 machines") for sentence in warnings(made))
+
+
+def test_a_task_that_is_lost_is_done_by_another_worker(here: Run, tmp_path: Path) -> None:
+    made = measured(Inline(lost, elsewhere("it"), lost), tmp_path)
+    assert made.points["residual"].equals(here.points["residual"])
+
+
+def test_what_is_lost_too_often_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
+    executor = Inline(*[lost] * (len(PROBLEMS) * dispatch.ATTEMPTS - 2))
+    with pytest.raises(BenchError, match=r"of 3 problems were lost with their workers \(ConnectionError: the worker"):
+        measured(executor, tmp_path, run_id="it")
+    again = Inline()
+    made = resume(tmp_path / "it", executor=again)
+    assert 0 < len(again.parts) < len(PROBLEMS)
+    assert made.is_finished
+    assert made.points["residual"].equals(here.points["residual"])
+
+
+class Broken(Inline):
+    """Takes one task, and then no more."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        if self.parts:
+            raise RuntimeError("no new tasks after shutdown")
+        return super().submit(function, *arguments, **options)
+
+
+def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"^2 of 3 problems were lost with their workers \(RuntimeError: no new tasks"):
+        measured(Broken(), tmp_path, run_id="it")
+    made = resume(tmp_path / "it")
+    assert made.is_finished
+    assert len(made.info.sessions) == 2
+
+
+def test_a_problem_of_another_machine_gets_no_more_rounds_here(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match="2 of 3 problems were lost"):
+        measured(Broken(elsewhere("away")), tmp_path, run_id="it")
+    made = resume(tmp_path / "it")
+    assert made.is_finished
+    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert hosts(made)["away"] == 1
+
+
+def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
+    class Cancelling(Inline):
+        def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(BenchError, match="3 of 3 problems were lost"):
+        measured(Cancelling(), tmp_path)
+
+
+def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def other(given: part.Part) -> part.MeasuredPart:
+        machine = replace(given.run.machine, source="0" * 64)
+        return part.measure_part(part.Part(replace(given.run, machine=machine), (), given.problem, given.contestants))
+
+    with pytest.raises(BenchError, match="has another source of proxbench"):
+        measured(Inline(other), tmp_path)
+
+
+def test_a_worker_needs_nothing_but_its_task(tmp_path: Path) -> None:
+    mine = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
+        made = measured(executor, tmp_path, problems=[mine])
+    assert made.is_finished
+    assert made.info.carried == {"mine": mine.digest}
+
+
+def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    inside: list[int] = []
+
+    class Watched:
+        def __init__(self, *_: Any) -> None:
+            inside.append(1)
+            assert len(inside) == 1
+
+        def complete(self, stored: Any) -> None:
+            inside.pop()
+            raise ConnectionError
+
+    monkeypatch.setattr(part, "Progress", Watched)
+    with ThreadPoolExecutor(3) as executor, pytest.raises(BenchError, match="ConnectionError"):
+        measured(executor, tmp_path)
+    assert inside == []

@@ -1,0 +1,176 @@
+"""Merged runs are one run: each case once, each problem from one machine, and nothing half written."""
+
+import dataclasses
+import itertools
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from proxbench.bench import Run, bundle, load, merge, run
+from proxbench.bench.errors import BenchError
+from proxbench.bench.store.bundles.bundle import Bundle, bundle_of_run, write_bundle
+from proxbench.bench.store.condition import drift, hosts, mixtures, warnings
+from proxbench.bench.store.records import CaseRecord, Session
+
+
+def part(packed: Bundle, path: Path, problems: list[str], host: str = "", **plan: Any) -> Path:
+    """Write the part of a bundle that some problems are, as measured on a machine of that name."""
+    machine = replace(packed.run.machine, host=host)
+    carried = {name: problem for name, problem in packed.carried.items() if name in problems}
+    made = replace(
+        packed.run,
+        plan=replace(packed.run.plan, problems=problems, **plan),
+        machine=machine,
+        carried={name: problem.digest for name, problem in carried.items()},
+        sessions=[replace(session, machine=machine) for session in packed.run.sessions],
+    )
+    cases = [case for case in packed.cases if case.problem in problems]
+    write_bundle(dataclasses.replace(packed, run=made, cases=cases, carried=carried), path)
+    return path
+
+
+def by_case(made: Run) -> dict[tuple[str, str], CaseRecord]:
+    return {(case.problem, case.solver): case for case in bundle_of_run(made.folder).cases}
+
+
+@pytest.fixture
+def parts(honest: Bundle, tmp_path: Path) -> list[Path]:
+    """Two shards of the run, from two machines."""
+    return [
+        part(honest, tmp_path / "1.bundle", ["sliding pair", "hard-groove"], "one", shard="1/2"),
+        part(honest, tmp_path / "2.bundle", ["funnel-30"], "two", shard="2/2"),
+    ]
+
+
+def test_a_bundle_alone_becomes_the_run_that_it_was(made: Run, file: Path, tmp_path: Path) -> None:
+    again = merge(file, tmp_path, "it")
+    assert (again.info, by_case(again)) == (made.info, by_case(made))
+    assert again.points.equals(made.points)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_shards_are_the_undivided_run_in_any_order(
+    order: tuple[int, ...], made: Run, parts: list[Path], tmp_path: Path
+) -> None:
+    missing: list[str] = []
+    whole = merge([parts[index] for index in order], tmp_path, "whole", on_missing=missing.append)
+    assert whole.info.plan == made.info.plan
+    assert whole.points.equals(made.points)
+    assert whole.is_finished
+    assert missing == []
+
+
+def test_merging_again_changes_nothing(parts: list[Path], tmp_path: Path) -> None:
+    whole = merge(parts, tmp_path, "whole")
+    again = merge([whole.folder, *parts, bundle(whole, tmp_path / "whole.bundle")], tmp_path, "again")
+    assert by_case(again) == by_case(whole)
+    assert again.info.sessions == whole.info.sessions
+
+
+def test_a_missing_shard_is_said(parts: list[Path], tmp_path: Path) -> None:
+    missing: list[str] = []
+    merge(parts[1:], tmp_path, "half", on_missing=missing.append)
+    assert missing == ["shard 1/2 is missing."]
+
+
+def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: list[Path], tmp_path: Path) -> None:
+    whole = merge(parts, tmp_path, "whole")
+    assert hosts(whole) == {"one": 2, "two": 1}
+    assert mixtures(whole) == []
+    (said,) = [sentence for sentence in warnings(whole) if sentence.startswith("MACHINES")]
+    assert "one: 2 problems, two: 1 problems" in said
+    slow = [
+        Session(started="", machine=replace(whole.info.machine, host=host), calibration_seconds=times)
+        for host, times in (("one", [1.0, 1.1]), ("two", [5.0, 5.0]), ("one", [1.2]))
+    ]
+    assert drift(replace(whole.info, sessions=slow)) == pytest.approx(1.2)
+
+
+def test_other_versions_and_another_machine_for_one_problem_are_a_mixture(parts: list[Path], tmp_path: Path) -> None:
+    whole = merge(parts, tmp_path, "whole")
+    first, second = whole.info.sessions
+    assert second.machine is not None
+    newer = replace(second, machine=replace(second.machine, versions={**second.machine.versions, "numpy": "99"}))
+    info = replace(whole.info, sessions=[first, newer])
+    assert [said.split()[0] for said in mixtures(dataclasses.replace(whole, info=info))] == ["numpy"]
+    split = whole.rounds.assign(session=whole.rounds["number"] % 2)
+    assert mixtures(dataclasses.replace(whole, rounds=split)) == ["machine one, now two"]
+
+
+def test_solvers_of_one_problem_from_two_machines_are_not_put_together(honest: Bundle, tmp_path: Path) -> None:
+    first = [case for case in honest.cases if case.solver in ("NSGS", "SORprox")]
+    rest = [case for case in honest.cases if case.solver not in ("NSGS", "SORprox")]
+    names = honest.run.plan.problems
+    sources = [
+        part(dataclasses.replace(honest, cases=cases), tmp_path / f"{host}.bundle", names, host)
+        for host, cases in (("one", first), ("two", rest))
+    ]
+    with pytest.raises(BenchError, match="were measured on different machines, one and two"):
+        merge(sources, tmp_path, "both")
+    same = [
+        part(dataclasses.replace(honest, cases=cases), tmp_path / f"{index}.bundle", names, "one")
+        for index, cases in enumerate((first, rest))
+    ]
+    assert merge(same, tmp_path, "both").is_finished
+
+
+def test_a_finished_case_counts_before_an_unfinished_one_and_two_are_a_contradiction(
+    honest: Bundle, tmp_path: Path
+) -> None:
+    begun = [_begun(case, tmp_path) for case in honest.cases if (case.problem, case.solver) == ("funnel-30", "NSGS")]
+    names = honest.run.plan.problems
+    unfinished = part(dataclasses.replace(honest, cases=begun), tmp_path / "begun.bundle", names)
+    whole = part(honest, tmp_path / "whole.bundle", names)
+    expected = {(case.problem, case.solver): case for case in honest.cases}
+    for number, sources in enumerate(itertools.permutations((unfinished, whole))):
+        assert by_case(merge(sources, tmp_path, f"{number}")) == expected
+    slower = [replace(case, wall_seconds=case.wall_seconds + 1.0) for case in honest.cases]
+    other = part(dataclasses.replace(honest, cases=slower), tmp_path / "slower.bundle", names)
+    with pytest.raises(BenchError, match=r"measured twice; leave one of them out"):
+        merge([whole, other], tmp_path, "two")
+
+
+def _begun(case: CaseRecord, folder: Path) -> CaseRecord:
+    """Return a case as it was after its first point."""
+    first = [case.points[0].tolerance]
+    made = run(case.problem, case.solver, results=folder, run_id="begun", tolerances=first, passes=2)
+    (begun,) = bundle_of_run(made.folder).cases
+    return begun
+
+
+@pytest.mark.parametrize(
+    ("plan", "word"), [({"passes": 1}, "number of passes"), ({"tolerances": [1e-2, 1e-5, 1e-6]}, "tolerances")]
+)
+def test_runs_on_other_terms_are_not_put_together(
+    plan: dict[str, Any], word: str, honest: Bundle, file: Path, tmp_path: Path
+) -> None:
+    other = part(honest, tmp_path / "other.bundle", honest.run.plan.problems, **plan)
+    with pytest.raises(BenchError, match=f"has other {word} than"):
+        merge([file, other], tmp_path, "both")
+
+
+def test_a_source_that_does_not_agree_is_refused_and_nothing_is_written(honest: Bundle, tmp_path: Path) -> None:
+    cases = [replace(case, digest="0" * 64) if case.problem == "hard-groove" else case for case in honest.cases]
+    odd = tmp_path / "odd.bundle"
+    write_bundle(dataclasses.replace(honest, cases=cases), odd)
+    with pytest.raises(BenchError, match=r"odd.bundle is refused: .* \(and 3 more cases\)"):
+        merge(odd, tmp_path / "results", "it")
+    assert not (tmp_path / "results").exists()
+
+
+def test_nothing_is_half_written(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("proxbench.bench.store.store.Store.write_run", fail)
+    with pytest.raises(BenchError, match="No space left"):
+        merge(file, tmp_path / "results", "it")
+    assert list((tmp_path / "results").iterdir()) == []
+    monkeypatch.undo()
+    made = merge(file, tmp_path / "results", "it")
+    with pytest.raises(BenchError, match="exists already"):
+        merge(file, tmp_path / "results", "it")
+    assert load(made).is_finished
+    with pytest.raises(BenchError, match="nothing to merge"):
+        merge([], tmp_path)
