@@ -86,7 +86,7 @@ def _sessions_by_problem(frames: RunFrames) -> dict[str, list[int]]:
     """Return the sessions in which each problem was measured, as far as the run has them."""
     known = frames.rounds[frames.rounds["session"] < len(frames.info.sessions)]
     by_problem = known.groupby("problem", sort=False)["session"]
-    return {name: sorted(set(map(int, sessions))) for name, sessions in by_problem}
+    return {str(name): sorted(set(map(int, sessions))) for name, sessions in by_problem}
 
 
 def _short(value: object) -> str:
@@ -109,12 +109,12 @@ def warnings(frames: RunFrames) -> list[str]:
             f"UNSTEADY: the machine's speed changed by a factor of {drift(frames.info):.2f} during the run; times of "
             "different problems do not compare; measure again on a quiet machine"
         )
-    counts = hosts(frames)
-    if len(counts) > 1:
-        shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in counts.items())
+    measured = hosts(frames)
+    if len(measured) > 1:
+        shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in measured.items())
         found.append(
-            f"MACHINES: measured on {len(counts)} machines ({shares}), each problem on one of them; times of different "
-            "problems do not compare"
+            f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
+            "different problems do not compare"
         )
     mixed = mixtures(frames)
     if mixed:
