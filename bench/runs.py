@@ -32,11 +32,7 @@ from .store.store import Store, plain_name
 OnCase = Callable[[int, int], None]
 
 
-def _ignore(event: object) -> None:
-    """Show nothing."""
-
-
-def _uncounted(done: int, total: int) -> None:
+def _ignore(*shown: object) -> None:
     """Show nothing."""
 
 
@@ -334,7 +330,7 @@ def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None 
     return path
 
 
-def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _uncounted) -> Rejudged:
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _ignore) -> Rejudged:
     """Judge a bundle again, from its problems and impulses; no code of it runs, and nothing is written.
 
     Args:
@@ -351,7 +347,7 @@ def merge(
     sources: Iterable[os.PathLike[str] | str] | os.PathLike[str] | str,
     results: Path | str = "results",
     run_id: str | None = None,
-    on_case: OnCase = _uncounted,
+    on_case: OnCase = _ignore,
     on_missing: Callable[[str], None] = lambda sentence: None,
 ) -> Run:
     """Make one run of several, each judged again before it counts.

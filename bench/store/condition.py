@@ -109,11 +109,11 @@ def warnings(frames: RunFrames) -> list[str]:
             f"UNSTEADY: the machine's speed changed by a factor of {drift(frames.info):.2f} during the run; times of "
             "different problems do not compare; measure again on a quiet machine"
         )
-    by_host = hosts(frames)
-    if len(by_host) > 1:
-        shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in by_host.items())
+    measured = hosts(frames)
+    if len(measured) > 1:
+        shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in measured.items())
         found.append(
-            f"MACHINES: measured on {len(by_host)} machines ({shares}), each problem on one of them; times of "
+            f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
             "different problems do not compare"
         )
     mixed = mixtures(frames)
