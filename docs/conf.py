@@ -16,6 +16,7 @@ extensions = [
     "command_help",
     "mathml",
     "plain_docstrings",
+    "reference_run",
     "short_types",
 ]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
