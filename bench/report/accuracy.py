@@ -36,7 +36,7 @@ def accuracies(frames: RunFrames) -> tuple[float, ...]:
 def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals of the summary, at most two of ``accuracies``."""
     ladder = _ladder(frames)
-    if len(ladder) <= len(ACCURACIES):
+    if len(ladder) <= len(ACCURACIES) and not set(SUMMARY_ACCURACIES) <= set(ladder):
         return ladder[-2:]
     return within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
 
