@@ -16,7 +16,7 @@ from proxbench.problems import ProxbenchError
 from proxbench.problems.spelling import for_command_line
 
 BENCH = Path(proxbench.bench.__file__).parent
-OF_THE_COMMAND_LINE = ("cli", "simulation", "report/output_file.py")
+OF_THE_COMMAND_LINE = ("cli", "simulation", "report/layout/output_file.py")
 """Rooms that only the command line enters."""
 
 OPTION = re.compile(r"(?<![\w-])--[a-z]")

@@ -25,6 +25,7 @@ VARIANTS = [
     "ProximalADMM",
     "ProximalADMM(memory=0)",
     "APGD",
+    "SAP",
     "ProximalPoint",
     "InteriorPoint",
     "InteriorPoint(scaling='nesterov_todd', damping='contact')",

@@ -17,6 +17,9 @@ PAGES = [
     *sorted((ROOT / "results").glob("*.md")),
     *sorted((ROOT / "results" / "reference" / "tables").glob("*.md")),
 ]
+MADE = {ROOT / "docs" / "reference-run.html"}
+"""Pages that the site has and no file stands for: ``docs/extensions`` writes them."""
+
 INLINE = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\]\([^)]*\))*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
 IMAGE = re.compile(r"\[!\[[^\]]*\]\(\s*([^)\s]+)\s*\)\]")
 DEFINITION = re.compile(r"^ {0,3}\[[^\]]+\]: *<?(\S+?)>?(?: |$)", re.MULTILINE)
@@ -69,6 +72,8 @@ def fault(page: Path, target: str) -> str | None:
     if parts.path.startswith("/"):
         return "begins at the root of a disk"
     file = page.parent / unquote(parts.path) if parts.path else page
+    if file in MADE:
+        return None
     if not file.exists():
         return "leads to no file"
     if parts.fragment and (file.suffix != ".md" or unquote(parts.fragment) not in anchors_of(file)):

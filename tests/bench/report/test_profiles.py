@@ -95,7 +95,7 @@ def test_solvers_that_solve_nothing_give_profiles_of_zero() -> None:
 def test_times_and_residuals_are_those_of_points_that_count() -> None:
     run = load(REFERENCE)
     seconds, residuals = seconds_matrix(run, 1e-6), residual_matrix(run)
-    assert seconds.shape == residuals.shape == (8, 14)
+    assert seconds.shape == residuals.shape == (8, 15)
     for (problem, solver), own in run.points.groupby(["problem", "solver"]):
         expected = time_to_accuracy(own, 1e-6, run.info.plan.limits.solve_seconds)
         assert seconds.at[problem, solver] == pytest.approx(expected, nan_ok=True)

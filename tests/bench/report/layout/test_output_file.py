@@ -26,7 +26,7 @@ def written_simulation(file: Path) -> None:
     simulate(make_simulation_plan("woodpecker", stepper="Moreau(step=1e-3)", duration=1e-3), file)
 
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def written_run(file: Path) -> None:

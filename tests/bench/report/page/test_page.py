@@ -151,7 +151,7 @@ def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium
     assert found["time"].tolist() == seconds.min(axis=1).map(duration).tolist()
     assert shown(browser, "summary-table")["solver"].tolist() == list(solvers)
     counts = browser.evaluate("document.getElementById('counts').textContent")
-    assert counts == f"2 of 8 problems, {len(solvers)} of 14 solvers, to a judged residual of 1e-4"
+    assert counts == f"2 of 8 problems, {len(solvers)} of 15 solvers, to a judged residual of 1e-4"
     assert browser.errors == []
 
 
