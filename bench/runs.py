@@ -162,8 +162,8 @@ def run(
         case_seconds: limit of everything in a case [s], instead of that of ``limits``.
         memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
             ``limits``.
-        passes: passes over all problems, each with two rounds of every point; 2 if None. With one alone, ratios of
-            times have no intervals.
+        passes: passes over all problems, each with two rounds of every point, or one where that takes more than 20 ms;
+            2 if None. With one alone, ratios of times have no intervals.
         seed: of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw, families in proportion; all if None.
         thorough: take ten tolerances, 1e-1 … 1e-10, and five passes, where they are not given.

@@ -12,7 +12,7 @@ from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..store.records import MOST_PASSES, Limits
 from ..store.trajectory_records import TrajectoryRecord
-from .selection import Given, name_of, select, shard_of
+from .selection import Given, name_of, place_of, select, shard_of
 from .trajectories.methods import Method
 
 __all__ = ["DEFAULT_SOLVERS", "LADDER", "Limits", "Plan", "make_plan", "name_of"]
@@ -58,7 +58,7 @@ class Plan:
         limits: the limits of each case.
         methods: in a study, the steppers with solvers in place of ``solvers``.
         trajectories: in a study, its problems.
-        passes: rounds that each point has at least, in as many passes over all problems.
+        passes: passes over all problems, with one or two rounds of each point.
         seed: of the orders of problems and solvers in each pass, and of a sample.
         suite: name of the suite that the problems are; empty where they were named.
         families: the family of each problem, by its name.
@@ -108,7 +108,7 @@ def make_plan(
     """
     chosen = select(problems, suite, sample, seed)
     if shard:
-        chosen = shard_of(chosen, shard)
+        chosen, shard = shard_of(chosen, shard), "{}/{}".format(*place_of(shard))
     methods = tuple(map(contestant, solvers or DEFAULT_SOLVERS))
     names = [method.name for method in methods]
     twice = next((name for name in names if names.count(name) > 1), None)

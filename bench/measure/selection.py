@@ -79,16 +79,26 @@ def shard_of(selection: Selection, shard: str) -> Selection:
     Raises:
         BenchError: if it is no shard, or has no problem.
     """
-    found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
-    number, count = map(int, found.groups()) if found else (0, 0)
-    if not 1 <= number <= count:
-        raise BenchError(f"{option('shard')} must be i/n with 1 ≤ i ≤ n, as 2/8 is, got {shard!r}.")
+    number, count = place_of(shard)
     problems = selection.problems[number - 1 :: count]
     if not problems:
         raise BenchError(f"{option('shard')} {shard} has no problem, there are {len(selection.problems)}; divide less.")
     names = set(map(name_of, problems))
     families = {name: family for name, family in selection.families.items() if name in names}
     return replace(selection, problems=problems, families=families)
+
+
+def place_of(shard: str) -> tuple[int, int]:
+    """Return i and n of a shard ``"i/n"``, which may have leading zeros.
+
+    Raises:
+        BenchError: if it is no shard.
+    """
+    found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
+    number, count = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= number <= count:
+        raise BenchError(f"{option('shard')} must be i/n with 1 ≤ i ≤ n, as 2/8 is, got {shard!r}.")
+    return number, count
 
 
 def name_of(problem: str | ContactProblem) -> str:

@@ -83,16 +83,17 @@ def unsealed(text: bytes, kind: type[R], name: str, remedy: str) -> R:
     """
     try:
         content = json.loads(text.decode(), parse_constant=_refuse_constant)
+        is_whole = isinstance(content, dict) and content.pop("checksum", None) == checksum(content)
     except (ValueError, RecursionError):
         raise BenchError(f"{name} is damaged (no JSON); {remedy}.") from None
-    if not isinstance(content, dict) or content.pop("checksum", None) != checksum(content):
+    if not is_whole:
         raise BenchError(f"{name} is damaged (its checksum does not match); {remedy}.")
     version = content.pop("format", None)
     if version not in (1, FORMAT):
         raise BenchError(f"{name} is of another format than {FORMAT}; measure it again with this version.")
     try:
         return record_of(_of_format_1(content, kind) if version == 1 else content, kind)
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         field = error if isinstance(error, ValueError) else "content"
         raise BenchError(f"{name} is damaged (its {field} makes no sense); {remedy}.") from None
 

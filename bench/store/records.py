@@ -59,7 +59,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         limits: of a case.
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
-        passes: rounds that each point has at least, in as many passes over all problems.
+        passes: passes over all problems, with one or two rounds of each point.
         seed: of the orders of problems and solvers in each pass, and of a sample.
         suite: name of the suite that the problems are of; empty where they were named.
         families: the family of each problem, by its name.

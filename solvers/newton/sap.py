@@ -42,7 +42,10 @@ DESCENT, SHORTEST = 1e-4, 2.0**-30
 
 @dataclass(frozen=True)
 class SAP(Method):
-    """The semi-analytic primal method for the convex (associated) model; one iteration is one Newton step."""
+    """The semi-analytic primal method for the convex (associated) model.
+
+    One iteration is a Newton step or a renewal of x̄.
+    """
 
     @property
     def model(self) -> Model:

@@ -41,4 +41,4 @@ def dask_executor(address: str) -> Iterator[Executor]:
             raise BenchError(
                 f"there is no dask cluster with workers at {address} ({why}); start it, or name another."
             ) from None
-        yield client.get_executor()
+        yield client.get_executor(pure=False)  # a task that is tried again is another one

@@ -4,7 +4,7 @@ A task that is lost with its worker is given to another one; one that is done tw
 ones count. So a worker that dies loses what it was measuring, and nothing else.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 
 from msgspec.structs import replace
@@ -55,7 +55,7 @@ class Dispatch(Progress):
         try:
             while left or running:
                 self._submit(left, running)
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                for future in _results_first(wait(running, return_when=FIRST_COMPLETED).done):
                     name, fault = running.pop(future), _fault(future)
                     if fault is None:
                         self._keep_part(name, future.result())
@@ -140,6 +140,11 @@ class Dispatch(Progress):
         """Store the record of the run, whose sessions are those of the workers."""
         self._record = record
         self._store.write_run(record)
+
+
+def _results_first(done: Collection[Future[MeasuredPart]]) -> list[Future[MeasuredPart]]:
+    """Return futures with those that have results first: an error of another one must not cost them."""
+    return sorted(done, key=lambda future: future.cancelled() or future.exception() is not None)
 
 
 def _fault(future: Future[MeasuredPart]) -> BaseException | None:

@@ -1,7 +1,7 @@
 """A plan carried out in this process: in passes over all problems, stored point by point.
 
-Each pass takes problems and solvers in another order and measures one round of each point, so that a program that
-disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still uncertain
+Each pass takes problems and solvers in another order and measures one or two rounds of each point, so that a program
+that disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still uncertain
 are measured again. A reference workload between problems measures the drift of the machine; it is stored each time.
 """
 
@@ -74,7 +74,7 @@ class Progress:
             self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
 
     def _measure_passes(self) -> None:
-        """Measure a round of each point in each planned pass."""
+        """Measure each point in each planned pass."""
         plan, session = self._record.plan, len(self._record.sessions)
         for number in range(plan.passes):
             names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
@@ -108,7 +108,7 @@ class Progress:
         return len(cases) == len(plan.solvers) and all(map(plan.has_finished, cases.values()))
 
     def _visit(self, name: str, visit: Visit) -> None:
-        """Measure one round of the cases of a problem."""
+        """Measure the cases of a problem in one pass."""
         plan, known = self._record.plan, self._cases[name]
         finished = {solver for solver, case in known.items() if plan.has_finished(case)}
         self._on_event(ProblemStarted(name, visit.number, plan.passes))

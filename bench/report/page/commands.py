@@ -16,7 +16,9 @@ def run_command(run: RunRecord) -> str:
     """Return the command that measures a run again; files, folders and plugins must be where they were."""
     plan = run.plan
     selection = [option("suite", plan.suite)] if plan.suite else [option("problem", name) for name in plan.problems]
-    if plan.suite and 0 < len(plan.problems) < _size(plan.suite):
+    if plan.shard:
+        selection.append(option("shard", plan.shard))
+    elif plan.suite and 0 < len(plan.problems) < _size(plan.suite):
         selection.append(option("sample", len(plan.problems)))
     solvers = [option("solver", name) for name in plan.solvers]
     return NEXT.join(["proxbench run", *selection, *solvers, protocol_options(run)])

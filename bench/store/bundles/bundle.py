@@ -132,12 +132,14 @@ def _checked(bundle: Bundle) -> Bundle:
         raise BenchError(f"{source} was judged by version {run.judge} of the judge, this is {JUDGE}; measure it again.")
     if not bundle.cases:
         raise BenchError(f"{source} has no measured case; measure something first.")
-    planned = {(problem, solver) for problem in plan.problems for solver in plan.solvers}
+    problems, solvers, seen = set(plan.problems), set(plan.solvers), set[tuple[str, str]]()
     for case in bundle.cases:
-        fault = "is none that its plan has" if (case.problem, case.solver) not in planned else _fault(case, run)
+        cell = case.problem, case.solver
+        is_planned = case.problem in problems and case.solver in solvers and cell not in seen
+        fault = _fault(case, run) if is_planned else "is none that its plan has"
         if fault:
             raise BenchError(f"{source} is refused: {case.solver} on {case.problem} {fault}; measure it again.")
-        planned.remove((case.problem, case.solver))
+        seen.add(cell)
     return bundle
 
 

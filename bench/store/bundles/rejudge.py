@@ -127,6 +127,8 @@ def _claim_fault(point: Point, model: Model) -> str:
             return f"it counts as {point.outcome.value}, and its solver says {point.status!r}"
         if own > WRONG_FACTOR * tolerance:
             return f"it counts as {point.outcome.value} with the residual {own:.1e}"
+    if point.outcome is Outcome.WRONG and point.status == Status.SOLVED and own <= WRONG_FACTOR * tolerance:
+        return f"it counts as wrong with the residual {own:.1e}"
     is_close = coulomb <= min(tolerance, RELAXED_FACTOR * max(own, RELAXED_ROUNDING))
     if point.outcome is Outcome.SOLVED and model != Model.COULOMB and not is_close:
         return f"it counts as solved, and solves the {model} model with the residual {coulomb:.1e}"

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.plan import make_plan
 from proxbench.bench.measure.selection import Selection, name_of, select, shard_of
 from proxbench.problems import ContactProblem, ProblemError, save_problem, write_fclib
 from proxbench.problems.catalog.catalog import suite_members
@@ -151,3 +152,9 @@ def test_a_shard_that_is_none_is_refused(shard: str) -> None:
 def test_a_shard_without_a_problem_is_refused() -> None:
     with pytest.raises(BenchError, match="has no problem, there are 2; divide less"):
         shard_of(Selection(("a", "b"), {}), "3/3")
+
+
+def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
+    plan = make_plan(["hard-groove", "hard-counterexample"], ["NSGS"], shard="01/2")
+    assert plan.shard == "1/2"
+    assert plan.problems == ("hard-groove",)

@@ -141,6 +141,10 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
         lambda bundle, case: with_point(case, 0, outcome=Outcome.SOLVED, status="stalled"),
         "its solver says 'stalled'",
     ),
+    "a right claim that counts as wrong": (
+        lambda bundle, case: with_point(case, 0, outcome=Outcome.WRONG, status="solved"),
+        "counts as wrong with the residual",
+    ),
     "a measurement that is left out": (
         lambda bundle, case: with_point(case, 0, outcome=Outcome.SOLVED, status="solved", measured=None),
         "without a measurement",
@@ -161,6 +165,8 @@ def is_lie(name: str, case: CaseRecord) -> bool:
     """Whether an attack says something else than what is true, up to rounding."""
     measured = finest(case)[1]
     impulses = measured.impulses[0].unpacked(case.n_rows)
+    if name == "a right claim that counts as wrong":
+        return case.points[0].outcome in (Outcome.SOLVED, Outcome.RELAXED)
     if name == "another model":  # a contact that sticks fulfils several
         return case.problem == "funnel-30"
     if "residual" in name and "local" not in name and "coarse" not in name:
