@@ -60,7 +60,16 @@ def test_the_variants_cover_every_built_in_solver() -> None:
 LONG = {check.name for check in (*HARD_CHECKS, *INVARIANCE_CHECKS)}
 """Checks on more than a hundred problems, or on some many times."""
 
-SLOW = ("Cvxpy", "ClarabelSOCP(", "JORprox(step")
+COMPARED = ("FBF", "ProximalADMM", "ProximalPoint", "TrescaFixedPoint", "APGD", "SAP")
+SLOW = (
+    "Cvxpy",
+    "ClarabelSOCP(",
+    "JORprox(step",
+    "InteriorPoint(damping",
+    "InteriorPoint(form",
+    "CentralPath(",
+    *COMPARED,
+)
 """Solvers that take minutes for those, or variants of others that do; only the full profile runs them there."""
 
 DAILY = {"SORprox", "PyramidPGS"}

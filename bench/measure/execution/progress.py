@@ -1,8 +1,9 @@
 """A plan carried out in this process: in passes over all problems, stored point by point.
 
 Each pass takes problems and solvers in another order and measures one or two rounds of each point, so that a program
-that disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still uncertain
-are measured again. A reference workload between problems measures the drift of the machine; it is stored each time.
+that disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still
+uncertain are measured again. A reference workload between problems measures the drift of the machine; it is stored each
+time.
 """
 
 import os
