@@ -18,7 +18,7 @@ from scipy.interpolate import CubicHermiteSpline
 from ...problems.arrays import FloatArray
 from ...problems.trajectories.limit_cycle import Incident
 from ..report.charts.drawing import stacked, write_drawing
-from ..report.palette import PALETTE
+from ..report.charts.palette import PALETTE
 from ..report.text import counted
 from .trajectory import Simulation, switching_words
 

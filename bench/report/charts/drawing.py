@@ -14,7 +14,7 @@ import vl_convert
 from numpy.typing import NDArray
 
 from ..output_file import picture_files, write_file
-from ..palette import Look
+from .palette import Look
 
 PNG_SCALE = 2.0
 

@@ -17,7 +17,6 @@ from ...store.frames import RunFrames
 from ...store.outcome import Outcome
 from ...store.store import plain_name
 from ..accuracy import measured_points
-from ..palette import Look, looks
 from ..studies import headline, spreads
 from ..tables import ending
 from ..text import counted
@@ -34,6 +33,7 @@ from .drawing import (
     stacked,
     write_drawing,
 )
+from .palette import Look, looks
 from .summary import summary_charts
 
 SMALLEST_RESIDUAL = 1e-16
