@@ -3,11 +3,11 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .runs import Run, load, resume, run, study
+    from .runs import Run, compare, load, resume, run, study
 
     __version__: str
 
-__all__ = ["Run", "load", "resume", "run", "study"]
+__all__ = ["Run", "compare", "load", "resume", "run", "study"]
 
 
 def __getattr__(name: str) -> Any:

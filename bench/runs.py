@@ -18,6 +18,7 @@ from .measure.runner import Event, measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
+from .report.comparison.comparison import SLOWDOWN, Comparison, compared
 from .store.frames import JUDGED, RunFrames, read_frames
 from .store.records import Limits
 from .store.store import Store, plain_name
@@ -299,6 +300,21 @@ def load(run_dir: os.PathLike[str] | str) -> Run:
         BenchError: if the folder is no run, or its run.json is damaged.
     """
     return Run(**vars(read_frames(Path(run_dir))))
+
+
+def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowdown: float = SLOWDOWN) -> Comparison:
+    """Compare two stored runs: what became faster, slower, solved and unsolved.
+
+    Args:
+        before: the run to compare with, or its folder.
+        after: the run that may be slower, or its folder.
+        slowdown: the part by which a solver must be slower or faster for the verdict to name it, 0.1 for 10 %.
+
+    Raises:
+        BenchError: if a folder is no run or a run without cases, one is a study, they were judged by different versions
+            of the judge, or have nothing in common.
+    """
+    return compared(read_frames(Path(before)), read_frames(Path(after)), slowdown)
 
 
 def _several(given: Any) -> tuple[Any, ...] | None:

@@ -1,4 +1,4 @@
-"""The command line: ``proxbench run | matrix | check | simulate | report | record | list | generate | fclib``.
+"""The command line: ``proxbench run | compare | matrix | check | simulate | report | record | list | …``.
 
 Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
 measured failed, 2 wrong usage, 130 interrupted.
@@ -14,8 +14,9 @@ import typer
 from typer.exceptions import TyperException
 
 from . import fclib, options
+from .comparison.compare import compare
+from .comparison.matrix import matrix
 from .help import HelpCommand, HelpGroup
-from .matrix import matrix
 from .record import record
 from .run import print_problems, report_run, run
 from .simulate import NO_STUDY, SceneCommand, simulate
@@ -130,6 +131,15 @@ _command(
 proxbench run --suite hard --solver NSGS --solver "SORprox(relaxation=1.5)"
 proxbench run --resume results/RUN --retry-failed""",
 )(run)
+
+_command(
+    COMPARE,
+    "compare",
+    "Say what differs between two runs.",
+    """\
+proxbench compare results/old results/new --fail-on "time>10%"
+proxbench compare results/old results/new --markdown comment.md""",
+)(compare)
 
 _command(
     COMPARE,

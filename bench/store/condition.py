@@ -1,6 +1,7 @@
 """How complete a run is, and how steady its machine was: sentences for the head of every report."""
 
 import math
+from collections.abc import Mapping
 
 from ...problems.spelling import either
 from .frames import JUDGED, RunFrames
@@ -10,15 +11,11 @@ UNSTEADY = 1.5
 """Drift above which a report warns."""
 
 
-_COMPARED = {
-    "processor": "processor",
-    "cores": "cores",
-    "logical_cores": "logical cores",
-    "memory_bytes": "memory [bytes]",
-    "system": "system",
-    "python": "Python",
-}
-"""Fields of a machine that times depend on, with their names in sentences."""
+_HARDWARE = {"processor": "processor", "cores": "cores", "logical_cores": "logical cores"}
+"""Fields of a machine by which it is another one, with their names in sentences."""
+
+_COMPARED = {**_HARDWARE, "memory_bytes": "memory [bytes]", "system": "system", "python": "Python"}
+"""Fields of a machine that times depend on."""
 
 
 def drift(run: RunRecord) -> float:
@@ -29,17 +26,23 @@ def drift(run: RunRecord) -> float:
 
 def differences(before: Machine, now: Machine) -> list[str]:
     """Return in words what two machines, or the versions and sources on them, differ in; nothing if times compare."""
-    found = [
-        f"{word} {_short(getattr(before, name))}, now {_short(getattr(now, name))}"
-        for name, word in _COMPARED.items()
-        if getattr(before, name) != getattr(now, name)
-    ]
+    found = _changed(_COMPARED, before, now)
     names = sorted(set(before.versions) | set(now.versions))
     versions = ((name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names)
     found += [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in versions if old != new]
     if before.source != now.source:
         found.append(f"source {_short(before.source)}, now {_short(now.source)}")
     return found
+
+
+def other_hardware(before: Machine, now: Machine) -> list[str]:
+    """Return those of ``differences`` by which the machine itself is another one."""
+    return _changed(_HARDWARE, before, now)
+
+
+def _changed(fields: Mapping[str, str], before: Machine, now: Machine) -> list[str]:
+    values = ((word, getattr(before, name), getattr(now, name)) for name, word in fields.items())
+    return [f"{word} {_short(old)}, now {_short(new)}" for word, old, new in values if old != new]
 
 
 def mixtures(run: RunRecord) -> list[str]:
