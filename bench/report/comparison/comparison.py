@@ -117,7 +117,7 @@ def compared(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN) ->
     pairing = pair(before, after)
     times = compared_times(pairing)
     if pairing.obstacle:
-        times = Times(*(frame.iloc[:0] for frame in times[:3]), 1.0)
+        times = Times(times.points.iloc[:0], times.cases.iloc[:0], times.solvers.iloc[:0], scale=1.0)
     return Comparison(
         pairing.before, pairing.after, pairing.notes, pairing.obstacle, *times, compared_solved(pairing), slowdown
     )

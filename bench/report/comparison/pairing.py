@@ -99,7 +99,7 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
     notes = [_listing("the numbers of these problems differ, so they are left out", changed)]
     for what in CASE:
         sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
-        for own, other, run in ((*sets, before), (*reversed(sets), after)):
+        for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
             notes.append(_listing(f"{what}s of {run.folder} alone", [name for name in own if name not in other]))
     keys = before.cases[CASE].merge(after.cases[CASE])
     return keys[~keys["problem"].isin(changed)], [note for note in notes if note]
