@@ -20,6 +20,7 @@ from .measure.runner import measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
+from .report.comparison.comparison import SLOWDOWN, Comparison, compared
 from .report.making import Report, make_report
 from .store.bundles.bundle import SUFFIX, bundle_of_run, read_bundle, write_bundle
 from .store.bundles.merge import merge as merge_sources
@@ -369,6 +370,21 @@ def merge(
     folder = _new_folder(results, run_id)
     merge_sources([Path(source) for source in given], folder, on_case, on_missing)
     return load(folder)
+
+
+def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowdown: float = SLOWDOWN) -> Comparison:
+    """Compare two stored runs: what became faster, slower, solved and unsolved.
+
+    Args:
+        before: the run to compare with, or its folder.
+        after: the run that may be slower, or its folder.
+        slowdown: the part by which a solver must be slower or faster for the verdict to name it, 0.1 for 10 %.
+
+    Raises:
+        BenchError: if a folder is no run or a run without cases, one is a study, they were judged by different versions
+            of the judge, or have nothing in common.
+    """
+    return compared(read_frames(Path(before)), read_frames(Path(after)), slowdown)
 
 
 def _several(given: Any) -> tuple[Any, ...] | None:

@@ -57,11 +57,26 @@ AT_HOME = {
         "bench/report/charts/problems.py",
         "bench/report/charts/profiles.py",
         "bench/report/charts/summary.py",
+        "bench/report/comparison/comparison.py",
+        "bench/report/comparison/page.py",
+        "bench/report/comparison/pairing.py",
+        "bench/report/comparison/solved.py",
+        "bench/report/comparison/times.py",
         "bench/simulation/chart.py",
     },
     "typer": {
         f"bench/cli/{name}.py"
-        for name in ("fclib", "help", "main", "options", "record", "run", "simulation/command", "travel")
+        for name in (
+            "comparison/compare",
+            "fclib",
+            "help",
+            "main",
+            "options",
+            "record",
+            "run",
+            "simulation/command",
+            "travel",
+        )
     },
     "h5py": {f"problems/catalog/fclib/{name}.py" for name in ("container", "files")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},

@@ -14,8 +14,9 @@ import typer
 from typer.exceptions import TyperException
 
 from . import fclib, options
+from .comparison.compare import compare
+from .comparison.matrix import matrix
 from .help import HelpCommand, HelpGroup
-from .matrix import matrix
 from .record import record
 from .run import print_problems, report_page, report_run, run
 from .simulation.command import NO_STUDY, SceneCommand, simulate
@@ -132,6 +133,15 @@ _command(
 proxbench run --suite hard --solver NSGS --solver "SORprox(relaxation=1.5)"
 proxbench run --resume results/RUN --retry-failed""",
 )(run)
+
+_command(
+    COMPARE,
+    "compare",
+    "Say what differs between two runs.",
+    """\
+proxbench compare results/old results/new --fail-on "time>10%"
+proxbench compare results/old results/new --markdown comment.md""",
+)(compare)
 
 _command(
     COMPARE,

@@ -11,7 +11,7 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.mechanics.balls import BallSystem
 from ...problems.mechanics.state import State
 from ...problems.stepping.moreau import Step
-from ..report.palette import PALETTE, rgb
+from ..report.charts.palette import PALETTE, rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States
 from .meshes import ball_mesh, in_space, surface_meshes, turned, upright

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ..report.palette import rgb
+from ..report.charts.palette import rgb
 
 OPEN_SHARE = 1e-6
 """A contact with less than this share of the largest normal impulse counts as open; interior points leave dust."""

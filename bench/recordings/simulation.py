@@ -19,7 +19,7 @@ from ...problems.mechanics.state import State
 from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import Step
 from ..errors import BenchError
-from ..report.palette import PALETTE, rgb
+from ..report.charts.palette import PALETTE, rgb
 from .blueprints import STEP, TIME, plot, simulation_blueprint
 from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
 from .file import RecordingFile, write_curve

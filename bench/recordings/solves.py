@@ -17,7 +17,7 @@ from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
 from ..plugins.problems import problem_of
 from ..plugins.remote_solver import working_solver
-from ..report.palette import look, on_dark, rgb
+from ..report.charts.palette import look, on_dark, rgb
 from ..store.links import refuse_links_out
 from ..store.outcome import Outcome
 from ..store.store import Store, plain_name

@@ -12,7 +12,7 @@ from ...problems.mechanics.state import State
 from ...problems.scenes import woodpecker as toy
 from ...problems.scenes.scene import kinetic_energy
 from ...problems.stepping.moreau import Step
-from ..report.palette import rgb
+from ..report.charts.palette import rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States
 from .meshes import about_depth

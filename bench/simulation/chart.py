@@ -18,8 +18,8 @@ from scipy.interpolate import CubicHermiteSpline
 from ...problems.arrays import FloatArray
 from ...problems.trajectories.limit_cycle import Incident
 from ..report.charts.drawing import stacked, write_drawing
+from ..report.charts.palette import PALETTE
 from ..report.layout.text import counted
-from ..report.palette import PALETTE
 from .trajectory import Simulation, switching_words
 
 POINTS = 500

@@ -1,6 +1,7 @@
 """How complete a run is, and how steady its machine was: sentences for the head of every report."""
 
 import math
+from collections.abc import Mapping
 
 from ...problems.spelling import either
 from .frames import JUDGED, RunFrames
@@ -10,15 +11,11 @@ UNSTEADY = 1.5
 """Drift above which a report warns."""
 
 
-_COMPARED = {
-    "processor": "processor",
-    "cores": "cores",
-    "logical_cores": "logical cores",
-    "memory_bytes": "memory [bytes]",
-    "system": "system",
-    "python": "Python",
-}
-"""Fields of a machine that times depend on, with their names in sentences."""
+_HARDWARE = {"processor": "processor", "cores": "cores", "logical_cores": "logical cores"}
+"""Fields of a machine by which it is another one, with their names in sentences."""
+
+_COMPARED = {**_HARDWARE, "memory_bytes": "memory [bytes]", "system": "system", "python": "Python"}
+"""Fields of a machine that times depend on."""
 
 
 def drift(run: RunRecord) -> float:
@@ -34,13 +31,14 @@ def drift(run: RunRecord) -> float:
 
 def differences(before: Machine, now: Machine) -> list[str]:
     """Return in words what two machines, or the versions and sources on them, differ in; nothing if times compare."""
-    return [*_other_hardware(before, now), *other_software(before, now)]
+    return [*other_hardware(before, now, _COMPARED), *other_software(before, now)]
 
 
-def _other_hardware(before: Machine, now: Machine) -> list[str]:
+def other_hardware(before: Machine, now: Machine, fields: Mapping[str, str] = _HARDWARE) -> list[str]:
+    """Return in words by which of some fields, those of the hardware if none are given, a machine is another one."""
     return [
         f"{word} {_short(getattr(before, name))}, now {_short(getattr(now, name))}"
-        for name, word in _COMPARED.items()
+        for name, word in fields.items()
         if getattr(before, name) != getattr(now, name)
     ]
 
@@ -71,7 +69,7 @@ def mixtures(frames: RunFrames) -> list[str]:
     machines = [session.machine or run.machine for session in run.sessions]
     is_one = len(hosts(frames)) <= 1
     groups = [machines] if is_one else [[machines[i] for i in used] for used in _sessions_by_problem(frames).values()]
-    found = [said for group in groups for machine in group for said in _other_hardware(group[0], machine)]
+    found = [said for group in groups for machine in group for said in other_hardware(group[0], machine, _COMPARED)]
     found += [
         f"machine {group[0].host}, now {machine.host}"
         for group in groups

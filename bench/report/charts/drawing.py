@@ -15,7 +15,7 @@ import vl_convert
 from numpy.typing import NDArray
 
 from ..layout.output_file import picture_files, write_file
-from ..palette import Look
+from .palette import Look
 
 PNG_SCALE = 2.0
 

@@ -19,7 +19,6 @@ from ...store.outcome import Outcome
 from ...store.store import plain_name
 from ..accuracy import measured_points
 from ..layout.text import counted
-from ..palette import Look, looks
 from ..studies import headline, spreads
 from ..tables import ending
 from .drawing import (
@@ -35,6 +34,7 @@ from .drawing import (
     stacked,
     write_drawing,
 )
+from .palette import Look, looks
 from .summary import summary_charts
 
 SMALLEST_RESIDUAL = 1e-16

@@ -14,9 +14,9 @@ from ..accuracy import summary_accuracies
 from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted
-from ..palette import Look, looks
 from ..profiles import ALL, BUDGETS, RESIDUALS, profile_accuracies, profile_tables
 from .drawing import by_name, heading, key, stacked, write_drawing
+from .palette import Look, looks
 
 WIDTH, HEIGHT = 300, 220
 """Of one of the panels side by side [pixels]."""

@@ -11,8 +11,8 @@ from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
 from ..cells import duration, exponent
 from ..layout.text import counted
-from ..palette import PALETTE, looks
 from .drawing import FONT_SIZE, by_name, heading, log_axis, round_values, stacked
+from .palette import PALETTE, looks
 
 WIDTH = 300
 """Of each of two panels side by side [pixels]."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import altair as alt
 
-from ..palette import Look
 from .drawing import by_name, compiled
+from .palette import Look
 from .problems import POWERS, RESIDUAL_AXIS, solve_marks
 from .profiles import CURVES, ROW, profile_panel
 

@@ -21,8 +21,8 @@ from ...store.outcome import Outcome
 from ...store.records import Machine, RunRecord
 from ...store.store import plain_name
 from ..accuracy import SHIFT_SECONDS, summary_accuracies
+from ..charts.palette import looks
 from ..charts.templates import ROWS, templates
-from ..palette import looks
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from ..tables import ending
 from .commands import option, protocol_options, run_command

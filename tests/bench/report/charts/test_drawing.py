@@ -2,7 +2,7 @@
 
 import pytest
 from proxbench.bench.report.charts.drawing import heading, key, round_values
-from proxbench.bench.report.palette import looks
+from proxbench.bench.report.charts.palette import looks
 
 
 @pytest.mark.parametrize("domain", [(0.2, 0.9), (1.0, 37.0), (0.3, 450.0), (1e-3, 1e3), (5e3, 1.0)])

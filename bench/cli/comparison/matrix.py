@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-from . import options
+from .. import options
 
 
 def matrix(
@@ -24,16 +24,16 @@ def matrix(
     """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
     from rich.console import Console
 
-    from ...problems.spelling import for_command_line
-    from ...solvers.interface import Stop
-    from ..errors import BenchError, UnwritableError
-    from ..measure.contacts.matrix import default_solvers, measured_matrix
-    from ..measure.selection import select
-    from ..report.layout.output_file import refuse_taken, write_file
-    from ..report.layout.text import print_json
-    from ..report.matrix import count_bad, matrix_page
-    from ..store.outcome import Cell
-    from .progress import ProgressBar
+    from ....problems.spelling import for_command_line
+    from ....solvers.interface import Stop
+    from ...errors import BenchError, UnwritableError
+    from ...measure.contacts.matrix import default_solvers, measured_matrix
+    from ...measure.selection import select
+    from ...report.layout.output_file import refuse_taken, write_file
+    from ...report.layout.text import print_json
+    from ...report.matrix import count_bad, matrix_page
+    from ...store.outcome import Cell
+    from ..progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:

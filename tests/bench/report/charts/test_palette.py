@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from proxbench.bench.report.palette import PALETTE, look, looks, on_dark, rgb
+from proxbench.bench.report.charts.palette import PALETTE, look, looks, on_dark, rgb
 
 DICHROMATS = {
     "all cones": np.eye(3),

@@ -1,0 +1,1 @@
+"""Commands that set solvers, or runs, side by side."""

@@ -1,0 +1,1 @@
+"""How two runs differ: what became faster, slower, solved and unsolved."""

@@ -1,0 +1,138 @@
+"""Two runs side by side: what differs, in frames and in one sentence, and what fails."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import pandas as pd
+
+from ...store.frames import RunFrames
+from .conditions import Condition, read_conditions
+from .pairing import CASE, pair
+from .solved import SOLVED, UNSOLVED, compared_solved
+from .times import Times, compared_times
+
+SLOWDOWN = 0.1
+"""Part by which a solver must be slower, or have been slower, for a verdict to name it."""
+
+MOST_NAMED = 3
+"""Names that a verdict lists of each kind."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What differs between two runs.
+
+    Attributes:
+        before, after: the runs, restricted to what both have.
+        notes: sentences about what is left out, and what else differs.
+        obstacle: why times do not compare; empty if they do. The frames of times are empty then.
+        points: one row a solver, problem and accuracy that both runs reach: times before and after [s], their ratio as
+            measured, and the ends of its 95 % interval, low and high.
+        cases: one row a solver and problem: geometric means of times over its accuracies [s], their ratio over the
+            scale, and the ends of its interval: with a chance of 95 % no true ratio of all is below its lower end.
+        solvers: the same for each solver over its problems, whose number is in problems; the chance is that of each.
+        scale: by which the times of the second run are divided in the ratios of cases and solvers: what all solvers
+            have in common, which is the machine's.
+        changes: one row a solver, problem and accuracy that one run reaches alone: change is "solved", "unsolved", or
+            "undecided" where time was short; reason says how the run ended that does not reach it.
+        slowdown: the part by which a solver must be slower for the verdict to name it.
+    """
+
+    before: RunFrames
+    after: RunFrames
+    notes: tuple[str, ...]
+    obstacle: str
+    points: pd.DataFrame
+    cases: pd.DataFrame
+    solvers: pd.DataFrame
+    scale: float
+    changes: pd.DataFrame
+    slowdown: float = SLOWDOWN
+
+    def slower(self, slowdown: float | None = None) -> list[str]:
+        """Return what is slower by more than that part with certainty, in words: solvers, then cases of others."""
+        bound = 1.0 + (self.slowdown if slowdown is None else slowdown)
+        return self._named(self.solvers[self.solvers["low"] > bound], self.cases[self.cases["low"] > bound])
+
+    def faster(self) -> list[str]:
+        """Return what is faster with certainty: what took more than that part longer before."""
+        bound = 1.0 / (1.0 + self.slowdown)
+        return self._named(self.solvers[self.solvers["high"] < bound], self.cases[self.cases["high"] < bound])
+
+    def changed(self, change: str) -> pd.DataFrame:
+        """Return the rows of ``changes`` of one kind."""
+        return self.changes[self.changes["change"] == change]
+
+    @cached_property
+    def verdict(self) -> str:
+        """What differs, in one sentence."""
+        parts = [
+            _listed("slower", self.slower()),
+            _listed("no longer solved", _points_in_words(self.changed(UNSOLVED))),
+            _listed("faster", self.faster()),
+            _listed("newly solved", _points_in_words(self.changed(SOLVED))),
+        ]
+        said = "; ".join(part for part in parts if part)
+        if self.obstacle:
+            return f"times are not compared ({self.obstacle}); {said or 'the same is solved'}"
+        if not self.decides:
+            return f"times are undecided, each run has one pass; {said or 'the same is solved'}"
+        return said or f"no solver is slower or faster by more than {100 * self.slowdown:g} %, and the same is solved"
+
+    @property
+    def decides(self) -> bool:
+        """Whether times have intervals."""
+        return self.cases.empty or bool((self.cases["low"] > 0.0).any())
+
+    def failures(self, fail_on: Sequence[str] | str) -> list[str]:
+        """Return a sentence for each condition that is met, or cannot be decided.
+
+        Args:
+            fail_on: conditions, ``"time>10%"`` or ``"solved<"``, or one of them.
+
+        Raises:
+            BenchError: if a text is no condition.
+        """
+        return [sentence for one in read_conditions(fail_on) if (sentence := self._failure(one))]
+
+    def _failure(self, condition: Condition) -> str:
+        if condition.slowdown is None:
+            found = _points_in_words(self.changed(UNSOLVED))
+        elif self.obstacle or not self.decides:
+            return f"{condition.text} cannot be decided: {self.obstacle or 'each run has one pass'}"
+        else:
+            found = self.slower(condition.slowdown)
+        return f"{condition.text}: {_names(found)}" if found else ""
+
+    def _named(self, solvers: pd.DataFrame, cases: pd.DataFrame) -> list[str]:
+        others = cases[~cases["solver"].isin(solvers["solver"])]
+        return [f"{row.solver} ({row.ratio:.2f} times)" for row in solvers.itertuples()] + [
+            f"{row.solver} on {row.problem} ({row.ratio:.2f} times)" for row in others.itertuples()
+        ]
+
+
+def compared(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN) -> Comparison:
+    """Compare two runs; see ``proxbench.bench.compare``."""
+    pairing = pair(before, after)
+    times = compared_times(pairing)
+    if pairing.obstacle:
+        times = Times(times.points.iloc[:0], times.cases.iloc[:0], times.solvers.iloc[:0], scale=1.0)
+    return Comparison(
+        pairing.before, pairing.after, pairing.notes, pairing.obstacle, *times, compared_solved(pairing), slowdown
+    )
+
+
+def _points_in_words(changes: pd.DataFrame) -> list[str]:
+    """Return changes by solver and problem, with the coarsest accuracy of each."""
+    coarsest = changes.sort_values("accuracy", ascending=False, kind="stable").drop_duplicates(CASE)
+    return [f"{row.solver} on {row.problem} to {row.accuracy:.0e}" for row in coarsest.itertuples()]
+
+
+def _listed(what: str, names: list[str]) -> str:
+    return f"{what}: {_names(names)}" if names else ""
+
+
+def _names(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more

@@ -1,0 +1,102 @@
+"""A comparison on the terminal, as Markdown for a pull request, and as one JSON document."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.text import Text
+
+from ....problems.spelling import for_command_line
+from ..accuracy import accuracy_tag
+from ..cells import duration
+from ..layout.fitting import print_table
+from ..layout.text import inline, markdown_table
+from .comparison import Comparison
+
+
+def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
+    """Return a comparison as one JSON object."""
+    frames = {name: getattr(comparison, name) for name in ("solvers", "cases", "points", "changes")}
+    return {
+        "before": str(comparison.before.folder),
+        "after": str(comparison.after.folder),
+        "verdict": comparison.verdict,
+        "failures": failures,
+        "obstacle": comparison.obstacle,
+        "notes": [for_command_line(note) for note in comparison.notes],
+        "scale": comparison.scale,
+        **{name: json.loads(frame.to_json(orient="records")) for name, frame in frames.items()},
+    }
+
+
+def print_comparison(comparison: Comparison, failures: list[str], console: Console) -> None:
+    """Print what differs, the verdict last."""
+    for note in comparison.notes:
+        console.print(Text(for_command_line(note), style="yellow"))
+    for title, table in _tables(comparison):
+        console.print(Text(title, style="bold"))
+        print_table(console, table, words=("problem", "change", "reason", "is"), optional=("reason", "before"))
+        console.print()
+    if len(comparison.solvers):
+        console.print(Text(_legend(comparison), style="dim"))
+    console.print(Text(comparison.verdict, style="bold"))
+    for failure in failures:
+        console.print(Text(f"FAILED {failure}", style="bold red"))
+
+
+def markdown_page(comparison: Comparison, failures: list[str]) -> str:
+    """Return a comparison as Markdown: the verdict, what changed, and the ratios of all cases to unfold."""
+    names = (inline(run.info.run_id) for run in (comparison.before, comparison.after))
+    parts = ["### Proxbench: {} → {}".format(*names), f"**{inline(comparison.verdict)}**"]
+    parts += [f"❌ {inline(failure)}" for failure in failures]
+    parts += [f"{inline(for_command_line(note))}" for note in comparison.notes]
+    parts += [f"{inline(title)}\n\n{_markdown(table)}" for title, table in _tables(comparison)]
+    if len(comparison.solvers):
+        cases = _markdown(_shown_times(comparison, comparison.cases))
+        parts += [_legend(comparison), f"<details><summary>All cases</summary>\n\n{cases}\n</details>"]
+    return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
+    """Return the tables that say something, with their titles: solvers, single cases that differ, what is solved."""
+    bounds = 1.0 / (1.0 + comparison.slowdown), 1.0 + comparison.slowdown
+    cases = comparison.cases
+    single = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]
+    changes = comparison.changes.assign(to=comparison.changes["accuracy"].map(accuracy_tag))
+    shown = changes.assign(is_=changes["change"]).rename(columns={"is_": "is"})[
+        ["solver", "problem", "to", "is", "reason"]
+    ]
+    tables = [
+        ("times of each solver, over its problems", _shown_times(comparison, comparison.solvers)),
+        ("cases that are slower or faster by themselves", _shown_times(comparison, single)),
+        ("what is solved in one run alone", shown),
+    ]
+    return [(title, table) for title, table in tables if len(table)]
+
+
+def _shown_times(comparison: Comparison, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return rows of solvers or cases in texts, the slowest first."""
+    bound = 1.0 + comparison.slowdown
+    frame = frame.sort_values("ratio", ascending=False, kind="stable")
+    shown = frame[[name for name in ("solver", "problem", "problems") if name in frame]].astype(str)
+    for head in ("before", "after"):
+        shown[head] = frame[head].map(duration)
+    shown["ratio"] = frame["ratio"].map("{:.2f}".format)
+    ends = zip(frame["low"], frame["high"], strict=True)
+    shown["interval"] = [f"{low:.2f} to {high:.2f}" if np.isfinite(high) else "–" for low, high in ends]
+    shown["is"] = np.select([frame["low"] > bound, frame["high"] < 1.0 / bound], ["slower", "faster"], "")
+    return shown
+
+
+def _legend(comparison: Comparison) -> str:
+    part = f"{100 * comparison.slowdown:g} %"
+    return (
+        f"ratio: of times after to before, over {comparison.scale:.3f}, by which times of all solvers differ alike. "
+        f"slower, faster: by more than {part} with a certainty of 95 %, which is that of all cases together."
+    )
+
+
+def _markdown(shown: pd.DataFrame) -> str:
+    return markdown_table(map(inline, shown.columns), shown.map(inline).itertuples(index=False))

@@ -1,0 +1,63 @@
+"""Which accuracies a second run reaches that the first did not, and which it no longer reaches."""
+
+import pandas as pd
+
+from ...store.frames import RunFrames
+from ...store.outcome import Outcome
+from ...store.records import UNDISTURBED
+from .pairing import CASE, Pairing
+from .times import reaching_tolerances
+
+SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"
+"""What can change: reached now and not before, the other way round, and not reached because time was short."""
+
+SHARED = 2.0
+"""Times as long a solve can take on a core that something else shares."""
+
+CHANGES = [*CASE, "accuracy", "change", "reason"]
+"""Columns of ``compared_solved``."""
+
+
+def compared_solved(pairing: Pairing) -> pd.DataFrame:
+    """Return one row for each solver, problem and accuracy that one of two runs reaches alone, columns ``CHANGES``.
+
+    Undecided is what ends at a limit of time that a shared core can explain: its process waited, the limits are not the
+    same, or the run that reaches it took more than 1/``SHARED`` of the limit.
+    """
+    sides = (pairing.before, pairing.after)
+    key = [*CASE, "accuracy"]
+    reached = [reaching_tolerances(run, pairing.accuracies).set_index(key)["tolerance"] for run in sides]
+    rows = []
+    for (own, own_reached), (other, other_reached), change in (
+        ((pairing.after, reached[1]), (pairing.before, reached[0]), SOLVED),
+        ((pairing.before, reached[0]), (pairing.after, reached[1]), UNSOLVED),
+    ):
+        for name in own_reached.index.difference(other_reached.index, sort=False):
+            is_short, reason = _ending(own, other, name[:2], own_reached[name], accuracy=name[2])
+            rows.append((*name, UNDECIDED if is_short else change, reason))
+    return pd.DataFrame(rows, columns=CHANGES)
+
+
+def _ending(
+    own: RunFrames, other: RunFrames, case: tuple[str, str], tolerance: float, accuracy: float
+) -> tuple[bool, str]:
+    """Return whether time was short where ``other`` does not reach what ``own`` reaches, and how it ended in words."""
+    ended = _of_case(other.cases, case).iloc[0]
+    if ended["outcome"] != Outcome.MEASURED:
+        return ended["outcome"] == Outcome.TIMEOUT, f"{ended['outcome']}, {ended['reason']}"
+    points = _of_case(other.points, case)
+    finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
+    if finer.empty:
+        return not ended["is_finished"], "not measured"
+    point = finer.sort_values("tolerance").iloc[-1]
+    reason = f"{point['outcome']}, {point['reason'] or 'judged residual {:.0e}'.format(point['residual'])}"
+    limits = [run.info.plan.limits.solve_seconds for run in (own, other)]
+    rounds = _of_case(other.rounds, case)
+    waited = bool((rounds["cpu"][rounds["tolerance"] == point["tolerance"]] < UNDISTURBED).all())
+    taken = _of_case(own.points, case).set_index("tolerance")["solve_seconds"][tolerance]
+    short = waited or limits[0] != limits[1] or taken * SHARED > limits[1]
+    return bool(point["outcome"] == Outcome.TIME_LIMIT and short), reason
+
+
+def _of_case(frame: pd.DataFrame, case: tuple[str, str]) -> pd.DataFrame:
+    return frame[(frame["problem"] == case[0]) & (frame["solver"] == case[1])]

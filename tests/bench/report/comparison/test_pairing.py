@@ -1,0 +1,88 @@
+"""Only what means the same in both runs is compared, the rest is named, and what is no run is refused in a sentence."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from proxbench.bench import compare, load
+from proxbench.bench.errors import BenchError
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import CaseRecord
+from simulated_runs import MACHINE, simulated_cases, store_run
+from stored_cases import case_record
+
+
+@pytest.fixture
+def before(tmp_path: Path) -> Path:
+    return store_run(tmp_path / "before", simulated_cases(0))
+
+
+def test_times_of_another_machine_are_not_compared_but_what_is_solved_is(tmp_path: Path, before: Path) -> None:
+    slower = [case for case in simulated_cases(1, {"A": 9.0}) if case.solver != "B"]
+    crashed = {"outcome": Outcome.CRASHED, "points": []}
+    worse = [msgspec.structs.replace(case, **(crashed if case.solver == "C" else {})) for case in slower]
+    found = compare(before, store_run(tmp_path / "after", worse, msgspec.structs.replace(MACHINE, processor="Q")))
+    assert found.obstacle == "the machines differ: processor P, now Q"
+    assert found.points.empty
+    assert not found.slower()
+    assert set(found.changed("unsolved")["solver"]) == {"C"}
+    assert any(note.endswith("before alone: B") for note in found.notes)
+    assert found.failures(["time>10%", "solved<"])[0].startswith("time>10% cannot be decided: the machines differ")
+
+
+def test_problems_of_other_numbers_are_left_out_and_named(tmp_path: Path, before: Path) -> None:
+    cases = simulated_cases(1, {"A on p-2": 9.0})
+    changed = [msgspec.structs.replace(case, digest="1" * 64) if case.problem == "p-2" else case for case in cases]
+    found = compare(before, store_run(tmp_path / "after", changed))
+    assert "p-2" not in set(found.cases["problem"])
+    assert "the numbers of these problems differ, so they are left out: p-2" in found.notes
+    assert not found.slower()
+
+
+def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Path) -> None:
+    machine = msgspec.structs.replace(MACHINE, versions={"numpy": "3"})
+    found = compare(before, store_run(tmp_path / "after", simulated_cases(1), machine))
+    assert "not the same: numpy 2, now 3" in found.notes
+    assert not found.obstacle
+
+
+def test_a_run_that_took_a_shared_core_for_a_free_one_has_no_times(tmp_path: Path, before: Path) -> None:
+    def with_slowness(slowness: float) -> Path:
+        cases = msgspec.to_builtins(simulated_cases(1))
+        for point in (point for case in cases for point in case["points"]):
+            point["measured"]["rounds"] = [{**one, "slowness": slowness} for one in point["measured"]["rounds"]]
+        return store_run(tmp_path / f"after-{slowness}", msgspec.convert(cases, list[CaseRecord]))
+
+    assert "took a shared core for a free one" in compare(before, with_slowness(0.5)).obstacle
+    assert not compare(before, with_slowness(1.1)).obstacle
+    assert "free core, the others are not" in compare(before, with_slowness(1.0)).obstacle
+
+
+def test_runs_without_anything_in_common_are_refused(tmp_path: Path, before: Path) -> None:
+    others = store_run(tmp_path / "others", simulated_cases(0, solvers=("Z",)))
+    with pytest.raises(BenchError, match="have no case"):
+        compare(before, others)
+    plan = msgspec.structs.replace(load(others).info.plan, tolerances=[1e-3], solvers=["A"])
+    coarse = [msgspec.structs.replace(case, points=[]) for case in simulated_cases(0, solvers=("A",))]
+    with pytest.raises(BenchError, match="have no tolerance"):
+        compare(before, store_run(tmp_path / "coarse", coarse, plan=plan))
+
+
+def test_runs_of_another_judge_or_without_cases_and_folders_that_are_none_are_refused(
+    tmp_path: Path, before: Path
+) -> None:
+    refused = {
+        "judged by version .* of the judge": store_run(tmp_path / "judge", simulated_cases(0), judge=7),
+        "has no measured case": store_run(tmp_path / "empty", []),
+        "is no stored run": tmp_path / "nothing",
+    }
+    for sentence, after in refused.items():
+        with pytest.raises(BenchError, match=sentence):
+            compare(before, after)
+
+
+def test_cases_that_reach_nothing_compare_too(tmp_path: Path) -> None:
+    runs = [store_run(tmp_path / name, [case_record()]) for name in ("before", "after")]
+    found = compare(*runs)
+    assert found.points.empty
+    assert found.verdict == "no solver is slower or faster by more than 10 %, and the same is solved"

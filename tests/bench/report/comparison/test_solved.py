@@ -1,0 +1,71 @@
+"""What is newly and no longer solved is said, except where a limit of time decides that a shared core can explain."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from proxbench.bench import compare
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import CaseRecord, Limits, Point
+from simulated_runs import solved_point, store_run
+from stored_cases import case_record, measured_in, timed_round
+
+LIMIT = Limits().solve_seconds
+
+
+def case_of(*points: Point, **others: object) -> list[CaseRecord]:
+    return [case_record(points=list(points), **others)]
+
+
+def solved(seconds: float = 0.01) -> Point:
+    return solved_point(1e-2, [timed_round(0, seconds)])
+
+
+def unsolved(outcome: Outcome, cpu: float = 1.0) -> Point:
+    measured = measured_in([timed_round(0, LIMIT, cpu=cpu)], residual=0.3)
+    return Point(tolerance=1e-2, outcome=outcome, status=outcome.value, reason="", measured=measured)
+
+
+def changes(tmp_path: Path, before: list[CaseRecord], after: list[CaseRecord], **others: object) -> list[str]:
+    found = compare(store_run(tmp_path / "before", before), store_run(tmp_path / "after", after, **others))
+    return list(found.changes["change"])
+
+
+@pytest.mark.parametrize("outcome", [Outcome.STALLED, Outcome.DIVERGED, Outcome.TIME_LIMIT, Outcome.WRONG])
+def test_what_is_no_longer_reached_is_unsolved_and_the_other_way_round_solved(tmp_path: Path, outcome: Outcome) -> None:
+    for name, sides, expected in (
+        ("there", (solved(), unsolved(outcome)), "unsolved"),
+        ("back", (unsolved(outcome), solved()), "solved"),
+    ):
+        assert changes(tmp_path / name, case_of(sides[0]), case_of(sides[1])) == [expected]
+
+
+@pytest.mark.parametrize("outcome", [Outcome.CRASHED, Outcome.MISBEHAVED, Outcome.OUT_OF_MEMORY])
+def test_a_case_that_fails_is_unsolved(tmp_path: Path, outcome: Outcome) -> None:
+    assert changes(tmp_path, case_of(solved()), case_of(outcome=outcome, reason="why")) == ["unsolved"]
+
+
+def test_a_limit_of_time_that_a_shared_core_explains_decides_nothing(tmp_path: Path) -> None:
+    late = unsolved(Outcome.TIME_LIMIT)
+    waited = unsolved(Outcome.TIME_LIMIT, cpu=0.5)
+    assert changes(tmp_path / "waited", case_of(solved()), case_of(waited)) == ["undecided"]
+    assert changes(tmp_path / "near", case_of(solved(0.6 * LIMIT)), case_of(late)) == ["undecided"]
+    other = msgspec.structs.replace(Limits(), solve_seconds=0.5 * LIMIT)
+    assert changes(tmp_path / "limits", case_of(solved()), case_of(late), limits=other) == ["undecided"]
+    timeout = case_of(outcome=Outcome.TIMEOUT, reason="60 s")
+    assert changes(tmp_path / "case", case_of(solved()), timeout) == ["undecided"]
+
+
+def test_the_same_in_both_runs_is_no_change(tmp_path: Path) -> None:
+    assert changes(tmp_path, case_of(solved()), case_of(solved())) == []
+    reached = compare(tmp_path / "before", tmp_path / "after")
+    assert reached.failures("solved<") == []
+
+
+def test_solved_less_fails_only_on_what_is_unsolved(tmp_path: Path) -> None:
+    runs = [
+        store_run(tmp_path / name, case_of(point))
+        for name, point in (("a", solved()), ("b", unsolved(Outcome.STALLED)))
+    ]
+    assert compare(*runs).failures("solved<") == ["solved<: S on p to 1e-02"]
+    assert compare(*reversed(runs)).failures("solved<") == []

@@ -1,0 +1,90 @@
+"""Two runs of the same program differ in nothing, a slowdown is found, and what is the machine's is taken out."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+import pytest
+from proxbench.bench import compare
+from proxbench.bench.report.comparison.comparison import Comparison
+from simulated_runs import MACHINE, PROBLEMS, SOLVERS, simulated_cases, store_run
+
+PAIRS = 20
+"""Of simulated runs."""
+
+OTHER_SOURCE = msgspec.structs.replace(MACHINE, source="1" * 64)
+
+
+def pair_of_runs(
+    folder: Path, seed: int, factors: Mapping[str, float], passes: int = 3, is_same: bool = False
+) -> Comparison:
+    """Return the comparison of a run with another one in which some times are multiplied by factors."""
+    before = store_run(folder / f"before-{seed}", simulated_cases(2 * seed, passes=passes))
+    machine = MACHINE if is_same else OTHER_SOURCE
+    after = store_run(folder / f"after-{seed}", simulated_cases(2 * seed + 1, factors, passes), machine)
+    return compare(before, after)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("passes", [3, 5])
+def test_of_twenty_pairs_of_the_same_program_at_most_one_is_a_false_alarm(tmp_path: Path, passes: int) -> None:
+    alarms = [pair_of_runs(tmp_path, seed, {}, passes).failures("time>10%") for seed in range(PAIRS)]
+    assert sum(map(bool, alarms)) <= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("passes", [3, 5])
+def test_of_twenty_slowdowns_by_a_fifth_nineteen_are_found(tmp_path: Path, passes: int) -> None:
+    found = [pair_of_runs(tmp_path, seed, {"A": 1.2}, passes).slower() for seed in range(PAIRS)]
+    assert sum(any(name.startswith("A (") for name in names) for names in found) >= PAIRS - 1
+    assert sum(any(not name.startswith("A") for name in names) for names in found) <= 1
+
+
+def test_a_slowdown_on_one_problem_is_found_there(tmp_path: Path) -> None:
+    found = pair_of_runs(tmp_path, 1, {"A on p-3": 1.8})
+    assert [name.partition(" (")[0] for name in found.slower()] == ["A on p-3"]
+
+
+def test_what_all_times_of_the_same_program_have_in_common_is_the_machines(tmp_path: Path) -> None:
+    found = pair_of_runs(tmp_path, 2, dict.fromkeys(SOLVERS, 1.5), is_same=True)
+    assert found.scale == pytest.approx(1.5, rel=0.1)
+    assert not found.slower()
+
+
+def test_a_change_of_most_solvers_is_no_change_of_the_others(tmp_path: Path) -> None:
+    found = pair_of_runs(tmp_path, 3, dict.fromkeys(SOLVERS[1:], 0.6))
+    assert found.scale == 1.0
+    assert not found.slower()
+    assert sorted(name.partition(" (")[0] for name in found.faster()) == list(SOLVERS[1:])
+
+
+def test_a_slowdown_of_all_solvers_of_another_program_is_theirs(tmp_path: Path) -> None:
+    found = pair_of_runs(tmp_path, 4, dict.fromkeys(SOLVERS, 1.4), passes=5)
+    assert [name.partition(" (")[0] for name in found.slower()] == list(SOLVERS)
+
+
+def test_the_other_way_round_ratios_are_reciprocal(tmp_path: Path) -> None:
+    there = pair_of_runs(tmp_path, 5, {"B": 2.0})
+    back = compare(there.after.folder, there.before.folder)
+    forth = there.solvers.set_index("solver")
+    for row in back.solvers.itertuples():
+        assert 1.0 / row.ratio == pytest.approx(forth["ratio"][row.solver])
+        assert (1.0 / row.high, 1.0 / row.low) == pytest.approx((forth["low"][row.solver], forth["high"][row.solver]))
+    assert back.faster()[0].startswith("B (0.5")
+
+
+def test_points_have_their_own_ratios_and_intervals(tmp_path: Path) -> None:
+    points = pair_of_runs(tmp_path, 6, {"A": 3.0}, passes=5).points
+    assert len(points) == 2 * len(PROBLEMS) * len(SOLVERS)
+    ours = points[points["solver"] == "A"]
+    assert (ours["low"] > 1.0).all()
+    assert (points["low"] <= points["ratio"]).all()
+    assert (points["ratio"] <= points["high"]).all()
+    assert ours["ratio"].median() == pytest.approx(3.0, rel=0.1)
+
+
+def test_one_pass_decides_nothing(tmp_path: Path) -> None:
+    found = pair_of_runs(tmp_path, 7, {"A": 2.0}, passes=1)
+    assert not found.slower()
+    assert "undecided" in found.verdict
+    assert found.failures("time>10%") == ["time>10% cannot be decided: each run has one pass"]
