@@ -114,13 +114,18 @@ def measure_rest(
     with store.alone():
         cases, _ = store.read_cases()
         stored = {(case.problem, case.solver): case for case in cases if not (retry_failed and case.outcome in FAULTS)}
-        _progress(contestants, store, record, on_event, executor).complete(stored)
+        _progress(contestants, store, record, on_event, executor, mix).complete(stored)
 
 
 def _progress(
-    contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor | None
+    contestants: Contestants,
+    store: Store,
+    record: RunRecord,
+    on_event: OnEvent,
+    executor: Executor | None,
+    mix: bool = False,
 ) -> Progress:
     """Return what carries out a plan, here or on an executor."""
     if executor is None:
-        return Progress(contestants, store, record, on_event)
-    return Dispatch(contestants, store, record, on_event, executor)
+        return Progress(contestants, store, record, on_event, mix)
+    return Dispatch(contestants, store, record, on_event, executor, mix)

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from ....problems.catalog.plugins import registered
 from ....problems.catalog.storage import packed_problem
-from ....problems.errors import ProxbenchError, first_line
+from ....problems.errors import first_line
 from ....problems.spelling import either
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
@@ -23,21 +23,27 @@ from .events import CaseFinished, OnEvent, VisitFinished
 from .part import MeasuredPart, Part, measure_part
 from .progress import Contestants, Progress
 
-MOST_WAITING = 64
-"""Tasks that an executor has at a time: problems are sent with them."""
+MOST_WAITING = 2**28
+"""Bytes of problems that an executor has at a time, unless one alone has more."""
 
 ATTEMPTS = 3
-"""Workers that may be lost with a task before it is given up."""
+"""Workers that may be lost with a task, or fail at it, before it is given up."""
 
 
 class Dispatch(Progress):
     """A plan as far as it is carried out on an executor; the machine of this process measures nothing."""
 
     def __init__(
-        self, contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor
+        self,
+        contestants: Contestants,
+        store: Store,
+        record: RunRecord,
+        on_event: OnEvent,
+        executor: Executor,
+        mix: bool = False,
     ) -> None:
-        """Note what to carry out, where to store it, what to call as it goes on, and what measures."""
-        super().__init__(contestants, store, record, on_event)
+        """Note what to carry out, where to store it, what to call as it goes on, what measures, and what may mix."""
+        super().__init__(contestants, store, record, on_event, mix)
         self._executor = executor
         self._n_before = len(record.sessions)
         self._lost: dict[str, BaseException] = {}
@@ -46,15 +52,16 @@ class Dispatch(Progress):
         """Give each unfinished problem to the executor, and store what comes back.
 
         Raises:
-            BenchError: if problems were lost with their workers too often; all else is stored.
+            BenchError: if problems were lost with their workers, or refused by them, too often; all else is stored.
         """
         plan = self._record.plan
         left = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
         attempts, n_done = dict.fromkeys(left, ATTEMPTS), len(plan.problems) - len(left)
         running: dict[Future[MeasuredPart], str] = {}
+        sizes: dict[str, int] = {}
         try:
             while left or running:
-                self._submit(left, running)
+                self._submit(left, running, sizes)
                 for future in _results_first(wait(running, return_when=FIRST_COMPLETED).done):
                     name, fault = running.pop(future), _fault(future)
                     if fault is None:
@@ -72,10 +79,11 @@ class Dispatch(Progress):
                 future.cancel()
         self._refuse_losses()
 
-    def _submit(self, left: list[str], running: dict[Future[MeasuredPart], str]) -> None:
+    def _submit(self, left: list[str], running: dict[Future[MeasuredPart], str], sizes: dict[str, int]) -> None:
         """Give the executor as many problems as it may have; all are lost if it takes none any more."""
-        while left and len(running) < MOST_WAITING:
+        while left and (not running or sum(sizes[name] for name in running.values()) < MOST_WAITING):
             part = self._part(left[0])
+            sizes[left[0]] = len(part.problem)
             try:
                 running[self._executor.submit(measure_part, part)] = left[0]
             except (RuntimeError, OSError) as broken:
@@ -89,7 +97,7 @@ class Dispatch(Progress):
             count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
             why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
             again = either(f"proxbench run --resume {folder}", f"proxbench.bench.resume({str(folder)!r})")
-            raise BenchError(f"{count} were lost with their workers ({why}); the others are kept, go on with: {again}")
+            raise BenchError(f"{count} could not be measured ({why}); the others are kept, go on with: {again}")
 
     def _part(self, name: str) -> Part:
         record, plan = self._record, self._record.plan
@@ -101,24 +109,29 @@ class Dispatch(Progress):
             sessions=record.sessions[: self._n_before],
         )
         contestants = tuple(one for one in self._contestants if isinstance(one, Contestant))
-        return Part(own, tuple(self._cases[name].values()), packed_problem(problem), contestants, tuple(registered()))
+        cases = tuple(self._cases[name].values())
+        return Part(own, cases, packed_problem(problem), contestants, tuple(registered()), self._mix)
 
     def _keep_part(self, name: str, part: MeasuredPart) -> None:
         """Store the cases of a problem, and what is known of the machine that measured them."""
         plan, place = self._record.plan, self._place_of(part.session)
+        finished = {solver for solver, case in self._cases[name].items() if plan.has_finished(case)}
         places = [*range(self._n_before), place]
         for case in self._unfinished(name, part):
             self._put(with_sessions(case, places))
             if plan.has_finished(case):
-                self._done += 1
+                self._done += case.solver not in finished
                 total = len(plan.problems) * len(plan.solvers)
                 self._on_event(CaseFinished(name, case.solver, case.outcome, self._done, total))
 
     def _unfinished(self, name: str, part: MeasuredPart) -> Iterator[CaseRecord]:
-        """Yield the cases of a part that were not finished before."""
+        """Yield the cases of a part that were not finished before, or that its machine measured anew."""
         plan, known = self._record.plan, self._cases[name]
         finished = {solver for solver, case in known.items() if plan.has_finished(case)}
-        return (case for case in part.cases if case.solver not in finished)
+        return (case for case in part.cases if case.solver not in finished or self._is_new(case))
+
+    def _is_new(self, case: CaseRecord) -> bool:
+        return any(one.session == self._n_before for point in case.points for one in point.rounds)
 
     def _place_of(self, session: Session) -> int:
         """Return the number of the session of a machine, to which what was measured there now is added."""
@@ -132,6 +145,9 @@ class Dispatch(Progress):
                 return place
         self._note(replace(self._record, sessions=[*sessions, session]))
         return len(sessions)
+
+    def _forget_other_machines(self) -> None:
+        """Forget nothing: the machine of a worker is known there."""
 
     def _note_machine(self) -> None:
         """Note nothing of this machine."""
@@ -148,14 +164,5 @@ def _results_first(done: Collection[Future[MeasuredPart]]) -> list[Future[Measur
 
 
 def _fault(future: Future[MeasuredPart]) -> BaseException | None:
-    """Return why a task has no result; None if it has.
-
-    Raises:
-        ProxbenchError: if it would fail anywhere.
-    """
-    if future.cancelled():
-        return CancelledError("it was cancelled")
-    fault = future.exception()
-    if isinstance(fault, ProxbenchError):
-        raise fault
-    return fault
+    """Return why a task has no result; None if it has."""
+    return CancelledError("it was cancelled") if future.cancelled() else future.exception()

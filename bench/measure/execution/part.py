@@ -35,6 +35,7 @@ class Part:
         problem: the content of its file.
         contestants: the solvers.
         plugin_files: the plugin files that they may come from, with the names that they offer.
+        mix: keep what another machine has measured of the problem.
     """
 
     run: RunRecord
@@ -42,6 +43,7 @@ class Part:
     problem: bytes
     contestants: tuple[Contestant, ...]
     plugin_files: tuple[tuple[PluginFile, Names | None], ...] = ()
+    mix: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,5 +77,5 @@ def measure_part(part: Part) -> MeasuredPart:
         for case in part.cases:
             store.write_case(case)
         stored = {(case.problem, case.solver): case for case in part.cases}
-        Progress(part.contestants, store, part.run, lambda event: None).complete(stored)
+        Progress(part.contestants, store, part.run, lambda event: None, part.mix).complete(stored)
         return MeasuredPart(store.read_run().sessions[-1], tuple(store.read_cases()[0]))

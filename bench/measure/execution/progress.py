@@ -40,9 +40,12 @@ Contestants = Sequence[Contestant] | Sequence[Method]
 class Progress:
     """A plan as far as it is carried out."""
 
-    def __init__(self, contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent) -> None:
-        """Note what to carry out, where to store it, and what to call as it goes on."""
+    def __init__(
+        self, contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False
+    ) -> None:
+        """Note what to carry out, where to store it, what to call as it goes on, and whether machines may mix."""
         self._contestants, self._store, self._record, self._on_event = contestants, store, record, on_event
+        self._mix = mix
         self._session = Session(started=_now(), machine=this_machine())
         self._verdicts = RememberedVerdicts()
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
@@ -60,6 +63,7 @@ class Progress:
         try:
             self._generate()
             self._forget_other_problems()
+            self._forget_other_machines()
             self._measure()
         except KeyboardInterrupt:
             raise InterruptedRunError(self._store.folder) from None
@@ -150,6 +154,13 @@ class Progress:
         self._done = sum(
             self._record.plan.has_finished(case) for cases in self._cases.values() for case in cases.values()
         )
+
+    def _forget_other_machines(self) -> None:
+        """Forget the cases of problems that were begun on another machine: all solvers of one are measured on one."""
+        for name in self._cases:
+            if not (self._mix or self._is_finished(name) or self._is_of_this_machine(name)):
+                self._done -= sum(map(self._record.plan.has_finished, self._cases[name].values()))
+                self._cases[name] = {}
 
     def _digest(self, name: str) -> str:
         plan = self._record.plan

@@ -129,16 +129,25 @@ def _machine(info: RunRecord) -> dict[str, list[tuple[str, str]]]:
         "memory of a case": f"{limits.memory_bytes / 2**20:.0f} MiB",
         "drift": "unknown" if np.isnan(factor) else f"{factor:.2f} (slowest / fastest reference workload)",
     }
-    sessions = {one.started: f"to {one.finished}" if one.finished else "interrupted" for one in info.sessions}
+    machines = {one.host for one in info.sessions if one.machine is not None}
+    names = [f"{one.started} on {one.host}" if len(machines) > 1 else one.started for one in info.sessions]
+    ends = [f"to {one.finished}" if one.finished else "interrupted" for one in info.sessions]
     plugins = {f"{use.kind} {use.name}": f"{use.source} {use.sha256[:16]}".strip() for use in info.plugins}
     tables = {
-        "Machine": _hardware(info.machine),
-        "Versions": info.machine.versions,
-        "Protocol": protocol,
-        "Sessions": sessions,
-        "Plugins": plugins,
+        **_machines(info),
+        "Versions": info.machine.versions.items(),
+        "Protocol": protocol.items(),
+        "Sessions": list(zip(names, ends, strict=True)),
+        "Plugins": plugins.items(),
     }
-    return {name: [(key, str(value)) for key, value in table.items()] for name, table in tables.items() if table}
+    return {name: [(key, str(value)) for key, value in table] for name, table in tables.items() if table}
+
+
+def _machines(info: RunRecord) -> dict[str, list[tuple[str, Any]]]:
+    """Return a table of each machine that measured, called by its name where there are several."""
+    measured = {one.host: one.machine for one in info.sessions if one.machine is not None} or {"": info.machine}
+    names = {host: f"Machine {host}" if len(measured) > 1 else "Machine" for host in measured}
+    return {names[host]: list(_hardware(machine).items()) for host, machine in measured.items()}
 
 
 def _hardware(machine: Machine) -> dict[str, Any]:

@@ -99,7 +99,7 @@ def test_a_task_that_is_lost_is_done_by_another_worker(here: Run, tmp_path: Path
 
 def test_what_is_lost_too_often_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
     executor = Inline(*[lost] * (len(PROBLEMS) * dispatch.ATTEMPTS - 2))
-    with pytest.raises(BenchError, match=r"of 3 problems were lost with their workers \(ConnectionError: the worker"):
+    with pytest.raises(BenchError, match=r"of 3 problems could not be measured \(ConnectionError: the worker"):
         measured(executor, tmp_path, run_id="it")
     again = Inline()
     made = resume(tmp_path / "it", executor=again)
@@ -118,7 +118,7 @@ class Broken(Inline):
 
 
 def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match=r"^2 of 3 problems were lost with their workers \(RuntimeError: no new tasks"):
+    with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(RuntimeError: no new tasks"):
         measured(Broken(), tmp_path, run_id="it")
     made = resume(tmp_path / "it")
     assert made.is_finished
@@ -126,7 +126,7 @@ def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) 
 
 
 def test_a_problem_of_another_machine_gets_no_more_rounds_here(tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match="2 of 3 problems were lost"):
+    with pytest.raises(BenchError, match="2 of 3 problems could not be measured"):
         measured(Broken(elsewhere("away")), tmp_path, run_id="it")
     made = resume(tmp_path / "it")
     assert made.is_finished
@@ -142,7 +142,7 @@ def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
             future.set_running_or_notify_cancel()
             return future
 
-    with pytest.raises(BenchError, match="3 of 3 problems were lost"):
+    with pytest.raises(BenchError, match="3 of 3 problems could not be measured"):
         measured(Cancelling(), tmp_path)
 
 
@@ -151,8 +151,9 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
         machine = replace(given.run.machine, source="0" * 64)
         return part.measure_part(part.Part(replace(given.run, machine=machine), (), given.problem, given.contestants))
 
-    with pytest.raises(BenchError, match="has another source of proxbench"):
-        measured(Inline(other), tmp_path)
+    with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*has another source of proxbench"):
+        measured(Inline(*[other] * len(PROBLEMS) * dispatch.ATTEMPTS), tmp_path, problems=PROBLEMS[:1])
+    assert measured(Inline(other), tmp_path).is_finished
 
 
 def test_a_worker_needs_nothing_but_its_task(tmp_path: Path) -> None:
@@ -179,3 +180,26 @@ def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.
     with ThreadPoolExecutor(3) as executor, pytest.raises(BenchError, match="ConnectionError"):
         measured(executor, tmp_path)
     assert inside == []
+
+
+def begun_elsewhere(results: Path) -> Path:
+    """Return a run of which one problem is measured with one solver of two, on another machine."""
+    made = measured(Inline(*[elsewhere("away")] * len(PROBLEMS)), results, run_id="it")
+    next((made.folder / "cases").glob("hard-groove-*NSGS*.json")).unlink()
+    return made.folder
+
+
+@pytest.mark.parametrize("executor", [None, Inline()])
+def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
+    executor: Executor | None, tmp_path: Path
+) -> None:
+    made = resume(begun_elsewhere(tmp_path), executor=executor)
+    assert made.is_finished
+    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert hosts(made)["away"] == 2
+
+
+def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(tmp_path: Path) -> None:
+    made = resume(begun_elsewhere(tmp_path), executor=Inline(), mix=True)
+    assert made.rounds[made.rounds["problem"] == "hard-groove"]["session"].nunique() == 2
+    assert any(sentence.startswith("MIXED") for sentence in warnings(made))
