@@ -59,6 +59,8 @@ class LinearSolver:
 
         ``scale`` is 1/√α of these rows, shape (n_active,); ``damping`` weighs δ relative to α.
         """
+        if isinstance(system.matrix, np.ndarray):
+            return self._solved_densely(system.matrix, system.right, scale, damping)
         scaling = sp.diags_array(scale)
         matrix = sp.csr_array(scaling @ system.matrix @ scaling + damping * sp.eye_array(len(scale)))
         self.lacks_time = not self._ends_in_time(matrix)
@@ -71,6 +73,19 @@ class LinearSolver:
         step = np.asarray(scale * factors.solve(scale * system.right))
         self._note(matrix, self._clock.used - began)
         self._work.count_step(len(scale), factors.nnz)
+        return step
+
+    def _solved_densely(
+        self, matrix: FloatArray, right: FloatArray, scale: FloatArray, damping: float
+    ) -> FloatArray | None:
+        """Solve a small system; it takes no time worth predicting."""
+        scaled = scale[:, np.newaxis] * matrix * scale
+        scaled[np.diag_indices(len(scale))] += damping
+        self._work.count_dense_step(len(scale))
+        try:
+            step: FloatArray = scale * np.linalg.solve(scaled, scale * right)
+        except np.linalg.LinAlgError:
+            return None
         return step
 
     def _ends_in_time(self, matrix: sp.csr_array) -> bool:

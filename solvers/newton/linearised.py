@@ -15,6 +15,8 @@ Open and idle rows leave the system. For the others the step δ obeys ξ + Gδ =
 times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
 
     P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            where it slips.
+
+Small systems are assembled densely: sparse ones of the same size take ten times as long, whatever they hold.
 """
 
 from copy import copy
@@ -29,6 +31,9 @@ from ...problems.contact.laws import ROWS_OF_KIND
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
+DENSE = 150
+"""Rows up to which systems are dense: there a dense factorisation takes less than the calls of a sparse one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
@@ -37,13 +42,13 @@ class Linearised:
     Attributes:
         base: Λ with open and idle rows set to zero [N s], shape (n_rows,).
         active: the rows that stay, shape (n_active,).
-        matrix: the Jacobian over active rows [1/kg], shape (n_active, n_active).
+        matrix: the Jacobian over active rows [1/kg], shape (n_active, n_active); dense or sparse.
         right: what δ has to make up for [m/s], shape (n_active,).
     """
 
     base: FloatArray
     active: IntArray
-    matrix: sp.csr_array
+    matrix: FloatArray | sp.csr_array
     right: FloatArray
 
 
@@ -59,6 +64,7 @@ class Equations:
         laws = problem.laws
         self._delassus, self._free = problem.delassus(), problem.free_velocity
         self.entries = int(self._delassus.nnz)
+        self._dense = self._delassus.toarray() if problem.n_rows <= DENSE else None
         rows = ROWS_OF_KIND[laws.kind]
         self.row_alpha: FloatArray = np.repeat(residual.alpha, rows)
         partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
@@ -70,6 +76,7 @@ class Equations:
         other = copy(self)
         pull = weight * self.row_alpha
         other._delassus = sp.csr_array(self._delassus + sp.diags_array(pull))
+        other._dense = None if self._dense is None else other._delassus.toarray()
         other._free = self._free - pull * centre
         other._alpha, other.row_alpha = (1.0 + weight) * self._alpha, (1.0 + weight) * self.row_alpha
         return other
@@ -88,18 +95,36 @@ class Equations:
             *self._laws, self._alpha, self.velocity(impulses), base, right, is_active, slips, places, weights
         )
         active = np.flatnonzero(is_active)
-        matrix = sp.csr_array(self._delassus[active][:, active])
         right = np.where(slips, right, -self.velocity(base))[active]
+        column = np.full(n_rows, -1)
+        column[active] = np.arange(len(active))
+        places, weights = column[places[:, :count]], weights[:, :count]
+        if self._dense is not None:
+            return Linearised(base, active, _jacobian(self._dense, active, slips[active], places, weights), right)
+        matrix = sp.csr_array(self._delassus[active][:, active])
         if count > 0:
-            column = np.full(n_rows, -1)
-            column[active] = np.arange(len(active))
-            rows, columns = column[places[0, :count]], column[places[1, :count]]
-            shape = matrix.shape
-            of_velocity = sp.csr_array((weights[0, :count], (rows, columns)), shape=shape)
-            of_impulse = sp.csr_array((weights[1, :count], (rows, columns)), shape=shape)
+            of_velocity, of_impulse = (sp.csr_array((one, tuple(places)), shape=matrix.shape) for one in weights)
             kept = sp.diags_array(np.where(slips[active], 0.0, 1.0))
             matrix = sp.csr_array((of_velocity + kept) @ matrix + of_impulse)
         return Linearised(base, active, matrix, right)
+
+
+@njit(cache=True)
+def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-untyped-def]
+    """Return the dense Jacobian over active rows: rows of G, where a law slips those of P G, and what stands on δ."""
+    n = len(active)
+    matrix = np.zeros((n, n))
+    for row in range(n):
+        if not slips[row]:
+            for lane in range(n):
+                matrix[row, lane] = delassus[active[row], active[lane]]
+    for place in range(places.shape[1]):
+        row, other = places[0, place], places[1, place]
+        if weights[0, place] != 0.0:
+            for lane in range(n):
+                matrix[row, lane] += weights[0, place] * delassus[active[other], active[lane]]
+        matrix[row, other] += weights[1, place]
+    return matrix
 
 
 @njit(cache=True)

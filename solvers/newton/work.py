@@ -16,6 +16,9 @@ SWEEP_ENTRY = 1e-9
 STEP = 1e-3
 """Of a Newton step over nothing [s]."""
 
+DENSE_STEP = 1e-4
+"""Of a Newton step over nothing whose system is dense [s]."""
+
 FACTOR_ENTRY = 3e-8
 """Of each entry of the factors [s]."""
 
@@ -38,6 +41,10 @@ class Work:
     def count_sweeps(self, count: int) -> None:
         """Add ``count`` sweeps."""
         self.seconds += count * (SWEEP + SWEEP_ENTRY * self.entries)
+
+    def count_dense_step(self, rows: int) -> None:
+        """Add a Newton step over ``rows`` whose system is dense."""
+        self.seconds += DENSE_STEP + MULTIPLICATION * rows**3 / 3.0
 
     def count_step(self, rows: int, fill: int) -> None:
         """Add a Newton step over ``rows`` whose factors have ``fill`` entries."""

@@ -7,7 +7,11 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws
 from proxbench.problems.contact.laws import ROWS_OF_KIND
 from proxbench.problems.contact.residual import Residual
+from proxbench.solvers.iteration.clock import Clock
+from proxbench.solvers.newton import linearised
+from proxbench.solvers.newton.linear_solver import LinearSolver
 from proxbench.solvers.newton.linearised import Equations
+from proxbench.solvers.newton.work import Work
 
 KIND = np.array([0, 0, 1, 0, 2, 2, 0, 1, 3, 0, 1, 4, 0, 2, 5, 0, 6])
 """Lone unilateral, planar and spatial contacts, a joint of fixed bound, and friction apart from its partner; a
@@ -51,13 +55,25 @@ def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) 
     return result
 
 
+def equations(problem: ContactProblem, dense: bool = True) -> Equations:
+    """Return the equations, dense as those of small problems are, or sparse as those of large ones."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(linearised, "DENSE", problem.n_rows if dense else 0)
+        return Equations(problem, Residual(problem))
+
+
+def matrix_of(system: linearised.Linearised) -> np.ndarray:
+    return system.matrix if isinstance(system.matrix, np.ndarray) else system.matrix.toarray()
+
+
 @settings(max_examples=150, deadline=None)
-@given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]))
-def test_it_is_the_derivative_by_differences(seed: int, size: float) -> None:
+@given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]), dense=st.booleans())
+def test_it_is_the_derivative_by_differences(seed: int, size: float, dense: bool) -> None:
     impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=N) * size
     problem = mixed_problem(seed, impulses)
     residual = Residual(problem)
-    system = Equations(problem, residual).linearised(impulses)
+    system = equations(problem, dense).linearised(impulses)
+    assert isinstance(system.matrix, np.ndarray) == dense
     alpha, base, active = residual.alpha, system.base, system.active
     row_alpha = np.repeat(alpha, ROWS)
     assert np.array_equal(base, impulses)
@@ -72,7 +88,7 @@ def test_it_is_the_derivative_by_differences(seed: int, size: float) -> None:
     expected = np.array(columns).T
     right = (row_alpha * (projected(problem, alpha, base) - base))[active]
     scale = np.abs(expected).max()
-    assert np.abs(system.matrix.toarray() - expected).max() <= 1e-5 * scale
+    assert np.abs(matrix_of(system) - expected).max() <= 1e-5 * scale
     assert np.abs(system.right - right).max() <= 1e-12 * max(1.0, np.abs(right).max())
 
 
@@ -91,3 +107,24 @@ def test_a_law_that_nothing_moves_leaves_the_system(free: float) -> None:
     system = Equations(problem, Residual(problem)).linearised(np.array([0.0, 0.05]))
     assert system.active.tolist() == [0]
     assert system.base.tolist() == [0.0, 0.05]
+
+
+@pytest.mark.parametrize("regularised", [False, True])
+def test_a_small_system_has_the_step_of_the_sparse_one(regularised: bool) -> None:
+    impulses = np.random.default_rng(3).uniform(0.1, 1.0, size=N)
+    problem, steps = mixed_problem(2, impulses), []
+    for dense in (False, True):
+        made = equations(problem, dense)
+        if regularised:
+            made = made.regularised(0.1, 0.5 * impulses)
+        system = made.linearised(impulses)
+        scale = 1.0 / np.sqrt(made.row_alpha[system.active])
+        steps.append(LinearSolver(Clock(np.inf), Work(made.entries)).solve(system, scale, 1e-6))
+    assert np.abs(steps[1] - steps[0]).max() <= 1e-8 * np.abs(steps[0]).max()
+
+
+def test_a_small_singular_system_has_no_step() -> None:
+    problem = ContactProblem.from_delassus(np.ones((2, 2)), (-1.0, -1.0), 0.0, dim=1)
+    made = equations(problem)
+    system = made.linearised(np.full(2, 0.5))
+    assert LinearSolver(Clock(np.inf), Work(made.entries)).solve(system, np.ones(2), 0.0) is None
