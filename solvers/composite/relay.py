@@ -73,10 +73,10 @@ class Relay:
         limit = self.clock.limit_met(self.stop, self.used)
         return self.ended(limit, f"residual {self.lowest:.1e}") if limit else None
 
-    def ended(self, status: Status, reason: str) -> Solution:
-        """Return the best Λ with the status the relay ended in."""
+    def ended(self, status: Status, *reasons: str) -> Solution:
+        """Return the best Λ with the status the relay ended in, and why."""
         assert self.best is not None
-        return Solution(self.best, status, self.used, "; ".join([*self.ran, reason]))
+        return Solution(self.best, status, self.used, "; ".join([*self.ran, *reasons]))
 
     def _ready(self, solver: Solver) -> Prepared:
         if solver.name not in self.prepared:

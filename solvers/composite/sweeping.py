@@ -1,10 +1,9 @@
 """Which sweeps are fast on a problem: a choice by its size and its couplings alone.
 
-Each contact solved exactly, NSGS needs the fewest sweeps, and on few contacts it is their number that counts. On many
-momentum halves it. Over the assembled matrix a sweep reads each pair of contacts of a body, over the factors each
-contact of it: on a slab that rests on five hundred the first takes two hundred times as long. Such a slab is all one
-contact to momentum, which only delays it. Where both forms read as much, the matrix needs fewer operations, and its
-sweeps have the safeguard for high friction.
+A single contact NSGS solves in one sweep. On many momentum halves the number of sweeps. Over the assembled matrix a
+sweep reads each pair of contacts of a body, over the factors each contact of it: on a slab that rests on five hundred
+the first takes two hundred times as long. Such a slab is all one contact to momentum, which only delays it. Where both
+forms read as much, the matrix needs fewer operations, and its sweeps have the safeguard for high friction.
 """
 
 import numpy as np
@@ -15,9 +14,6 @@ from ..prox.safeguarded_sorprox import SafeguardedSORprox
 from ..prox.sorprox import SORprox
 
 Sweeps = NSGS | SORprox | SafeguardedSORprox
-
-FEW = 32
-"""Contacts up to which each is solved exactly."""
 
 MANY = 100
 """Spatial contacts from which on momentum pays."""
@@ -35,7 +31,7 @@ the second times."""
 
 def sweeps_for(problem: ContactProblem) -> Sweeps:
     """Return the sweeps that are fast on problems like this one, by its size and couplings."""
-    if problem.n_contacts <= FEW:
+    if problem.n_contacts <= 1:
         return NSGS()
     density = _density(problem)
     is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and density <= ONE_BODY

@@ -40,6 +40,14 @@ def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: 
     assert ": slow; " in solution.message
 
 
+def test_where_newton_steps_lead_no_further_sweeps_go_on() -> None:
+    """On few rows they are tried after a hundred slow sweeps, here on the way to an answer that sweeps find."""
+    problem = load("hard-random-frictionless-masses")
+    solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
+    assert solution.status is Status.SOLVED
+    assert solution.message.count(f"{sweeps_for(problem).name}: ") == 2
+
+
 def test_a_problem_without_a_solution_is_proven_to_have_none() -> None:
     """Two walls closer than the body between them: sweeps go on for ever, interior points find the proof."""
     assert solve(load("hard-squeezed"), tolerance=1e-8).status is Status.INFEASIBLE
