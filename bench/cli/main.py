@@ -16,6 +16,7 @@ from typer.exceptions import TyperException
 from . import fclib, options
 from .comparison.compare import compare
 from .comparison.matrix import matrix
+from .comparison.suggest import suggest
 from .help import HelpCommand, HelpGroup
 from .record import record
 from .run import print_problems, report_page, report_run, run
@@ -142,6 +143,15 @@ _command(
 proxbench compare results/old results/new --fail-on "time>10%"
 proxbench compare results/old results/new --markdown comment.md""",
 )(compare)
+
+_command(
+    COMPARE,
+    "suggest",
+    "Say which solver to take for a problem.",
+    """\
+proxbench suggest my_problem.npz
+proxbench suggest folder --accuracy 1e-6 --run results/RUN""",
+)(suggest)
 
 _command(
     COMPARE,
