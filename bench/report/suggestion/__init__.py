@@ -1,0 +1,1 @@
+"""Which solver to take for a problem: from what was measured on problems like it."""
