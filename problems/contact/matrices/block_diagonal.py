@@ -106,7 +106,10 @@ def _sorted_out(indptr, indices):  # type: ignore[no-untyped-def]
             while root[b] != b:
                 root[b] = root[root[b]]
                 b = root[b]
-            root[max(a, b)] = min(a, b)
+            if a < b:
+                root[b] = a
+            else:
+                root[a] = b
     number, count = np.empty(n, dtype=np.int64), 0
     starts = np.zeros(n + 1, dtype=np.int64)
     for row in range(n):

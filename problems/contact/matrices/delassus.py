@@ -70,7 +70,7 @@ def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped
 
 @njit(cache=True)
 def _gather(lanes, indptr, indices, slot, n_blocks, data):  # type: ignore[no-untyped-def]
-    """Return starts, columns and values of the block rows of a matrix whose columns ascend in each row."""
+    """Return starts, columns and values of the block rows of a matrix, columns ascending after the diagonal."""
     width = len(lanes)
     if len(slot) == n_blocks * width and len(data) % (width * width) == 0:
         n_stored = len(data) // (width * width)
@@ -101,7 +101,7 @@ def _cut(lanes, indptr, indices, data, starts, columns, values):  # type: ignore
         end += length // width
         if length % width != 0 or end > uint64(len(columns)):
             return False
-        has_diagonal = False
+        before, has_diagonal = uint64(0), False  # one more than the last block column
         for k in range(0, length, width):
             column = uint64(indices[first + k])
             block = column // width
@@ -113,7 +113,8 @@ def _cut(lanes, indptr, indices, data, starts, columns, values):  # type: ignore
             else:
                 place += one
             columns[at] = block
-            is_whole = column % width == 0
+            is_whole = column % width == 0 and block >= before
+            before = block + one
             for lane in range(width):
                 p, v = first + lane * length + k, width * (width * at + lane)
                 for other in range(width):

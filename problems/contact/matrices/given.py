@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import NDArray
 
 from ...arrays import read_only
@@ -15,8 +15,6 @@ Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])
 
 RUN = 16
 """Entries of a dense matrix that are compared with zero at once."""
-
-_LARGEST_SHORT = np.iinfo(np.int32).max
 
 
 def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
@@ -31,7 +29,7 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
         matrix = _copied(source)
     elif kind is sp.csr_array and isinstance(source, np.ndarray):
         dense = np.ascontiguousarray(source, dtype=np.float64)
-        matrix = kind(_compressed(dense, dense.view(np.uint64)), shape=dense.shape)
+        matrix = kind(_compressed(dense.reshape(-1), dense.shape[1]), shape=dense.shape)
     else:
         matrix = kind(source, dtype=np.float64, copy=True)
     if _is_in_order(matrix.indptr, matrix.indices, matrix.data, matrix.shape[1 if kind is sp.csr_array else 0]):
@@ -41,7 +39,6 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
         _check_indices(matrix, name)
         matrix.sum_duplicates()
         check_finite(matrix, name)
-    matrix.indices, matrix.indptr = _short(matrix, matrix.indices), _short(matrix, matrix.indptr)
     read_only(matrix.data, matrix.indices, matrix.indptr)
     return matrix
 
@@ -94,12 +91,6 @@ def _copied(source: Compressed) -> Compressed:
     return with_entries(source, source.data.copy(), source.indices.copy(), source.indptr.copy())
 
 
-def _short(matrix: Any, indices: NDArray[Any]) -> NDArray[Any]:
-    """Return indices in 32 bits where those of the matrix fit, as scipy's constructor does."""
-    fit = len(matrix.data) <= _LARGEST_SHORT and max(matrix.shape) <= _LARGEST_SHORT
-    return indices.astype(np.int32, copy=False) if fit else indices
-
-
 def _check_indices(matrix: Any, name: str) -> None:
     try:
         matrix.check_format(full_check=True)
@@ -110,51 +101,49 @@ def _check_indices(matrix: Any, name: str) -> None:
 @njit(cache=True)
 def _is_in_order(indptr, indices, data, length):  # type: ignore[no-untyped-def]
     """Whether the minor indices of a compressed matrix ascend within 0 … ``length`` − 1 and all entries are finite."""
-    count = indptr[-1]
-    if indptr[0] != 0 or len(indices) != count or len(data) != count:
+    one, count = uint64(1), uint64(len(data))
+    if indptr[0] != 0 or indptr[-1] != len(data) or len(indices) != len(data):
         return False
-    for i in range(len(indptr) - 1):
-        begin, end = indptr[i], indptr[i + 1]
-        if begin > end or end > count:
+    at_starts, descents, n_bad = 0, 0, 0
+    for i in range(uint64(len(indptr) - 1)):
+        begin = uint64(indptr[i])
+        if indptr[i] > indptr[i + one] or indptr[i + one] > len(data):
             return False
-        if begin == end:
-            continue
-        if indices[begin] < 0 or indices[end - 1] >= length:
-            return False
-        ascends = True
-        for p in range(begin + 1, end):
-            ascends &= indices[p] > indices[p - 1]
-        if not ascends:
-            return False
-    is_finite = True
+        if 0 < begin < uint64(indptr[i + one]):
+            at_starts += indices[begin] <= indices[begin - one]
+    for p in range(one, count):  # simple loops, which the compiler turns into vector instructions
+        descents += indices[p] <= indices[p - one]
     for p in range(count):
-        is_finite &= abs(data[p]) < np.inf
-    return is_finite
+        n_bad += indices[p] < 0 or indices[p] >= length
+    for p in range(count):
+        n_bad += not abs(data[p]) < np.inf
+    return descents == at_starts and n_bad == 0
 
 
 @njit(cache=True)
-def _compressed(dense, bits):  # type: ignore[no-untyped-def]
-    """Return entries, columns and starts of the rows of a dense matrix, also given as its bits, zeros left out."""
-    n_rows, n_columns = dense.shape
+def _compressed(dense, n_columns):  # type: ignore[no-untyped-def]
+    """Return entries, columns and starts of the rows of a dense matrix, given flat, zeros left out."""
+    run, width = uint64(RUN), uint64(n_columns)
+    n_rows = len(dense) // max(n_columns, 1)
     starts = np.zeros(n_rows + 1, dtype=np.int32)
     room = max(64, n_rows * min(n_columns, 64))
     data, columns = np.empty(room), np.empty(room, dtype=np.int32)
-    count = 0
-    for row in range(n_rows):
-        if count + n_columns > room:
-            room = 2 * room + n_columns
-            data, columns = _moved(data[:count], room), _moved(columns[:count], room)
-        for first in range(0, n_columns, RUN):
-            last, any_bit = min(first + RUN, n_columns), np.uint64(0)
-            for column in range(first, last):
-                any_bit |= bits[row, column]
-            if any_bit == 0:
-                continue
-            for column in range(first, last):
-                if dense[row, column] != 0.0:
-                    data[count], columns[count] = dense[row, column], column
-                    count += 1
-        starts[row + 1] = count
+    count = uint64(0)
+    for row in range(uint64(n_rows)):
+        if count + width > uint64(len(data)):
+            data, columns = _moved(data, 2 * len(data) + n_columns), _moved(columns, 2 * len(data) + n_columns)
+        first = uint64(0)
+        while first < width:
+            at, length, n_entries = width * row + first, min(run, width - first), 0
+            for k in range(length):
+                n_entries += dense[at + k] != 0.0
+            if n_entries > 0:
+                for k in range(length):
+                    if dense[at + k] != 0.0:
+                        data[count], columns[count] = dense[at + k], first + k
+                        count += uint64(1)
+            first += run
+        starts[row + uint64(1)] = count
     return data[:count].copy(), columns[:count].copy(), starts
 
 

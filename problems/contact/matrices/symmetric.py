@@ -110,7 +110,7 @@ def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
         )
 
 
-def _ritz_values(blocks: tuple[Any, ...], layout: BlockLayout) -> FloatArray:
+def _ritz_values(blocks: tuple[Any, Any, Any, Any], layout: BlockLayout) -> FloatArray:
     """Return the Ritz values of G, ascending: ``LANCZOS_STEPS`` steps from a fixed random vector.
 
     The basis is not made orthogonal again: Ritz values stay within the range of the eigenvalues without (Paige 1976).
@@ -207,8 +207,7 @@ def _has_root(lanes, starts, columns, values, shift):  # type: ignore[no-untyped
 @njit(cache=True, fastmath={"contract", "reassoc"})
 def _project(lanes, starts, columns, values, vector, projected):  # type: ignore[no-untyped-def]
     """Write Qᵀ G Q, tridiagonal, for the Lanczos basis Q from ``vector``, which is lost; return the number of steps."""
-    one, width = uint64(1), uint64(len(lanes))
-    n_blocks, n = uint64(len(starts) - 1), uint64(len(vector))
+    width, n = len(lanes), uint64(len(vector))
     before, product = np.zeros(len(vector)), np.empty(len(vector))
     squared = 0.0
     for k in range(n):
@@ -220,21 +219,16 @@ def _project(lanes, starts, columns, values, vector, projected):  # type: ignore
         if step > 0:
             projected[step, step - 1] = projected[step - 1, step] = length
             coupling = length
+        scale = 1.0 / length
         for k in range(n):
-            vector[k] /= length
+            vector[k] *= scale
+        if width == 3:
+            _times_spatial(starts, columns, values, vector, product)
+        else:
+            _times(lanes, starts, columns, values, vector, product)
         ritz = 0.0
-        for i in range(n_blocks):
-            for lane in range(width):
-                product[width * i + lane] = 0.0
-            for p in range(uint64(starts[i]), uint64(starts[i + one])):
-                j, v = width * uint64(columns[p]), width * width * p
-                for lane in range(width):
-                    total = 0.0
-                    for other in range(width):
-                        total += values[v + width * lane + other] * vector[j + other]
-                    product[width * i + lane] += total
-            for lane in range(width):
-                ritz += product[width * i + lane] * vector[width * i + lane]
+        for k in range(n):
+            ritz += product[k] * vector[k]
         projected[step, step] = ritz
         largest = max(largest, max(abs(ritz), length if step > 0 else 0.0))
         squared = 0.0
@@ -244,6 +238,38 @@ def _project(lanes, starts, columns, values, vector, projected):  # type: ignore
             squared += after * after
         length = np.sqrt(squared)
     return len(projected)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _times(lanes, starts, columns, values, vector, product):  # type: ignore[no-untyped-def]
+    """Write G times a vector."""
+    one, width = uint64(1), uint64(len(lanes))
+    for i in range(uint64(len(starts) - 1)):
+        for lane in range(width):
+            product[width * i + lane] = 0.0
+        for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            j, v = width * uint64(columns[p]), width * width * p
+            for lane in range(width):
+                total = 0.0
+                for other in range(width):
+                    total += values[v + width * lane + other] * vector[j + other]
+                product[width * i + lane] += total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _times_spatial(starts, columns, values, vector, product):  # type: ignore[no-untyped-def]
+    """Do the same for blocks of three lanes, a third faster."""
+    one, two, three = uint64(1), uint64(2), uint64(3)
+    for i in range(uint64(len(starts) - 1)):
+        normal, first, second = 0.0, 0.0, 0.0
+        for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            j, v = three * uint64(columns[p]), uint64(9) * p
+            n, t, s = vector[j], vector[j + one], vector[j + two]
+            normal += values[v] * n + values[v + one] * t + values[v + two] * s
+            first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
+            second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
+        k = three * i
+        product[k], product[k + one], product[k + two] = normal, first, second
 
 
 @njit(cache=True)
