@@ -62,9 +62,9 @@ def check_options(owner: str, given: Iterable[str], known: Iterable[str], error:
 
 def described(thing: Any) -> str:
     """Return the name of a dataclass instance: its class, and every option that differs from its default."""
-    values = {field.name: getattr(thing, field.name) for field in thing.__dataclass_fields__.values()}
-    defaults = {field.name: field.default for field in thing.__dataclass_fields__.values()}
-    return str(Name(type(thing).__name__, {key: value for key, value in values.items() if value != defaults[key]}))
+    fields = thing.__dataclass_fields__
+    values = {name: value for name, field in fields.items() if (value := getattr(thing, name)) != field.default}
+    return str(Name(type(thing).__name__, values)) if values else type(thing).__name__
 
 
 def _name(node: ast.expr) -> Name:

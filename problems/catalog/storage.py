@@ -11,8 +11,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..contact.answer import Answer
-from ..contact.factors import Factors, InverseMass, check_finite
+from ..contact.factors import Factors, InverseMass
 from ..contact.laws import Laws
+from ..contact.matrices.given import check_finite
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
 from .archive import DAMAGES, ArchiveError, read_arrays

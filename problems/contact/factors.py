@@ -1,26 +1,20 @@
 """The factors of a Delassus matrix: force directions W and inverse mass M⁻¹, with G = Wᵀ M⁻¹ W."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike
-from scipy.sparse.csgraph import connected_components
 
-from ..arrays import FloatArray, IntArray, frozen, read_only
+from ..arrays import FloatArray, frozen, read_only
 from ..errors import ProblemError
 from .blocks import BlockLayout
+from .matrices.block_diagonal import block_cholesky, block_inverse
+from .matrices.given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
 from .pieces import Pieces, cut_into_pieces
-
-BLOCK_SYMMETRY = 1e-12
-"""Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that passes as rounding."""
-
-MOST_ENTRIES = 20_000_000
-"""Entries that the inverse of a mass matrix may have, 160 MB of numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +39,11 @@ class InverseMass:
         """
         if np.ndim(given) == 1 and not sp.issparse(given):
             diagonal = frozen(given, np.float64, "M⁻¹")
-            index = np.arange(len(diagonal) + 1, dtype=np.int32)
-            matrix = sp.csr_array((diagonal, index[:-1], index), shape=(len(diagonal),) * 2)
+            pattern = _diagonal_pattern(len(diagonal))
+            matrix = with_entries(pattern, diagonal, pattern.indices, pattern.indptr)
+            check_finite(matrix, "M⁻¹")
         else:
-            matrix = sp.csr_array(as_sparse_input(given, "M⁻¹"), dtype=np.float64, copy=True)
-        _check_square(matrix, "M⁻¹")
+            matrix = _read_square(given, "M⁻¹")
         inverse = InverseMass(matrix)
         inverse.check()
         return inverse
@@ -66,9 +60,8 @@ class InverseMass:
             ProblemError: on a wrong shape, a number that is not finite, an M that is not symmetric positive definite,
                 or one whose inverse would have more than ``MOST_ENTRIES`` entries.
         """
-        mass = sp.csr_array(as_sparse_input(given, "M"), dtype=np.float64, copy=True)
-        _check_square(mass, "M")
-        matrix = _block_inverse(mass)
+        mass = _read_square(given, "M")
+        matrix = block_inverse(mass)
         check_finite(matrix, "M⁻¹")
         inverse = InverseMass(matrix, mass)
         inverse.check()
@@ -98,8 +91,8 @@ class InverseMass:
     def root(self) -> sp.csr_array[Any]:
         """S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
         if not self.is_diagonal:
-            return _block_cholesky(self.matrix)
-        return sp.csr_array((self.root_diagonal, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
+            return block_cholesky(self.matrix)
+        return with_entries(self.matrix, self.root_diagonal, self.matrix.indices, self.matrix.indptr)
 
     def times(self, vector: FloatArray) -> FloatArray:
         """Return M⁻¹ x, shape (n_dofs,)."""
@@ -153,9 +146,7 @@ class Factors:
         Raises:
             ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
         """
-        directions = sp.csc_array(as_sparse_input(force_directions, "W"), dtype=np.float64, copy=True)
-        directions.sum_duplicates()
-        check_finite(directions, "W")
+        directions = read_matrix(force_directions, "W", sp.csc_array)
         inverse = inverse_mass if isinstance(inverse_mass, InverseMass) else InverseMass.create(inverse_mass)
         n_dofs = directions.shape[0]
         if inverse.matrix.shape[0] != n_dofs:
@@ -204,10 +195,10 @@ class Factors:
         directions, inverse = self.force_directions, self.inverse_mass
         if inverse.is_diagonal:
             values = directions.data * inverse.root_diagonal[directions.indices]
-            return sp.csc_array((values, directions.indices, directions.indptr), shape=directions.shape)
-        scaled = sp.csc_array(inverse.root.T @ directions)
-        scaled.sort_indices()
-        return scaled
+            return with_entries(directions, values, directions.indices, directions.indptr)
+        root = inverse.root
+        arrays = (root.indptr, root.indices, root.data, directions.indptr, directions.indices, directions.data)
+        return with_entries(directions, *_scale(*arrays))
 
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
@@ -226,125 +217,22 @@ class Factors:
         return Factors(self.directions.copy(), self.inverse_mass.fresh(), motion)
 
 
-def as_sparse_input(given: Any, name: str) -> Any:
-    """Return ``given`` if it is a sparse matrix, else as a dense one of numbers.
-
-    Raises:
-        ProblemError: if it is neither.
-    """
-    try:
-        matrix: Any = given if sp.issparse(given) else np.asarray(given)
-        if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
-            return matrix
-    except (TypeError, ValueError):
-        pass
-    raise ProblemError(f"{name} must be a matrix of real numbers, dense or scipy sparse, got {type(given).__name__}.")
-
-
-def check_finite(matrix: Any, name: str) -> None:
-    """Look at the entries of a CSR or CSC matrix, and make its arrays read-only.
-
-    Raises:
-        ProblemError: that names the first entry which is not finite.
-    """
-    if not np.isfinite(matrix.data).all():
-        entries = matrix.tocoo()
-        at = int(np.argmin(np.isfinite(entries.data)))
-        raise ProblemError(f"{name}[{entries.row[at]}, {entries.col[at]}] = {entries.data[at]} must be finite.")
-    read_only(matrix.data, matrix.indices, matrix.indptr)
-
-
-def sparse_numbers(label: str, matrix: Any) -> list[tuple[str, np.ndarray[Any, Any]]]:
-    """Return the labelled arrays of a canonical CSR or CSC matrix, with index types that do not depend on its size."""
-    indices, starts = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
-    return [(label, matrix.data), (f"{label}.indices", indices), (f"{label}.indptr", starts)]
-
-
-def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the blocks of a block diagonal matrix, connected components of its pattern, those of a size together.
-
-    Each time the degrees of freedom, shape (n_blocks, size), and the blocks, shape (n_blocks, size, size).
-    """
-    count, label = connected_components(matrix, directed=False)
-    sizes = np.bincount(label, minlength=count)
-    order, starts = np.argsort(label, kind="stable"), np.cumsum(sizes) - sizes
-    place = np.empty(len(label), dtype=np.int64)
-    place[order] = np.arange(len(label)) - starts[label[order]]
-    entries = matrix.tocoo()
-    block_of_entry = label[entries.row]
-    number = np.empty(count, dtype=np.int64)
-    for size in np.unique(sizes):
-        members = np.flatnonzero(sizes == size)
-        number[members] = np.arange(len(members))
-        chosen = sizes[block_of_entry] == size
-        blocks = np.zeros((len(members), size, size))
-        at = number[block_of_entry[chosen]], place[entries.row[chosen]], place[entries.col[chosen]]
-        blocks[at] = entries.data[chosen]
-        yield order[starts[members, None] + np.arange(size)], blocks
-
-
-def _block_roots(dofs: IntArray, blocks: FloatArray, name: str) -> FloatArray:
-    """Return the Cholesky factors of symmetric positive definite blocks; raise ``ProblemError`` for any other."""
-    skew = np.abs(blocks - blocks.transpose(0, 2, 1)).max(axis=(1, 2))
-    crooked = skew > BLOCK_SYMMETRY * np.abs(blocks).max(axis=(1, 2))
-    if crooked.any():
-        first = dofs[int(np.argmax(crooked)), 0]
-        raise ProblemError(f"{name} must be symmetric; the block of degree of freedom {first} is not.")
-    try:
-        return np.asarray(np.linalg.cholesky(blocks), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        first = dofs[int(np.argmin(np.linalg.eigvalsh(blocks)[:, 0])), 0]
-        raise ProblemError(
-            f"{name} must be positive definite; the block of degree of freedom {first} is not."
-        ) from None
-
-
-def _from_blocks(parts: list[tuple[IntArray, FloatArray]], n_dofs: int) -> sp.csr_array[Any]:
-    """Return the matrix that has these blocks, as ``_diagonal_blocks`` yields them; zeros are not stored."""
-    rows, columns, values = [], [], []
-    for dofs, blocks in parts:
-        block, i, j = np.nonzero(blocks)
-        rows.append(dofs[block, i])
-        columns.append(dofs[block, j])
-        values.append(blocks[block, i, j])
-    if not parts:
-        return sp.csr_array((n_dofs, n_dofs))
-    indices = (np.concatenate(rows), np.concatenate(columns))
-    matrix = sp.csr_array((np.concatenate(values), indices), shape=(n_dofs, n_dofs))
-    matrix.sort_indices()
+@lru_cache(maxsize=16)
+def _diagonal_pattern(n_dofs: int) -> sp.csr_array[Any]:
+    """Return a diagonal matrix, for its indices."""
+    index = np.arange(n_dofs + 1, dtype=np.int32)
+    matrix = sp.csr_array((np.ones(n_dofs), index[:-1], index), shape=(n_dofs, n_dofs))
+    matrix.has_canonical_format = True
     return matrix
 
 
-def _block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    """Return S with S Sᵀ = matrix, computed block by block."""
-    roots = [(dofs, _block_roots(dofs, blocks, "M⁻¹")) for dofs, blocks in _diagonal_blocks(matrix)]
-    return _from_blocks(roots, matrix.shape[0])
-
-
-def _check_square(matrix: sp.csr_array[Any], name: str) -> None:
-    """Add up duplicates, and raise ``ProblemError`` for a matrix that is not square or has a number not finite."""
-    if matrix.shape[0] != matrix.shape[1]:
-        raise ProblemError(f"{name} must be square, got {matrix.shape}.")
-    matrix.sum_duplicates()
-    check_finite(matrix, name)
-
-
-def _block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    """Return M⁻¹, computed block by block and symmetric to the last bit."""
-    pattern = mass.copy()
-    pattern.eliminate_zeros()
-    sizes = np.bincount(connected_components(pattern, directed=False)[1])
-    if int((sizes.astype(np.int64) ** 2).sum()) > MOST_ENTRIES:
-        raise ProblemError(
-            f"M couples {int(sizes.max())} degrees of freedom with each other, and its inverse would have more than "
-            f"{MOST_ENTRIES} entries; give the problem by its Delassus matrix."
-        )
-    inverses = []
-    for dofs, blocks in _diagonal_blocks(pattern):
-        _block_roots(dofs, blocks, "M")
-        inverse = np.linalg.inv(blocks)
-        inverses.append((dofs, 0.5 * (inverse + inverse.transpose(0, 2, 1))))
-    return _from_blocks(inverses, mass.shape[0])
+def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
+    """Return a matrix as ``read_matrix`` does; raise ``ProblemError`` for one that is not square."""
+    source = as_matrix(given, name)
+    if source.shape[0] != source.shape[1]:
+        raise ProblemError(f"{name} must be square, got {source.shape}.")
+    matrix: sp.csr_array[Any] = read_matrix(source, name, sp.csr_array)
+    return matrix
 
 
 @njit(cache=True)
@@ -354,3 +242,35 @@ def _counts_up(indices):  # type: ignore[no-untyped-def]
     while count < len(indices) and indices[count] == count:
         count += 1
     return count == len(indices)
+
+
+@njit(cache=True)
+def _scale(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
+    """Return entries, rows, which ascend, and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""
+    n_dofs, n_columns = len(root_indptr) - 1, len(indptr) - 1
+    room = 0
+    for p in range(len(indices)):
+        room += root_indptr[indices[p] + 1] - root_indptr[indices[p]]
+    values, rows = np.empty(room), np.empty(room, dtype=np.int32)
+    starts = np.zeros(n_columns + 1, dtype=np.int32)
+    sums, last, touched = np.zeros(n_dofs), np.full(n_dofs, -1, dtype=np.int64), np.empty(n_dofs, dtype=np.int64)
+    end = 0
+    for column in range(n_columns):
+        count = 0
+        for p in range(indptr[column], indptr[column + 1]):
+            for q in range(root_indptr[indices[p]], root_indptr[indices[p] + 1]):
+                row = root_indices[q]
+                if last[row] != column:
+                    last[row], sums[row], k = column, 0.0, count
+                    while k > 0 and touched[k - 1] > row:
+                        touched[k] = touched[k - 1]
+                        k -= 1
+                    touched[k] = row
+                    count += 1
+                sums[row] += data[p] * root_data[q]
+        for k in range(count):
+            if sums[touched[k]] != 0.0:
+                rows[end], values[end] = touched[k], sums[touched[k]]
+                end += 1
+        starts[column + 1] = end
+    return values[:end], rows[:end], starts

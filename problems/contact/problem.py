@@ -17,32 +17,18 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, frozen, read_only, real_numbers
 from ..errors import ProblemError
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
-from .delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
-from .factors import Factors, as_sparse_input, check_finite, sparse_numbers
+from .factors import Factors
 from .laws import Laws
+from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
+from .matrices.given import sparse_numbers
+from .matrices.symmetric import checked_delassus
 from .pieces import Pieces
-
-SYMMETRY_TOLERANCE = 1e-12
-"""Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
-
-SINGLE_SYMMETRY_TOLERANCE = 1e-5
-"""The same for a matrix given in single precision, which is then made symmetric."""
-
-NEGATIVE_TOLERANCE = 1e-9
-"""Most negative eigenvalue of G relative to the largest that passes as rounding."""
-
-LANCZOS_STEPS = 16
-"""Steps of Lanczos' method that look for a negative eigenvalue."""
-
-DENSE_ROWS = 64
-"""Rows up to which all eigenvalues are found instead."""
 
 FREE_FALL = "free_fall"
 """The entry of the provenance with the velocity that free bodies gain in the problem's time step [m/s]."""
@@ -78,7 +64,7 @@ class ContactProblem:
         if (self.matrix is None) == (self.factors is None):
             raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, not both and not neither.")
         if self.matrix is not None:
-            object.__setattr__(self, "matrix", _checked_matrix(self.matrix, self.laws.n_rows, self.allow_asymmetric))
+            object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.layout, self.allow_asymmetric))
         if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:
@@ -278,106 +264,3 @@ def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) ->
     if dim in (1, 2, 3) and len(free_velocity) % dim:
         raise ProblemError(f"c has {len(free_velocity)} rows, which is no multiple of dim = {dim}.")
     return Laws.contacts(friction, dim, len(free_velocity) // dim if dim in (1, 2, 3) else 0)
-
-
-def _checked_matrix(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array:
-    """Return G as a canonical read-only CSR array, or raise ``ProblemError``."""
-    sparse = as_sparse_input(given, "G")
-    is_single = sparse.dtype == np.float32
-    matrix: sp.csr_array[Any] = sp.csr_array(sparse, dtype=np.float64, copy=True)
-    if matrix.shape != (n_rows, n_rows):
-        raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {matrix.shape}.")
-    matrix.sum_duplicates()
-    check_finite(matrix, "G")
-    diagonal = matrix.diagonal()
-    if (diagonal < 0).any():
-        row = int(np.argmax(diagonal < 0))
-        raise ProblemError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
-    if not allow_asymmetric:
-        _check_symmetry(matrix, SINGLE_SYMMETRY_TOLERANCE if is_single else SYMMETRY_TOLERANCE)
-        if is_single:
-            matrix = sp.csr_array(0.5 * (matrix + matrix.T))
-            read_only(matrix.data, matrix.indices, matrix.indptr)
-        _check_definite(matrix, SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE)
-    return matrix
-
-
-def _check_symmetry(matrix: sp.csr_array, tolerance: float) -> None:
-    difference, row, column = _largest_asymmetry(matrix.indptr, matrix.indices, matrix.data)
-    if difference > tolerance * np.abs(matrix.data).max(initial=0.0):
-        raise ProblemError(
-            f"G[{row}, {column}] = {matrix[row, column]} but G[{column}, {row}] = {matrix[column, row]}: "
-            "G must be symmetric (allow_asymmetric=True admits public data that is not)."
-        )
-
-
-def _check_definite(matrix: sp.csr_array, tolerance: float) -> None:
-    """Raise ``ProblemError`` if G, symmetric, is found indefinite.
-
-    Its 2×2 minors g_ii g_jj − g_ij² and a few Ritz values are looked at: each bounds the least eigenvalue from above,
-    so what is refused is indefinite, and what passes may be so by little beside its largest eigenvalue.
-    """
-    diagonal = diagonal_of(matrix)
-    excess, row, column = _largest_excess(matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal))
-    if excess > tolerance * diagonal.max(initial=0.0):
-        root = np.sqrt(diagonal[row]) * np.sqrt(diagonal[column])
-        raise ProblemError(
-            f"G[{row}, {column}] = {matrix[row, column]} exceeds the root of G[{row}, {row}] G[{column}, {column}], "
-            f"{root}: G must be positive semidefinite."
-        )
-    values = np.linalg.eigvalsh(matrix.toarray()) if matrix.shape[0] <= DENSE_ROWS else _ritz_values(matrix)
-    if len(values) and values[0] < -tolerance * values[-1]:
-        raise ProblemError(
-            f"G has an eigenvalue of {values[0]:.3g} or less beside {values[-1]:.3g}: G must be positive semidefinite."
-        )
-
-
-@njit(cache=True)
-def _largest_asymmetry(indptr, indices, data):  # type: ignore[no-untyped-def]
-    """Return the largest |g_ij − g_ji| and its place, the first of equals; the columns of each row ascend.
-
-    ``following`` is the entry of each row from which on its columns are not below the present row.
-    """
-    largest, at_row, at_column = 0.0, 0, 0
-    following = indptr[:-1].copy()
-    for row in range(len(indptr) - 1):
-        for p in range(indptr[row], indptr[row + 1]):
-            column = indices[p]
-            while following[column] < indptr[column + 1] and indices[following[column]] < row:
-                following[column] += 1
-            q = following[column]
-            mirrored = data[q] if q < indptr[column + 1] and indices[q] == row else 0.0
-            difference = abs(data[p] - mirrored)
-            if difference > largest:
-                largest, at_row, at_column = difference, row, column
-    return largest, at_row, at_column
-
-
-@njit(cache=True)
-def _largest_excess(indptr, indices, data, root):  # type: ignore[no-untyped-def]
-    """Return the largest |g_ij| − √g_ii √g_jj and its place, the first of equals."""
-    largest, at_row, at_column = -np.inf, 0, 0
-    for row in range(len(root)):
-        for p in range(indptr[row], indptr[row + 1]):
-            excess = abs(data[p]) - root[row] * root[indices[p]]
-            if excess > largest:
-                largest, at_row, at_column = excess, row, indices[p]
-    return largest, at_row, at_column
-
-
-def _ritz_values(matrix: sp.csr_array) -> FloatArray:
-    """Return the Ritz values of a symmetric matrix, ascending: ``LANCZOS_STEPS`` steps from a fixed random vector."""
-    n_rows, steps = matrix.shape[0], min(LANCZOS_STEPS, matrix.shape[0])
-    basis = np.zeros((steps, n_rows))
-    vector = np.random.default_rng(0).normal(size=n_rows)
-    projected = np.zeros((steps, steps))
-    for k in range(steps):
-        length = np.linalg.norm(vector)
-        if length == 0.0:
-            return np.asarray(np.linalg.eigvalsh(projected[:k, :k]), dtype=np.float64)
-        basis[k] = vector / length
-        vector = matrix @ basis[k]
-        projected[k, : k + 1] = projected[: k + 1, k] = basis[: k + 1] @ vector
-        for _ in range(2):  # the second time for what rounding leaves of the first
-            vector -= basis[: k + 1].T @ (basis[: k + 1] @ vector)
-    return np.asarray(np.linalg.eigvalsh(projected), dtype=np.float64)

@@ -85,8 +85,10 @@ class Residual:
             return np.inf
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
-        largest = self.square(self._arguments, impulses, velocity, self._squares)
-        return ratio(largest, self._scale)
+        given = (impulses, velocity, self.ratios, self._squares)
+        if self._has_contacts_only:
+            return ratio(_squared_violations(*self._arguments, *given), self._scale)
+        return ratio(_squared_violations_of_any(*self._arguments, self.lengths, *given), self._scale)
 
     def square(self, laws: LawArrays, impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
         """Write the squared violation of each law, given by its arrays up to α; return the largest one with its ratio.

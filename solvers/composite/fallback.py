@@ -89,8 +89,9 @@ class Fallback(Method):
 
     def prepare(self, problem: ContactProblem) -> "PreparedFallback":
         """Prepare the first part that takes the problem; the others are prepared when their turn comes."""
-        self.check_supports(problem)
         parts = tuple(part for part in self.parts if part.supports(problem) is None)
+        if not parts:
+            self.check_supports(problem)
         return PreparedFallback(problem, self, parts, [parts[0].prepare(problem)])
 
 

@@ -33,7 +33,7 @@ class Iterates(Protocol):
         ...
 
     def relative_velocity(self) -> FloatArray:
-        """Return ξ = GΛ + c over rows, shape (n_rows,)."""
+        """Return ξ = GΛ + c over rows, shape (n_rows,), an array that the next call may write to."""
         ...
 
 

@@ -42,15 +42,25 @@ class BlockSweep:
     def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
         layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
-        own = layout.partner == np.arange(layout.n_blocks)
-        own_friction = np.where(own, layout.friction_coefficient, 0.0)
-        remote = layout.friction_coefficient - own_friction
+        own_friction, remote = _of_own_and_others(layout.friction_coefficient, layout.partner)
         if layout.has_contacts_only:
             return BlockSweep(
                 FlatDelassus.of(problem), (own_friction, remote, *law_arguments(layout, sizes)[2:]), sizes, relaxation
             )
         laws = (own_friction, remote, *any_laws(layout, sizes)[2:])
         return BlockSweep(FlatDelassus.of(problem), laws, sizes, relaxation)
+
+
+@njit(cache=True)
+def _of_own_and_others(friction, partner):  # type: ignore[no-untyped-def]
+    """Return μ of each contact's own normal impulse, and μ of another's."""
+    own, remote = np.zeros_like(friction), np.zeros_like(friction)
+    for i in range(len(friction)):
+        if partner[i] == i:
+            own[i] = friction[i]
+        else:
+            remote[i] = friction[i]
+    return own, remote
 
 
 class BlockIterates(DelassusState):
@@ -68,11 +78,11 @@ class BlockIterates(DelassusState):
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._work = np.empty(WORKSPACE)
         self._relaxation = np.full(self.layout.n_blocks, float(sweep.relaxation))
+        self._arguments = (self._relaxation, *self._delassus.arrays, *sweep.laws, self.padded, self._work)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        arrays = (*self._delassus.arrays, *self._sweep.laws, self.padded, self._work)
-        self._kernel(count, self._relaxation, *arrays)
+        self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Let ω of each block be this fraction of what it was at first, shape (n_blocks,)."""

@@ -16,7 +16,7 @@ from numba import njit
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.delassus import blocks_from_matrix
+from ...problems.contact.matrices.delassus import blocks_from_matrix
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.projections import onto_friction_cone
 

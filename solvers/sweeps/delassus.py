@@ -72,7 +72,7 @@ class DelassusState:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         self._delassus.relative_velocity(self.padded, self._velocity)
-        return self.layout.unpad(self._velocity)
+        return self.layout.rows_of(self._velocity)
 
 
 @dataclass(frozen=True, eq=False)

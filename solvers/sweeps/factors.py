@@ -120,7 +120,7 @@ class FactorIterates:
         """Return ξ over rows."""
         own = self._sweep
         own.product(*own.factor, own.free, self._scaled, self._relative)
-        return own.layout.unpad(self._relative)
+        return own.layout.rows_of(self._relative)
 
 
 class AnyLawIterates(FactorIterates):

@@ -49,7 +49,7 @@ class SafeguardedIterates:
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; compare increments now and then, and go on with smaller steps after a cut."""
-        newest, sizes = self._iterates.padded, self._iterates.step_sizes.reshape(-1)
+        newest = self._iterates.padded
         while count > 0:
             left = INTERVALS[min(self._looks_since_cut, len(INTERVALS) - 1)] - self._since_look
             if left == 2:
@@ -62,8 +62,8 @@ class SafeguardedIterates:
             count -= step
             if step == left:
                 self._since_look, self._looks_since_cut = 0, self._looks_since_cut + 1
-                layout, groups = self._iterates.layout, self._iterates.step_sizes.shape[1]
-                lanes = (layout.width, layout.sliding, groups)
+                layout, sizes = self._iterates.layout, self._iterates.step_sizes
+                lanes, sizes = (layout.width, layout.sliding, sizes.shape[1]), sizes.reshape(-1)
                 if _cut_where_opposed(*lanes, self._before, self._previous, newest, sizes, self._fraction):
                     self._looks_since_cut = 0
                     self._iterates.scale_steps(self._fraction)

@@ -23,7 +23,8 @@ from ...arrays import FloatArray
 from ...contact.answer import Answer
 from ...contact.factors import Factors, InverseMass
 from ...contact.judge import judge
-from ...contact.problem import SYMMETRY_TOLERANCE, ContactProblem
+from ...contact.matrices.symmetric import SYMMETRY_TOLERANCE
+from ...contact.problem import ContactProblem
 from ...errors import ProblemError
 from ...spelling import either
 from .contents import TEXTS, GlobalContents, LocalContents

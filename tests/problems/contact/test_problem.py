@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, ProblemError
 from proxbench.problems.contact.blocks import BlockLayout
-from proxbench.problems.contact.problem import _largest_asymmetry, _largest_excess
+from proxbench.problems.contact.matrices.symmetric import _largest_asymmetry, _largest_excess
 
 G = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.1], [0.0, 0.1, 3.0]])
 C = np.array([-1.0, 0.5, 0.2])

@@ -1,0 +1,183 @@
+"""Block diagonal matrices, as mass matrices are: roots and inverses, block by block, in whatever order rows stand."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+
+from ...arrays import FloatArray, IntArray
+from ...errors import ProblemError
+from .given import with_entries
+
+BLOCK_SYMMETRY = 1e-12
+"""Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that passes as rounding."""
+
+MOST_ENTRIES = 20_000_000
+"""Entries that the inverse of a mass matrix may have, 160 MB of numbers."""
+
+
+def block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return S with S Sᵀ = M⁻¹, given in canonical CSR, of the same blocks.
+
+    Raises:
+        ProblemError: if a block is not symmetric positive definite.
+    """
+    roots = [(dofs, _block_roots(dofs, blocks, "M⁻¹")) for dofs, blocks in _diagonal_blocks(matrix)]
+    return _from_blocks(roots, matrix)
+
+
+def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return M⁻¹ for M in canonical CSR, computed block by block and symmetric to the last bit.
+
+    Raises:
+        ProblemError: if a block of M is not symmetric positive definite, or M⁻¹ would have too many entries.
+    """
+    pattern = mass.copy()
+    pattern.eliminate_zeros()
+    sizes = np.diff(_sorted_out(pattern.indptr, pattern.indices)[1])
+    if int((sizes**2).sum()) > MOST_ENTRIES:
+        raise ProblemError(
+            f"M couples {int(sizes.max())} degrees of freedom with each other, and its inverse would have more than "
+            f"{MOST_ENTRIES} entries; give the problem by its Delassus matrix."
+        )
+    inverses = []
+    for dofs, blocks in _diagonal_blocks(pattern):
+        _block_roots(dofs, blocks, "M")
+        inverse = np.linalg.inv(blocks)
+        inverses.append((dofs, 0.5 * (inverse + inverse.transpose(0, 2, 1))))
+    return _from_blocks(inverses, mass)
+
+
+def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the blocks of a block diagonal matrix, connected components of its pattern, those of a size together.
+
+    Each time the degrees of freedom, ascending, shape (n_blocks, size), and the blocks, shape (n_blocks, size, size).
+    """
+    order, starts = _sorted_out(matrix.indptr, matrix.indices)
+    for size in np.flatnonzero(np.bincount(np.diff(starts))):
+        yield _blocks_of_size(size, order, starts, matrix.indptr, matrix.indices, matrix.data)
+
+
+def _block_roots(dofs: IntArray, blocks: FloatArray, name: str) -> FloatArray:
+    """Return the Cholesky factors of symmetric positive definite blocks; raise ``ProblemError`` for any other."""
+    crooked = _first_crooked(blocks)
+    if crooked >= 0:
+        first = dofs[crooked, 0]
+        raise ProblemError(f"{name} must be symmetric; the block of degree of freedom {first} is not.")
+    try:
+        return np.asarray(np.linalg.cholesky(blocks), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        first = dofs[int(np.argmin(np.linalg.eigvalsh(blocks)[:, 0])), 0]
+        raise ProblemError(
+            f"{name} must be positive definite; the block of degree of freedom {first} is not."
+        ) from None
+
+
+def _from_blocks(parts: list[tuple[IntArray, FloatArray]], like: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return the matrix, of the shape of ``like``, that has these blocks; zeros are not stored."""
+    starts = np.zeros(like.shape[0] + 1, dtype=np.int32)
+    for dofs, blocks in parts:
+        _count(dofs, blocks, starts)
+    np.cumsum(starts, dtype=starts.dtype, out=starts)
+    columns, values = np.empty(starts[-1], dtype=np.int32), np.empty(starts[-1])
+    for dofs, blocks in parts:
+        _place(dofs, blocks, starts, columns, values)
+    matrix = with_entries(like, values, columns, starts)
+    matrix.has_canonical_format = True
+    return matrix
+
+
+@njit(cache=True)
+def _sorted_out(indptr, indices):  # type: ignore[no-untyped-def]
+    """Return the rows of a square matrix component by component (union–find), and where each component begins.
+
+    Components are sorted by their first rows, and rows ascend in each.
+    """
+    n = len(indptr) - 1
+    root = np.arange(n)
+    for row in range(n):
+        for p in range(indptr[row], indptr[row + 1]):
+            a, b = row, np.int64(indices[p])
+            while root[a] != a:
+                root[a] = root[root[a]]
+                a = root[a]
+            while root[b] != b:
+                root[b] = root[root[b]]
+                b = root[b]
+            if a < b:
+                root[b] = a
+            else:
+                root[a] = b
+    number, count = np.empty(n, dtype=np.int64), 0
+    starts = np.zeros(n + 1, dtype=np.int64)
+    for row in range(n):
+        number[row] = count if root[row] == row else number[root[row]]
+        count += root[row] == row
+        starts[number[row] + 1] += 1
+    for component in range(count):
+        starts[component + 1] += starts[component]
+    order, filled = np.empty(n, dtype=np.int64), starts[:count].copy()
+    for row in range(n):
+        order[filled[number[row]]] = row
+        filled[number[row]] += 1
+    return order, starts[: count + 1].copy()
+
+
+@njit(cache=True)
+def _blocks_of_size(size, order, starts, indptr, indices, data):  # type: ignore[no-untyped-def]
+    """Return the rows and the entries of all components of ``size`` rows."""
+    n_components, count = len(starts) - 1, 0
+    for component in range(n_components):
+        count += starts[component + 1] - starts[component] == size
+    dofs, blocks = np.empty((count, size), dtype=np.int64), np.zeros((count, size, size))
+    place, count = np.empty(len(order), dtype=np.int64), 0
+    for component in range(n_components):
+        begin = starts[component]
+        if starts[component + 1] - begin != size:
+            continue
+        for k in range(size):
+            dofs[count, k] = order[begin + k]
+            place[order[begin + k]] = k
+        for k in range(size):
+            row = order[begin + k]
+            for p in range(indptr[row], indptr[row + 1]):
+                blocks[count, k, place[indices[p]]] = data[p]
+        count += 1
+    return dofs, blocks
+
+
+@njit(cache=True)
+def _first_crooked(blocks):  # type: ignore[no-untyped-def]
+    """Return the first block that is not symmetric to rounding, −1 for none."""
+    for b in range(len(blocks)):
+        largest, skew = 0.0, 0.0
+        for row in range(blocks.shape[1]):
+            for column in range(blocks.shape[1]):
+                largest = max(largest, abs(blocks[b, row, column]))
+                skew = max(skew, abs(blocks[b, row, column] - blocks[b, column, row]))
+        if skew > BLOCK_SYMMETRY * largest:
+            return b
+    return -1
+
+
+@njit(cache=True)
+def _count(dofs, blocks, counts):  # type: ignore[no-untyped-def]
+    """Add the number of entries of each row to the number behind it."""
+    for b in range(len(blocks)):
+        for row in range(blocks.shape[1]):
+            for column in range(blocks.shape[1]):
+                counts[dofs[b, row] + 1] += blocks[b, row, column] != 0.0
+
+
+@njit(cache=True)
+def _place(dofs, blocks, starts, columns, values):  # type: ignore[no-untyped-def]
+    """Write the entries of blocks into their rows."""
+    for b in range(len(blocks)):
+        for row in range(blocks.shape[1]):
+            p = starts[dofs[b, row]]
+            for column in range(blocks.shape[1]):
+                if blocks[b, row, column] != 0.0:
+                    columns[p], values[p] = dofs[b, column], blocks[b, row, column]
+                    p += 1

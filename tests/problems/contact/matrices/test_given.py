@@ -1,0 +1,41 @@
+"""Matrices are read as scipy reads them, whatever their form, and refused where compiled code could not trust them."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems import ContactProblem, ProblemError
+from proxbench.problems.contact.matrices.given import RUN, read_matrix
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**31), rows=st.integers(0, 9), columns=st.integers(1, 3 * RUN), density=st.floats(0.0, 1.0))
+def test_every_form_of_a_matrix_is_read_as_the_same_arrays(seed: int, rows: int, columns: int, density: float) -> None:
+    rng = np.random.default_rng(seed)
+    dense = rng.normal(size=(rows, columns)) * (rng.random((rows, columns)) < density)
+    wanted = sp.csr_array(dense)
+    shuffled = sp.csr_array(sp.coo_array(wanted))
+    for row in range(rows):
+        part = slice(shuffled.indptr[row], shuffled.indptr[row + 1])
+        for array in (shuffled.indices, shuffled.data):
+            array[part] = array[part][::-1].copy()
+    shuffled.has_canonical_format = shuffled.has_sorted_indices = True  # as a stale flag would have it
+    for form in (dense, np.asfortranarray(dense), wanted, sp.csc_array(wanted), shuffled):
+        found = read_matrix(form, "A", sp.csr_array)
+        for name in ("data", "indices", "indptr"):
+            assert np.array_equal(getattr(found, name), getattr(wanted, name))
+            assert not getattr(found, name).flags.writeable
+
+
+def test_duplicates_are_added_up() -> None:
+    doubled = sp.csr_array((np.array([1.0, 2.0, 5.0]), np.array([1, 1, 0]), np.array([0, 2, 3])), shape=(2, 2))
+    assert np.array_equal(read_matrix(doubled, "A", sp.csr_array).toarray(), [[0.0, 3.0], [5.0, 0.0]])
+
+
+@pytest.mark.parametrize("index", [-1, 3, 2**31 + 1])
+def test_an_index_outside_the_shape_is_refused(index: int) -> None:
+    matrix = sp.csr_array(np.eye(3))
+    matrix.indices = np.array([0, 1, index], dtype=np.int64)
+    with pytest.raises(ProblemError, match="G is no valid sparse matrix"):
+        ContactProblem.from_delassus(matrix, -np.ones(3))
