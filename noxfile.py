@@ -53,7 +53,8 @@ def all_tests(session: nox.Session) -> None:
 
 def _run_tests(session: nox.Session, *arguments: str) -> None:
     _keep_compiled_kernels(session)
-    session.run("pytest", "-n", "auto", "--dist", "loadfile", *arguments)
+    # files in the order of their folders, which ends with quick ones: by their number of tests, some long ones are last
+    session.run("pytest", "-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder", *arguments)
 
 
 def _run_peers(session: nox.Session, *arguments: str) -> None:
