@@ -11,37 +11,55 @@ nox.options.reuse_existing_virtualenvs = True
 
 PACKAGES = ("problems", "solvers", "bench")
 SPEEDS = Path("results/speed")
+STYLE = ("ruff>=0.11",)
+TYPING = ("mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
+EXTRAS = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]
 
 
 def _keep_compiled_kernels(session: nox.Session) -> None:
-    """Let numba keep compiled kernels in the session's folder, so that reinstalling does not compile them again."""
+    """Let numba keep compiled kernels in the session's folder until the package is installed anew."""
     session.env["NUMBA_CACHE_DIR"] = os.environ.get("NUMBA_CACHE_DIR", str(Path(session.virtualenv.location) / "numba"))
 
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the daily tests against an installed package, a file of tests on each core."""
-    _run_tests(session, "not slow")
+    """Run the daily tests against an installed package, on all cores."""
+    session.install(".[test]")
+    _run_tests(session, "-m", "not slow", *session.posargs)
 
 
 @nox.session
 def tests_full(session: nox.Session) -> None:
     """Run the slow tests: faults, worked plugins, every solver on every case, commands of the docs, long motions."""
-    _run_tests(session, "slow")
-
-
-def _run_tests(session: nox.Session, marked: str) -> None:
-    session.install(".[test]")
-    _keep_compiled_kernels(session)
-    session.run("pytest", "-n", "auto", "--dist", "loadfile", "-m", marked, *session.posargs)
+    session.install(".[test,dask]")
+    _run_tests(session, "-m", "slow", *session.posargs)
 
 
 @nox.session
 def peers(session: nox.Session) -> None:
     """Test the outside solvers, whose wheels are installed with the extra ``peers``."""
     session.install(".[test,peers]")
+    _run_peers(session, *session.posargs)
+
+
+@nox.session(reuse_venv=False)  # the wheels of outside solvers must not be there at the start
+def all_tests(session: nox.Session) -> None:
+    """Run daily and slow tests, then those of outside solvers, whose wheels come last: kernels are compiled once."""
+    session.install(".[test,dask]")
+    _run_tests(session, *session.posargs)
+    session.install(*EXTRAS["peers"])
+    _run_peers(session, *session.posargs)
+
+
+def _run_tests(session: nox.Session, *arguments: str) -> None:
     _keep_compiled_kernels(session)
-    session.run("pytest", "tests/solvers/peers", *session.posargs)
+    # files in the order of their folders, which ends with quick ones: by their number of tests, some long ones are last
+    session.run("pytest", "-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder", *arguments)
+
+
+def _run_peers(session: nox.Session, *arguments: str) -> None:
+    _keep_compiled_kernels(session)
+    session.run("pytest", "tests/solvers/peers", *arguments)
 
 
 @nox.session
@@ -68,21 +86,43 @@ def speed(session: nox.Session) -> None:
 @nox.session
 def lint(session: nox.Session) -> None:
     """Check format and style."""
-    session.install("ruff>=0.11")
-    session.run("ruff", "format", "--check", ".")
-    session.run("ruff", "check", ".")
+    session.install(*STYLE)
+    _check_style(session)
 
 
 @nox.session
 def types(session: nox.Session) -> None:
     """Check types, strictly, in the three packages as installed and in the programs among the tests."""
-    session.install(".[test]", "mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
-    session.run("mypy", *(word for package in PACKAGES for word in ("-p", f"proxbench.{package}")))
-    session.run("mypy", "tests/speed/compare_speeds.py", "tests/speed/contestants.py", "tests/speed/known_solvers.py")
+    session.install(".[test]", *TYPING)
+    _check_types(session)
 
 
 @nox.session
 def docs(session: nox.Session) -> None:
     """Build the site into build/docs, warnings as errors."""
     session.install(".[docs]")
-    session.run("sphinx-build", "-W", "--keep-going", "-b", "html", "docs", "build/docs")
+    _build_site(session)
+
+
+@nox.session
+def checks(session: nox.Session) -> None:
+    """Check style and types and build the site, in one environment: installing takes longer than each of them."""
+    session.install(*STYLE)
+    _check_style(session)
+    session.install(".[test,docs]", *TYPING)
+    _check_types(session)
+    _build_site(session)
+
+
+def _check_style(session: nox.Session) -> None:
+    session.run("ruff", "format", "--check", ".")
+    session.run("ruff", "check", ".")
+
+
+def _check_types(session: nox.Session) -> None:
+    session.run("mypy", *(word for package in PACKAGES for word in ("-p", f"proxbench.{package}")))
+    session.run("mypy", "tests/speed/compare_speeds.py", "tests/speed/contestants.py", "tests/speed/known_solvers.py")
+
+
+def _build_site(session: nox.Session) -> None:
+    session.run("sphinx-build", "-W", "--keep-going", "-j", "auto", "-b", "html", "docs", "build/docs")

@@ -1,6 +1,7 @@
 """``proxbench simulate --study``: mistakes get one sentence, and a study is begun, resumed and reported as a run."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,11 +11,17 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.measure.trajectories import defaults
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished study of one short motion."""
-    ladder = {"Moreau with SORprox": (2e-3, 1e-3)}
-    return study("sliding_sphere", results=tmp_path, run_id="it", duration=0.01, members=[1.0], methods=ladder).folder
+    ladder, results = {"Moreau with SORprox": (2e-3, 1e-3)}, tmp_path_factory.mktemp("results")
+    return study("sliding_sphere", results=results, run_id="it", duration=0.01, members=[1.0], methods=ladder).folder
+
+
+@pytest.fixture
+def folder(finished: Path, tmp_path: Path) -> Path:
+    """A copy of it that may be changed."""
+    return Path(shutil.copytree(finished, tmp_path / "it"))
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,10 @@ def nothing_registered() -> Iterator[None]:
         "matrix --problem noted --solver Noted",
         "simulate funnel(balls=20) --duration 0.05 --solver Noted --output {folder}/funnel.npz --no-progress",
         "simulate woodpecker --duration 0.002 --solver Noted --output {folder}/toy.npz --no-progress",
-        "simulate pile(balls=3) --study --solver Noted --duration 0.02 --output {folder} --no-progress",
+        pytest.param(
+            "simulate pile(balls=3) --study --solver Noted --duration 0.02 --output {folder} --no-progress",
+            marks=pytest.mark.slow,
+        ),
         pytest.param("check Noted", marks=pytest.mark.slow),
         "check noted",
     ],

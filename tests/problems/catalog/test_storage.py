@@ -12,18 +12,37 @@ from proxbench.problems.hard import HARD_CASES
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 
 
-@pytest.mark.parametrize("name", [*HARD_CASES, "funnel-100", "woodpecker-beak-impact"])
-def test_every_number_survives_the_file(name: str, tmp_path: Path) -> None:
-    problem = load(name)
-    save_problem(problem, tmp_path / "p.npz")
-    read = read_problem(tmp_path / "p.npz")
-    assert read.digest == problem.digest
-    assert (read.name, dict(read.provenance)) == (problem.name, dict(problem.provenance))
-    assert (read.answer is None) == (problem.answer is None)
-    if problem.answer is not None and read.answer is not None:
-        for field in dataclasses.fields(problem.answer):
-            known, again = getattr(problem.answer, field.name), getattr(read.answer, field.name)
-            assert np.array_equal(known, again) if known is not None else again is None
+def changes(problem: ContactProblem, read: ContactProblem) -> list[str]:
+    """Return what two problems differ in."""
+    changed = [name for name in ("digest", "name") if getattr(read, name) != getattr(problem, name)]
+    if dict(read.provenance) != dict(problem.provenance):
+        changed.append("provenance")
+    if read.answer is None or problem.answer is None:
+        return [*changed, *(["answer"] if read.answer is not problem.answer else [])]
+    for field in dataclasses.fields(problem.answer):
+        known, again = getattr(problem.answer, field.name), getattr(read.answer, field.name)
+        if not (np.array_equal(known, again) if known is not None else again is None):
+            changed.append(field.name)
+    return changed
+
+
+def test_every_number_survives_the_file(tmp_path: Path) -> None:
+    changed = {}
+    for name in (*HARD_CASES, "funnel-100", "woodpecker-beak-impact"):
+        problem = load(name)
+        save_problem(problem, tmp_path / f"{name}.npz")
+        changed[name] = changes(problem, read_problem(tmp_path / f"{name}.npz"))
+    assert {name: parts for name, parts in changed.items() if parts} == {}
+
+
+def test_what_does_not_survive_a_file_would_be_named() -> None:
+    problem = load("hard-groove")
+    assert problem.answer is not None
+    assert changes(problem, problem.fresh()) == []
+    assert changes(problem, load("hard-counterexample"))[:2] == ["digest", "name"]
+    assert changes(problem, dataclasses.replace(problem, answer=None)) == ["answer"]
+    other = dataclasses.replace(problem.answer, solvable=not problem.answer.solvable)
+    assert changes(problem, dataclasses.replace(problem, answer=other)) == ["solvable"]
 
 
 def test_the_free_motion_survives_the_file(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_convergence_is_quadratic_in_the_end_where_the_answer_is_strictly_comple
     assert len(seen) <= 20
 
 
-@pytest.mark.parametrize("n_contacts", [2, 32, 512])
+@pytest.mark.parametrize("n_contacts", [2, 32, pytest.param(512, marks=pytest.mark.slow)])
 def test_the_number_of_steps_hardly_depends_on_the_number_of_contacts(n_contacts: int) -> None:
     solution = solve(load(f"hard-supports-{n_contacts}"), "InteriorPoint", tolerance=1e-8)
     assert solution.status is Status.SOLVED

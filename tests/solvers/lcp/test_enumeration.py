@@ -35,16 +35,23 @@ def test_the_woodpecker_agrees_in_velocity_with_projected_gauss_seidel_and_the_c
             assert np.abs(difference).max() <= 1e2 * tolerance * speed
 
 
-@pytest.mark.parametrize("name", [name for name in HARD_CASES if hard_case(name).n_rows <= 30])
-def test_on_hard_cases_a_claim_is_true_and_a_refusal_says_why(name: str) -> None:
-    problem = load(name)
-    solution = solve(problem, "Enumeration", tolerance=1e-10)
-    if solution.status is Status.UNSUPPORTED:
-        assert "spatial" in solution.message or "contacts" in solution.message
-    elif solution.status is Status.SOLVED:
-        assert judge(problem, solution.impulses).residual <= 1e-10
-    else:
-        assert solution.message
+def test_on_hard_cases_a_claim_is_true_and_a_refusal_says_why() -> None:
+    untrue, unsaid = {}, {}
+    for problem in map(hard_case, HARD_CASES):
+        if problem.n_rows > 30:
+            continue
+        solution = solve(problem, "Enumeration", tolerance=1e-10)
+        if solution.status is Status.SOLVED:
+            residual = judge(problem, solution.impulses).residual
+            if not residual <= 1e-10:
+                untrue[problem.name] = residual
+        elif solution.status is Status.UNSUPPORTED:
+            if "spatial" not in solution.message and "contacts" not in solution.message:
+                unsaid[problem.name] = solution.message
+        elif not solution.message:
+            unsaid[problem.name] = solution.status
+    assert untrue == {}
+    assert unsaid == {}
 
 
 def test_a_problem_without_a_solution_is_infeasible() -> None:

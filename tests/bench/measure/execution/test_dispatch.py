@@ -51,7 +51,7 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return measured(None, tmp_path_factory.mktemp("here"), run_id="here")
 
 
-@pytest.mark.parametrize("workers", ["threads", "processes"])
+@pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.slow)])
 def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine(workers: str, here: Run, tmp_path: Path) -> None:
     events: list[Event] = []
     fresh = multiprocessing.get_context("spawn")
