@@ -10,12 +10,20 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ..problems.catalog.catalog import FUNNEL_SIZES, PILE_SIZES, cache_folder, plugin_problems, problem_names
+from ..problems.catalog.catalog import (
+    FUNNEL_SIZES,
+    MIXED_PILES,
+    PILE_SIZES,
+    cache_folder,
+    plugin_problems,
+    problem_names,
+)
 from ..problems.catalog.storage import SUFFIX, save_problem
 from ..problems.contact.problem import FREE_FALL, ContactProblem
 from ..problems.errors import ProblemError, suggestion
 from ..problems.hard import HARD_CASES
 from ..problems.hard.spheres import with_rolling_friction
+from ..problems.mechanics.mixed_friction import MixedFriction
 from ..problems.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from ..problems.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
 from ..problems.scenes.woodpecker import PERIOD, section_start, woodpecker
@@ -36,11 +44,15 @@ PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
 
 @dataclass(frozen=True)
 class FunnelRecipe:
-    """The step of a funnel scene that begins at ``time`` [s]."""
+    """The step of a funnel scene that begins at ``time`` [s].
+
+    With ``mixed_friction`` each pair of bodies has a μ of its own between these two, by the seed of the scene.
+    """
 
     scene: Funnel
     time: float
     stop: Stop = FLOW_STOP
+    mixed_friction: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -71,6 +83,9 @@ _OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
 
 _SETTLED = 2.0
 
+MIXED = (0.1, 0.95)
+"""Friction coefficients of piles of pairs with a coefficient each."""
+
 
 def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
     for size in FUNNEL_SIZES:
@@ -82,6 +97,9 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
         yield f"funnel-frictionless-{size}", FunnelRecipe(Funnel(size, _FRICTIONLESS, _OUTLETS[size]), dense)
     for size in PILE_SIZES:
         yield f"pile-{size}", FunnelRecipe(Funnel(size, _SPATIAL, outlet_radius=0.0), _SETTLED, PILE_STOP)
+    for seed, name in enumerate(MIXED_PILES, start=1):
+        scene = Funnel(400, _SPATIAL, outlet_radius=0.0, seed=seed)
+        yield name, FunnelRecipe(scene, _SETTLED, PILE_STOP, MIXED)
 
 
 RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe] = {
@@ -131,18 +149,18 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
 def remade(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; those of one simulation share one run of it."""
-    flows: dict[tuple[Funnel, Stop], dict[str, FunnelRecipe]] = {}
+    flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     pecks: dict[str, WoodpeckerRecipe] = {}
     for name in names:
         recipe = RECIPES[name]
         if isinstance(recipe, FunnelRecipe):
-            flows.setdefault((recipe.scene, recipe.stop), {})[name] = recipe
+            flows.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
         elif isinstance(recipe, WoodpeckerRecipe):
             pecks[name] = recipe
         else:
             yield from _rolling_problems(name, recipe)
-    for (scene, stop), members in flows.items():
-        yield from _funnel_problems(scene, stop, members)
+    for (scene, stop, mixed), members in flows.items():
+        yield from _funnel_problems(scene, stop, mixed, members)
     if pecks:
         yield from _woodpecker_problems(pecks)
 
@@ -151,9 +169,13 @@ def _solver() -> Any:
     return create("SORprox", relaxation=1.5)
 
 
-def _funnel_problems(scene: Funnel, stop: Stop, members: dict[str, FunnelRecipe]) -> Iterator[ContactProblem]:
+def _funnel_problems(
+    scene: Funnel, stop: Stop, mixed: tuple[float, float] | None, members: dict[str, FunnelRecipe]
+) -> Iterator[ContactProblem]:
     wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
-    stepper = Moreau(scene.system(), _solver(), stop, TIME_STEP)
+    balls = scene.system()
+    system = balls if mixed is None else MixedFriction(balls, *mixed, scene.seed)
+    stepper = Moreau(system, _solver(), stop, TIME_STEP)
     for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
         for name in members:
             if wanted[name] == number:

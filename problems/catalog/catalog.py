@@ -23,6 +23,7 @@ from .storage import SUFFIX, read_problem
 
 FUNNEL_SIZES = (30, 100, 300, 1000)
 PILE_SIZES = (100, 300, 1000)
+MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
 WOODPECKER_INCIDENTS = (
     "lower-release",
     "upper-impact",
@@ -43,6 +44,8 @@ _FUNNEL = [
     "pile-100-rolling",
 ]
 
+_PILES = [*(name for name in _FUNNEL if name.startswith("pile-")), *MIXED_PILES]
+
 _WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]
 
 SUITES: dict[str, list[str]] = {
@@ -57,9 +60,10 @@ SUITES: dict[str, list[str]] = {
         "funnel-1000",
     ],
     "funnel": _FUNNEL,
+    "piles": _PILES,
     "woodpecker": _WOODPECKER,
     "hard": list(HARD_CASES),
-    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL],
+    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL, *MIXED_PILES],
 }
 """Members of each suite, in the order in which they are run."""
 

@@ -30,7 +30,7 @@ from ..newton.semismooth_newton import SemismoothNewton
 from .hybrid_newton import HybridNewton
 from .relay import Relay, Turn
 
-STRAIGHT, THROUGH_TURNS, LAST_DIGITS = 80, 200, 90
+STRAIGHT, THROUGH_TURNS, LAST_DIGITS = 80, 1000, 90
 """Most iterations of the first three methods."""
 
 FEW_BODIES = 8

@@ -9,10 +9,11 @@ converge to, and stands still. So the path is followed by its arc length, in whi
        grown to ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
     3. From there again, until the judged residual reaches the tolerance.
 
-The direction of the tangent is kept from point to point, and τ is free to rise. At a turn that is the lowest so far a
-path below it is looked for first: turns are the affair of a few contacts, which may rearrange. Where the answer is
-strictly complementary the path is analytic at τ = 0 and its end comes fast; where it is not, the residual goes down
-like √τ.
+τ is free to rise. Along the whole path det (Ĝ + D) has one sign where τ falls and the other where it rises (Allgower &
+Georg, *Introduction to Numerical Continuation Methods*, 2003, chapter 2). So each point says by itself which way goes
+on; the angle to the tangent before does not where the path bends sharply, and led back along what was followed already.
+Where the answer is strictly complementary the path is analytic at τ = 0 and its end comes fast; where it is not, the
+residual goes down like √τ.
 """
 
 from dataclasses import dataclass
@@ -48,9 +49,6 @@ ROUNDING = 1e-14
 FIRST_STEPS, FURTHER_STEPS = 30, 3
 """Newton steps of the first correction, and of those after a series."""
 
-LEAP, LEAP_STEPS = 0.5, 12
-"""Where the path turns, one is looked for at this share of its τ, with so many Newton steps, before it is followed."""
-
 SHORTEST_SEARCH = 1.0 / 32.0
 """The shortest part of a step of the first correction."""
 
@@ -69,8 +67,8 @@ RETURNS, RETURN_SHARE = 6, 0.3
 DROP = 1e-3
 """τ falls by no more than this factor within a series."""
 
-LEAST_TAU, RISE = 1e-20, 100.0
-"""Where the path is followed no further: there, and where τ has risen from its lowest by that factor."""
+LEAST_TAU, LARGEST_TAU = 1e-20, 1e4
+"""Where the path is followed no further."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +165,6 @@ class _Path:
         self._heads, self._lifts = np.zeros((n, width + 1)), np.zeros(n)
         self._p, self._q = np.empty((n, width)), np.empty((n, width))
         self._tangent: Direction | None = None
-        self._lowest, self._lowest_turn = np.inf, np.inf
 
     def begin(self, first: FloatArray) -> None:
         """Find a point of the path from Λ = ``first``, shape (n_rows,)."""
@@ -186,8 +183,7 @@ class _Path:
     def advance(self) -> None:
         """Follow one series, and come back to the path."""
         point = self._point
-        self._lowest = min(self._lowest, point.tau)
-        if point.tau > RISE * self._lowest:
+        if point.tau > LARGEST_TAU:
             self._progress.end(Status.DIVERGED, f"the path leads away from the answer, best residual {self._reached}")
             return
         if point.tau < LEAST_TAU:
@@ -195,12 +191,7 @@ class _Path:
             return
         if not self._factorised(point):
             return
-        before, self._tangent = self._tangent, self._oriented(point)
-        if before is not None and before.tau < 0.0 < self._tangent.tau and point.tau < self._lowest_turn:
-            self._lowest_turn = point.tau
-            if self._leapt(point) or not self._factorised(point):
-                return
-            self._tangent = self._oriented(point)
+        self._tangent = self._oriented(point)
         series = self._series(point, self._tangent)
         reach = self._range(series)
         for _ in range(RETURNS):
@@ -293,21 +284,12 @@ class _Path:
         )
         return float(inner) + x.tau * y.tau
 
-    def _leapt(self, point: _Point) -> bool:
-        """Where the path turns, look for one below the turn, and go on from there if there is."""
-        found = self._corrected(_Point(self._scaled, self._system, point.v, LEAP * point.tau), LEAP_STEPS)
-        if not found.is_within(CLOSE):
-            return False
-        self._point, self._tangent = found, None
-        return True
-
     def _oriented(self, point: _Point) -> Direction:
-        """Return the unit tangent that goes on as the last one did, at first towards smaller τ."""
+        """Return the unit tangent that goes on: τ falls where det (Ĝ + D) > 0, as at the beginning, else it rises."""
         along = self._solved(self._towards_tau(), np.zeros_like(point.s))
         tangent = Direction(along.r, along.u, along.s, 1.0)
         length = np.sqrt(max(self._product(tangent, tangent), 1e-300))
-        forward = -1.0 if self._tangent is None else self._product(tangent, self._tangent)
-        return tangent.times((1.0 if forward >= 0.0 else -1.0) / length)
+        return tangent.times(-self._system.determinant_sign() / length)
 
     def _series(self, point: _Point, tangent: Direction) -> Series:
         scaled = self._scaled

@@ -70,6 +70,10 @@ class NewtonSystem(Protocol):
         """Factorise for D of shape (m, w, w); False if there is no inverse."""
         ...
 
+    def determinant_sign(self) -> float:
+        """Return the sign of det (Ĝ + D) of the last factorisation, 1 or −1."""
+        ...
+
     def solve(self, right: FloatArray, refinements: int = 2) -> FloatArray:
         """Return dr for a right side, both of shape (m, w)."""
         ...

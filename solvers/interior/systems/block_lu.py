@@ -57,10 +57,25 @@ class BlockLU:
             return False
         return True
 
+    def determinant_sign(self) -> float:
+        """Return the sign of the determinant of the matrix that was factorised last, 1 or −1."""
+        nodes, _, _, factor_starts = self._triangles
+        return float(_determinant_sign(self._width, nodes, factor_starts, self._factors))
+
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the solution for a right side, shape (n · width,)."""
         solution: FloatArray = _solve(self._width, *self._triangles, self._factors, *self._kept, self._order, right)
         return solution
+
+
+@njit(cache=True)
+def _determinant_sign(b, nodes, factor_starts, factors):  # type: ignore[no-untyped-def]
+    """Return the product of the signs of det F₁₁⁻¹ over all fronts."""
+    sign = 1.0
+    for s in range(len(nodes) - 1):
+        p, at = b * (nodes[s + 1] - nodes[s]), b * b * factor_starts[s]
+        sign *= np.linalg.slogdet(factors[at : at + p * p].reshape(p, p))[0]
+    return sign
 
 
 @njit(cache=True)

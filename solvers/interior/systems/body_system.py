@@ -68,6 +68,10 @@ class BodySystem:
         )
         return self._factors.factorise(self._blocks)
 
+    def determinant_sign(self) -> float:
+        """Return the sign of det (Ĝ + D), which is det (M + W D⁻¹ Wᵀ) times positive factors; see ``NewtonSystem``."""
+        return self._factors.determinant_sign()
+
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
         """Return dr for a right side; see ``NewtonSystem``."""
         given = self._lanes.sum_to_block(right)

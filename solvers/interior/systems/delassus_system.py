@@ -47,6 +47,10 @@ class DelassusSystem:
         self._summed[self._diagonal] = self._values[self._diagonal] + self._coupled
         return bool(np.isfinite(self._coupled).all()) and self._factors.factorise(self._summed)
 
+    def determinant_sign(self) -> float:
+        """Return the sign of det (Ĝ + D); see ``NewtonSystem``."""
+        return self._factors.determinant_sign()
+
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
         """Return dr for a right side; see ``NewtonSystem``."""
         given = self._lanes.sum_to_block(right)

@@ -7,6 +7,7 @@ import pytest
 from proxbench.problems import ProblemError, load, suite
 from proxbench.problems.catalog.catalog import (
     FUNNEL_SIZES,
+    MIXED_PILES,
     SUITES,
     cache_folder,
     is_available,
@@ -34,13 +35,26 @@ def test_the_library_holds_nothing_else_and_keeps_to_its_size() -> None:
 
 
 def test_suites_are_what_their_names_say() -> None:
-    assert suite_names() == ["quick", "funnel", "woodpecker", "hard", "all"]
+    assert suite_names() == ["quick", "funnel", "piles", "woodpecker", "hard", "all"]
     assert len(suite("quick")) >= 8
     for size in FUNNEL_SIZES:
         for name in (f"funnel-{size}", f"funnel-planar-{size}", f"funnel-frictionless-{size}"):
             assert name in suite_members("funnel")
     widths = {name: load(name).layout.width for name in ("funnel-30", "funnel-planar-30", "funnel-frictionless-30")}
     assert list(widths.values()) == [3, 2, 1]
+
+
+def test_mixed_piles_are_redundant_and_each_contact_has_a_friction_coefficient_of_its_own() -> None:
+    assert set(MIXED_PILES) < set(suite_members("piles"))
+    problems = [load(name) for name in MIXED_PILES]
+    assert len({problem.digest for problem in problems}) == len(problems) == 10
+    for problem in problems:
+        assert problem.factors is not None
+        assert problem.n_rows > problem.factors.n_dofs == 6 * 400
+        friction = problem.layout.friction_coefficient
+        assert len(set(friction)) == problem.n_contacts
+        assert 0.1 <= friction.min() < 0.12
+        assert 0.93 < friction.max() <= 0.95
 
 
 def test_the_thousand_ball_funnel_has_about_seventeen_hundred_contacts() -> None:

@@ -27,6 +27,15 @@ def test_it_goes_through_turns_where_newton_s_method_towards_zero_stands_still()
     assert judge(problem, followed.impulses).residual <= 1e-8
 
 
+@pytest.mark.slow
+def test_it_never_goes_back_along_itself() -> None:
+    """Guided by the angle to the last tangent the path of this pile reversed at 1e-6, and rose to where it began."""
+    problem = load("pile-400-mixed-2")
+    solution = solve(problem, "CentralPath", tolerance=1e-7, max_iterations=600, max_seconds=120.0)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-7
+
+
 def test_velocities_agree_with_those_of_sweeps() -> None:
     problem = load("funnel-30")
     followed, swept = (solve(problem, solver, tolerance=1e-10) for solver in ("CentralPath", "NSGS"))

@@ -37,6 +37,19 @@ def test_solutions_satisfy_the_system(pattern: sp.csr_array, width: int) -> None
     assert np.abs(matrix @ factors.solve(right) - right).max() < 1e-12
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_sign_of_the_determinant_is_that_of_the_dense_matrix(seed: int) -> None:
+    """Rows are multiplied with random signs, which leaves a matrix of either sign."""
+    pattern, width = grid(4), 3
+    blocks = random_blocks(pattern, width, seed)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=(16, width))
+    blocks *= signs[np.repeat(np.arange(16), np.diff(pattern.indptr))][:, :, None]
+    factors = BlockLU(pattern.indptr, pattern.indices, width)
+    assert factors.factorise(blocks)
+    dense = sp.bsr_array((blocks, pattern.indices, pattern.indptr)).toarray()
+    assert factors.determinant_sign() == np.linalg.slogdet(dense)[0] == np.prod(signs)
+
+
 def test_other_numbers_of_one_pattern_need_no_other_order() -> None:
     pattern, right = grid(5), np.ones(75)
     factors = BlockLU(pattern.indptr, pattern.indices, 3)
