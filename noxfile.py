@@ -13,7 +13,6 @@ PACKAGES = ("problems", "solvers", "bench")
 SPEEDS = Path("results/speed")
 STYLE = ("ruff>=0.11",)
 TYPING = ("mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
-EXTRAS = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]
 
 
 def _keep_compiled_kernels(session: nox.Session) -> None:
@@ -23,43 +22,24 @@ def _keep_compiled_kernels(session: nox.Session) -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the daily tests against an installed package, on all cores."""
-    session.install(".[test]")
-    _run_tests(session, "-m", "not slow", *session.posargs)
+    """Run the daily tests against an installed package, on all cores.
 
-
-@nox.session
-def tests_full(session: nox.Session) -> None:
-    """Run the slow tests: faults, worked plugins, every solver on every case, commands of the docs, long motions."""
+    After it ``nox -R -s tests -- -m slow`` runs the slow ones in the same environment: faults, worked plugins, every
+    solver on every case, commands of the docs, long motions.
+    """
     session.install(".[test,dask]")
-    _run_tests(session, "-m", "slow", *session.posargs)
+    _keep_compiled_kernels(session)
+    # files in the order of their folders, which ends with quick ones: by their number of tests, some long ones are last
+    order = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
+    session.run("pytest", *order, "-m", "not slow", *session.posargs)
 
 
 @nox.session
 def peers(session: nox.Session) -> None:
     """Test the outside solvers, whose wheels are installed with the extra ``peers``."""
     session.install(".[test,peers]")
-    _run_peers(session, *session.posargs)
-
-
-@nox.session(reuse_venv=False)  # the wheels of outside solvers must not be there at the start
-def all_tests(session: nox.Session) -> None:
-    """Run daily and slow tests, then those of outside solvers, whose wheels come last: kernels are compiled once."""
-    session.install(".[test,dask]")
-    _run_tests(session, *session.posargs)
-    session.install(*EXTRAS["peers"])
-    _run_peers(session, *session.posargs)
-
-
-def _run_tests(session: nox.Session, *arguments: str) -> None:
     _keep_compiled_kernels(session)
-    # files in the order of their folders, which ends with quick ones: by their number of tests, some long ones are last
-    session.run("pytest", "-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder", *arguments)
-
-
-def _run_peers(session: nox.Session, *arguments: str) -> None:
-    _keep_compiled_kernels(session)
-    session.run("pytest", "tests/solvers/peers", *arguments)
+    session.run("pytest", "tests/solvers/peers", *session.posargs)
 
 
 @nox.session

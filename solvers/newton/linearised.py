@@ -103,7 +103,8 @@ class Equations:
             return Linearised(base, active, _jacobian(self._dense, active, slips[active], places, weights), right)
         matrix = sp.csr_array(self._delassus[active][:, active])
         if count > 0:
-            of_velocity, of_impulse = (sp.csr_array((one, tuple(places)), shape=matrix.shape) for one in weights)
+            rows, columns = places
+            of_velocity, of_impulse = (sp.csr_array((one, (rows, columns)), shape=matrix.shape) for one in weights)
             kept = sp.diags_array(np.where(slips[active], 0.0, 1.0))
             matrix = sp.csr_array((of_velocity + kept) @ matrix + of_impulse)
         return Linearised(base, active, matrix, right)
