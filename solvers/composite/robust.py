@@ -70,7 +70,7 @@ class PreparedRobust:
         if residual.infeasible:
             return refuted(problem)
         monitor = Monitor(stop)
-        advance = Advance(self.sweeps.begin(first), monitor, observe)
+        advance = Advance(self.sweeps.begin(first), self.sweeps.begin, monitor, observe)
         window = Window(WINDOW + WINDOW_A_CONTACT * problem.n_contacts)
         while True:
             latest, present, ended = looked(problem, residual, advance)

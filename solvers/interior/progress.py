@@ -10,6 +10,7 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, rounding
+from ..iteration.stopping import CLEARLY_BETTER
 
 FLOPS_A_SECOND = 3e9
 """What a machine does at least in a factorisation; the first step that is measured replaces the guess."""
@@ -34,7 +35,8 @@ class Progress:
     """The best iterate of one solve, and why it ended.
 
     Attributes:
-        best_residual: lowest judged residual so far.
+        best: the best Λ so far [N s], shape (n_rows,).
+        best_residual: its judged residual.
         ended: status and reason once the solve is over.
     """
 
@@ -49,8 +51,8 @@ class Progress:
     ) -> None:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
-        self._best, self._latest, self._iteration = first, first, 0
-        self.best_residual = judged(problem, residual, first)
+        self.best, self._latest, self._iteration = first, first, 0
+        self.best_residual = self._began_at = judged(problem, residual, first)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
         self.ended: tuple[Status, str] | None = None
         self._look()
@@ -74,19 +76,28 @@ class Progress:
         self._clock.show(self._observe, self._iteration, impulses)
         self._waited += 1
         if residual < self.best_residual:
-            self._best, self.best_residual, self._waited = impulses, residual, 0
+            self.best, self.best_residual, self._waited = impulses, residual, 0
         self._short = self._short + 1 if part < SHORTEST else 0
         self._look()
         if self._short >= MOST_SHORT:
             self.end(Status.STALLED, f"steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
         if not np.isfinite(residual):
             self.end(Status.DIVERGED, f"the iterates leave all bounds, best residual {self.best_residual:.1e}")
-        if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self._best):
+        if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self.best):
             self.end(Status.STALLED, f"rounding leaves the residual at {self.best_residual:.1e}")
 
     def end(self, status: Status, reason: str) -> None:
         """End the solve, if nothing has before."""
         self.ended = self.ended or (status, reason)
+
+    def goes_on(self) -> bool:
+        """Whether the solve is not over; after a run that stalled but gained, another begins at the best Λ."""
+        if self.ended is None:
+            return True
+        if self.ended[0] is not Status.STALLED or not self.best_residual < CLEARLY_BETTER * self._began_at:
+            return False
+        self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
+        return True
 
     def look_for_proof(self, r: FloatArray) -> None:
         """Where scaled impulses grow as if nothing could hold the contacts apart, end if that can be proven."""
@@ -97,7 +108,7 @@ class Progress:
         """Return the best Λ with the status the solve ended in."""
         assert self.ended is not None
         status, reason = self.ended
-        return Solution(self._best, status, self._iteration, reason)
+        return Solution(self.best, status, self._iteration, reason)
 
     def _look(self) -> None:
         if self.best_residual <= self._stop.tolerance:
