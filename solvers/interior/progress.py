@@ -18,8 +18,8 @@ FLOPS_A_SECOND = 3e9
 SLACK = 1.5
 """What the time of a step is multiplied with to predict the next, because other programs take turns with this one."""
 
-SHORTEST, MOST_SHORT = 1e-9, 5
-"""Steps below the first, so many in a row, move nothing any more."""
+MOST_SHORT = 5
+"""So many steps in a row that are too short end a run."""
 
 PATIENCE = 20
 """Steps without a better residual after which rounding is looked at."""
@@ -33,6 +33,8 @@ CERTAINTY = 1e-12
 
 class Progress:
     """The best iterate of one solve, and why it ended.
+
+    Steps shorter than ``shortest`` are too short; where that is 0, those that leave Λ the same to the last bit.
 
     Attributes:
         best: the best Λ so far [N s], shape (n_rows,).
@@ -48,9 +50,11 @@ class Progress:
         observe: Observer | None,
         flops: float,
         first: FloatArray,
+        shortest: float = 0.0,
     ) -> None:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
+        self._shortest = shortest
         self.best, self._latest, self._iteration = first, first, 0
         self.best_residual = self._began_at = judged(problem, residual, first)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
@@ -71,13 +75,14 @@ class Progress:
     def arrive(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
         """Count a step, of which ``part`` was done, to Λ of a judged residual."""
         self._iteration += 1
+        is_short = part < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
         self._latest = impulses
         self._step_seconds = self._clock.used - self._began
         self._clock.show(self._observe, self._iteration, impulses)
         self._waited += 1
         if residual < self.best_residual:
             self.best, self.best_residual, self._waited = impulses, residual, 0
-        self._short = self._short + 1 if part < SHORTEST else 0
+        self._short = self._short + 1 if is_short else 0
         self._look()
         if self._short >= MOST_SHORT:
             self.end(Status.STALLED, f"steps end at the boundary of a cone, best residual {self.best_residual:.1e}")

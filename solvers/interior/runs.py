@@ -2,7 +2,7 @@
 
 What no longer moves near the boundary of a cone may move again from the inside. So a run that stalls is followed by
 one from the best Λ, and only one that brings no clearly better Λ ends the solve: another from there would do the same.
-Where other methods take over a single run is enough.
+Where other methods take over a single run is enough, and ends where its steps hardly move.
 """
 
 from abc import ABC, abstractmethod
@@ -15,6 +15,9 @@ from ..interface import Observer, Solution, Stop
 from ..iteration.loop import first_impulses, refuted
 from ..iteration.method import Method
 from .progress import Progress
+
+HARDLY = 1e-9
+"""Steps below this fraction of a Newton step hardly move."""
 
 
 class PreparedRuns(ABC):
@@ -39,24 +42,26 @@ class PreparedRuns(ABC):
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run until the residual reaches the tolerance, or a run brings nothing; see ``Prepared.solve``."""
-        progress = self._begun(stop, start, observe)
+        progress = self._begun(stop, start, observe, 0.0)
         while progress is not None and progress.goes_on():
             self.run(progress)
         return refuted(self.problem) if progress is None else progress.solution()
 
     def solve_in_one(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Do the same in one run."""
-        progress = self._begun(stop, start, observe)
+        progress = self._begun(stop, start, observe, HARDLY)
         if progress is not None and progress.ended is None:
             self.run(progress)
         return refuted(self.problem) if progress is None else progress.solution()
 
-    def _begun(self, stop: Stop, start: FloatArray | None, observe: Observer | None) -> Progress | None:
+    def _begun(
+        self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float
+    ) -> Progress | None:
         """Return the progress of a solve that begins, None if the problem is infeasible."""
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return None
-        return Progress(self.problem, self.residual, stop, observe, self.flops, first)
+        return Progress(self.problem, self.residual, stop, observe, self.flops, first, shortest)
 
 
 class InRuns(Method, ABC):

@@ -12,7 +12,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ...problems.errors import ProblemError
 from ..interface import Observer, Solution, SolverError, Status, Stop
-from .stopping import CLEARLY_BETTER, Monitor, sweeps_to_next_look
+from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, LONGEST_INTERVAL, Monitor, sweeps_to_next_look
 
 ROUNDING = 100 * np.finfo(np.float64).eps
 """What rounding may leave in ξ, relative to the largest G_ii Λ_i: a generous guess."""
@@ -20,8 +20,9 @@ ROUNDING = 100 * np.finfo(np.float64).eps
 LEAST_MOMENTUM = 0.3
 """A β up to this is not halved but left out."""
 
-PROVING_SWEEPS = 20
-"""Sweeps without a clearly better residual in the judge's arithmetic before rounding may be said to be all."""
+PROVING_SWEEPS = CYCLE_PATIENCE * LONGEST_INTERVAL
+"""Sweeps without a clearly better residual in the judge's arithmetic before rounding may be said to be all: as many as
+pass elsewhere before a lack of progress is suspected."""
 
 
 class Iterates(Protocol):

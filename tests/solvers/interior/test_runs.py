@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from proxbench.problems import judge, load
+from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
+from proxbench.solvers.interior.progress import MOST_SHORT, Progress
 from proxbench.solvers.interior.runs import InRuns, SingleRun
+from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
 
 
 @pytest.mark.parametrize(
@@ -54,3 +57,26 @@ def test_a_single_run_has_the_name_and_the_refusals_of_its_method() -> None:
     assert single.name == method.name
     problem = load("hard-counterexample")
     assert single.supports(problem) == method.supports(problem) is not None
+
+
+@pytest.mark.parametrize("name", ["hard-sliding-block", "hard-sliding-block-32"])
+def test_short_steps_go_on_where_no_other_method_takes_over(name: str) -> None:
+    """Five of a billionth of a Newton step in a row, and then long ones again."""
+    problem = load(name)
+    single = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))
+    solution = create("InteriorPoint").prepare(problem).solve(Stop(1e-12, 300))
+    assert "boundary of a cone" in single.message
+    assert solution.iterations > single.iterations
+    assert judge(problem, solution.impulses).residual < CLEARLY_BETTER * judge(problem, single.impulses).residual
+
+
+def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:
+    problem = load("funnel-30")
+    residual = Residual(problem)
+    progress = Progress(problem, residual, Stop(1e-12), None, 1.0, np.zeros(problem.n_rows))
+    for count in range(2 * MOST_SHORT):
+        progress.arrive(np.ones(problem.n_rows) * (1.0 + min(count, MOST_SHORT)), 2.0, 1e-12)
+        assert progress.ended is None
+    progress.arrive(np.ones(problem.n_rows) * (1.0 + MOST_SHORT), 2.0)
+    assert progress.ended is not None
+    assert progress.ended[0] is Status.STALLED
