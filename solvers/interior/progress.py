@@ -10,7 +10,6 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, rounding
-from ..iteration.stopping import CLEARLY_BETTER
 
 FLOPS_A_SECOND = 3e9
 """What a machine does at least in a factorisation; the first step that is measured replaces the guess."""
@@ -96,10 +95,10 @@ class Progress:
         self.ended = self.ended or (status, reason)
 
     def goes_on(self) -> bool:
-        """Whether the solve is not over; after a run that stalled but gained, another begins at the best Λ."""
+        """Whether the solve is not over; after a run that stalled but gained, however little, another begins there."""
         if self.ended is None:
             return True
-        if self.ended[0] is not Status.STALLED or not self.best_residual < CLEARLY_BETTER * self._began_at:
+        if self.ended[0] is not Status.STALLED or not self.best_residual < self._began_at:
             return False
         self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         return True

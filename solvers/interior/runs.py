@@ -1,7 +1,7 @@
 """The runs that a solve by interior points is made of.
 
 What no longer moves near the boundary of a cone may move again from the inside. So a run that stalls is followed by
-one from the best Λ, and only one that brings no clearly better Λ ends the solve: another from there would do the same.
+one from the best Λ, and only one that brings no better Λ ends the solve: another from there would do the same.
 Where other methods take over a single run is enough, and ends where its steps hardly move.
 """
 
