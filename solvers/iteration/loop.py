@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -41,13 +41,22 @@ class Iterates(Protocol):
         ...
 
 
+@runtime_checkable
+class Reducible(Protocol):
+    """Iterates that are accelerated, and may be so less where there is no progress."""
+
+    def reduce_acceleration(self) -> bool:
+        """Accelerate less; return False if there is nothing left to reduce."""
+        ...
+
+
 class Accelerated:
     """What iterates with momentum share; ``momentum`` is β, at least 0 and below 1."""
 
     def __init__(self, momentum: float) -> None:
         self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
 
-    def reduce_momentum(self) -> bool:
+    def reduce_acceleration(self) -> bool:
         """Halve β, at last leave it out, for there may be progress without; return False if there is none."""
         if self._momentum == 0.0:
             return False
@@ -87,7 +96,7 @@ def looked(
 ) -> tuple[FloatArray, float, tuple[Status, str] | None]:
     """Return the present Λ, its residual, and status and reason if sweeps need not go on, else None.
 
-    Where progress has ended momentum is reduced, and the iterates of two more sweeps are compared with the present one.
+    Where progress has ended acceleration is reduced, and those of two more sweeps are compared with the present one.
     """
     monitor, iterates = advance.monitor, advance.iterates
     impulses = iterates.impulses()
@@ -96,7 +105,7 @@ def looked(
         found = confirmed(problem, residual, impulses, found, monitor.stop.tolerance)
     ended, repeats = monitor.look(advance.iteration, found, impulses), None
     if ended is None and monitor.suspects_cycle:
-        if isinstance(iterates, Accelerated) and iterates.reduce_momentum():
+        if isinstance(iterates, Reducible) and iterates.reduce_acceleration():
             monitor.restart_progress()
         elif advance.iteration + 2 <= monitor.stop.max_iterations:
             repeats = advance.cycle(impulses)

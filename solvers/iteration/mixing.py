@@ -8,7 +8,8 @@ the next window begins at
 γ from the normal equations (``anderson`` has the theory, and the general form). Within fixed states sweeps are a linear
 map, which mixing solves as GMRES would; across a change of states it may lead astray. So a mixed start whose window
 moves Λ clearly more than the one before it is taken back: the sweeps go on from where they were, and the differences
-are forgotten. What is seen is always swept Λ, and satisfies the bounds of its laws.
+are forgotten. Where the residual makes no progress mixing becomes rarer, and is at last left out. What is seen is
+always swept Λ, and satisfies the bounds of its laws.
 """
 
 from typing import Protocol
@@ -19,7 +20,10 @@ from ...problems.arrays import FloatArray
 from .loop import Iterates
 
 WINDOW = 3
-"""Sweeps between two mixings: a mixing costs about one."""
+"""Sweeps between two mixings, at first; where there is no progress windows become twice as long."""
+
+LONGEST = 48
+"""Longer windows are not mixed any more, for there may be progress without."""
 
 RISE = 2.0
 """A mixed start is taken back where its window moves Λ more than this many times as far as the window before."""
@@ -28,7 +32,7 @@ SMALLEST_EIGENVALUE = 1e-14
 """Relative to the largest one of the normal equations; directions below it are left out."""
 
 
-class PaddedIterates(Iterates, Protocol):
+class MovableIterates(Iterates, Protocol):
     """Iterates that may be moved between two sweeps."""
 
     @property
@@ -36,24 +40,38 @@ class PaddedIterates(Iterates, Protocol):
         """Λ padded and flat, which sweeps change in place."""
         ...
 
+    def note_jump(self) -> None:
+        """Note that Λ has just been written to."""
+        ...
+
 
 class MixedIterates:
     """The iterates of sweeps with mixing; ``memory`` differences are kept, 0 gives the plain sweeps."""
 
-    def __init__(self, iterates: PaddedIterates, weights: FloatArray, memory: int) -> None:
+    def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:
         """Take iterates, √α of each lane as ``padded`` is arranged, and the number of differences."""
         self._iterates, self._padded, self._weights = iterates, iterates.padded, weights
         self._differences = Differences(memory, len(weights))
         self._begin, self._end = self._padded.copy(), self._padded.copy()  # of the window, and of the one before
-        self._done, self._moved, self._is_mixed = 0, np.inf, False
+        self._done, self._moved, self._is_mixed, self._window = 0, np.inf, False, WINDOW
+
+    def reduce_acceleration(self) -> bool:
+        """Mix half as often, at last not at all; return False if there is no mixing any more."""
+        if self._window > LONGEST:
+            return False
+        self._window *= 2
+        self._differences.forget()
+        self._is_mixed = False
+        return True
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; mix before the first one of each window, so that Λ as it is seen has just been swept."""
         while count > 0:
-            if self._done == WINDOW:
-                self._mix()
+            if self._done >= self._window:
+                if self._window <= LONGEST:
+                    self._mix()
                 self._begin[:], self._done = self._padded, 0
-            step = min(count, WINDOW - self._done)
+            step = min(count, self._window - self._done)
             self._iterates.sweep(step)
             count, self._done = count - step, self._done + step
 
@@ -71,6 +89,7 @@ class MixedIterates:
         moved = float(np.linalg.norm(move))
         if self._is_mixed and not moved <= RISE * self._moved:
             self._padded[:] = self._end
+            self._iterates.note_jump()
             self._differences.forget()
             self._moved, self._is_mixed = np.inf, False
             return
@@ -79,6 +98,7 @@ class MixedIterates:
         self._is_mixed = step is not None
         if step is not None:
             self._padded -= step
+            self._iterates.note_jump()
 
 
 class Differences:

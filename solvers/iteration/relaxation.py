@@ -23,7 +23,10 @@ WINDOW = 10
 """Sweeps from one choice of ω to the next; the changes of its first and last sweep are compared."""
 
 LARGEST = 1.9
-"""ω goes no higher."""
+"""ω goes no higher; where there is no progress it goes half as far above 1."""
+
+LEAST = 0.05
+"""An ω that may go this far above 1 and no further is 1."""
 
 TOWARDS = 0.5
 """How far ω goes towards the value that it should have."""
@@ -64,7 +67,7 @@ class AdaptiveRelaxation:
         """Take iterates and √α of each lane, as ``padded`` is arranged."""
         self._iterates, self._weights = iterates, weights
         self.layout, self.padded, self.step_sizes = iterates.layout, iterates.padded, iterates.step_sizes
-        self.relaxation = 1.0
+        self.relaxation, self._largest = 1.0, LARGEST
         self._fraction = np.ones(self.layout.n_blocks)
         self._before, self._done, self._first_change = np.empty_like(self.padded), 0, 0.0
 
@@ -81,7 +84,16 @@ class AdaptiveRelaxation:
                 self._first_change = self._change()
             elif self._done == WINDOW:
                 self._done = 0
-                self._relax(chosen(self.relaxation, self._first_change, self._change()))
+                relaxation = chosen(self.relaxation, self._first_change, self._change())
+                self._relax(min(relaxation, self._largest))
+
+    def reduce_acceleration(self) -> bool:
+        """Let ω go half as far above 1, at last not at all; return False if it is 1 already."""
+        if self._largest == 1.0:
+            return False
+        self._largest = 1.0 + 0.5 * (self._largest - 1.0) if self._largest > 1.0 + 2.0 * LEAST else 1.0
+        self._relax(min(self.relaxation, self._largest))
+        return True
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Let the step of each block be ω times this fraction of what it was at first, shape (n_blocks,)."""

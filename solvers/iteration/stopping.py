@@ -33,8 +33,7 @@ MARK = 0.99
 """A residual below this fraction of the lowest one before is noted, together with the sweep."""
 
 CLEARLY_BETTER = 0.5
-"""Before a solve is said to be stalled it is begun again from its best iterate; one whose residual falls below this
-fraction goes on."""
+"""A residual below this fraction of another is clearly better, even where rounding is all that both are made of."""
 
 CYCLE_PATIENCE = 20
 """Looks without progress after which iterates are compared with each other. Two comparisons in a row have to agree: an

@@ -26,7 +26,22 @@ class AdaptiveSORprox(Method):
         sizes = diagonal_step_sizes(problem, 1.0)
         sweep, weights = DelassusSweep.over(problem, sizes), lane_weights(problem.layout, sizes)
 
-        def begin(start: FloatArray) -> SafeguardedIterates:
-            return SafeguardedIterates(AdaptiveRelaxation(DelassusIterates(sweep, start), weights))
+        def begin(start: FloatArray) -> AdaptiveIterates:
+            return AdaptiveIterates(AdaptiveRelaxation(DelassusIterates(sweep, start), weights))
 
         return PreparedIteration(problem, Residual(problem), begin)
+
+
+class AdaptiveIterates(SafeguardedIterates):
+    """Safeguarded iterates whose relaxation adapts."""
+
+    def __init__(self, iterates: AdaptiveRelaxation) -> None:
+        super().__init__(iterates)
+        self._relaxation = iterates
+
+    def reduce_acceleration(self) -> bool:
+        """See ``AdaptiveRelaxation``; contacts that oscillated with a larger ω are given their steps back."""
+        is_less = self._relaxation.reduce_acceleration()
+        if is_less:
+            self.restore_steps()
+        return is_less

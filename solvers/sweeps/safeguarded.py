@@ -54,7 +54,7 @@ class SafeguardedIterates:
         """Do ``count`` sweeps; compare increments now and then, and go on with smaller steps after a cut."""
         newest, sizes = self.padded, self._iterates.step_sizes.reshape(-1)
         while count > 0:
-            left = INTERVALS[min(self._looks_since_cut, len(INTERVALS) - 1)] - self._since_look
+            left = self._interval - self._since_look
             if left == 2:
                 self._before[:] = newest
             elif left == 1:
@@ -70,6 +70,20 @@ class SafeguardedIterates:
                 if _cut_where_opposed(*lanes, self._before, self._previous, newest, sizes, self._fraction):
                     self._looks_since_cut = 0
                     self._iterates.scale_steps(self._fraction)
+
+    def note_jump(self) -> None:
+        """Compare no increments across what has just been written to ``padded``: look two sweeps later if need be."""
+        self._since_look = min(self._since_look, self._interval - 2)
+
+    @property
+    def _interval(self) -> int:
+        return INTERVALS[min(self._looks_since_cut, len(INTERVALS) - 1)]
+
+    def restore_steps(self) -> None:
+        """Let every contact have the step again that it began with."""
+        self._fraction[:] = 1.0
+        self._iterates.scale_steps(self._fraction)
+        self._since_look, self._looks_since_cut = 0, 0
 
     def move_to(self, impulses: FloatArray) -> None:
         """Go on from ``impulses``, shape (n_rows,), with the step sizes as they have become."""

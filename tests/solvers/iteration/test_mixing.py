@@ -8,7 +8,7 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.iteration.mixing import WINDOW, Differences, MixedIterates
+from proxbench.solvers.iteration.mixing import LONGEST, WINDOW, Differences, MixedIterates
 
 
 class Map:
@@ -25,6 +25,8 @@ class Map:
         return self.padded.copy()
 
     relative_velocity = impulses
+
+    def note_jump(self) -> None: ...
 
 
 def linear(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -118,3 +120,20 @@ def test_an_observer_changes_nothing() -> None:
 def test_a_memory_out_of_range_is_named(memory: object) -> None:
     with pytest.raises(SolverError, match="memory"):
         create("AndersonSORprox", memory=memory)
+
+
+def test_without_progress_mixing_becomes_rarer_and_is_left_out() -> None:
+    """From then on the iterates are those of plain sweeps."""
+    mixed = MixedIterates(Map(lambda x: 0.9 * x, np.ones(1)), np.ones(1), 3)
+    reductions = 0
+    while mixed.reduce_acceleration():
+        reductions += 1
+    assert WINDOW * 2 ** (reductions - 1) <= LONGEST < WINDOW * 2**reductions
+    mixed.sweep(500)
+    assert mixed.impulses() == pytest.approx(0.9**500, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_what_plain_sweeps_solve_is_solved_though_mixing_leads_nowhere() -> None:
+    problem = load("funnel-planar-1000")
+    assert create("AndersonSORprox").prepare(problem).solve(Stop(1e-8, 40_000)).status is Status.SOLVED

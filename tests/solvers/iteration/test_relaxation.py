@@ -119,3 +119,23 @@ def test_an_observer_changes_nothing() -> None:
         watched = prepared.solve(Stop(1e-8, 500), observe=lambda iteration, _, seen=seen: seen.append(iteration))
         assert seen == list(range(1, watched.iterations + 1))
         assert np.array_equal(alone.impulses, watched.impulses)
+
+
+def test_without_progress_the_relaxation_is_held_nearer_to_one_and_at_last_to_one() -> None:
+    iterates = adaptive(chain(20), np.zeros(20))
+    limits = []
+    for _ in range(10):
+        iterates.sweep(6 * WINDOW)
+        limits.append(iterates.relaxation)
+        if not iterates.reduce_acceleration():
+            break
+    assert len(limits) < 10
+    assert limits[0] > 1.5
+    assert all(later <= 1.0 + 0.5 * (LARGEST - 1.0) for later in limits[1:])
+    assert limits[-1] == 1.0
+
+
+@pytest.mark.slow
+def test_what_plain_sweeps_solve_is_solved_though_a_large_relaxation_leads_nowhere() -> None:
+    problem = load("funnel-planar-1000")
+    assert create("AdaptiveSORprox").prepare(problem).solve(Stop(1e-8, 30_000)).status is Status.SOLVED
