@@ -18,6 +18,8 @@ BUILT_IN = {
     "JORprox": "prox.jorprox",
     "SORprox": "prox.sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
+    "AdaptiveSORprox": "prox.adaptive_sorprox",
+    "AndersonSORprox": "prox.anderson_sorprox",
     "NSGS": "prox.nsgs",
     "SemismoothNewton": "newton.semismooth_newton",
     "ProximalADMM": "prox.proximal_admm",

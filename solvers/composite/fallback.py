@@ -107,23 +107,25 @@ class PreparedFallback:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Try the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts those of all."""
         clock, used, ran = Clock(stop.max_seconds), 0, []
-        best, lowest = None, np.inf
+        best, lowest, is_late = None, np.inf, False
         for part, first, limit in self._tries(start, stop.max_iterations):
-            left = stop.max_iterations - used
-            if best is not None and (left < 1 or clock.is_up):
+            if best is not None and clock.limit_met(stop, used) is not None:
                 break
-            limits = Stop(stop.tolerance, min(limit, left), max(clock.left, 1e-9))
+            limits = Stop(stop.tolerance, min(limit, stop.max_iterations - used), max(clock.left, 1e-9))
             found = self._part(part).solve(limits, first, self._shown(observe, clock, used))
             used += found.iterations
             origin = "zero" if first is None else "the start"
             ran.append(f"{self.parts[part].name} from {origin}: {found.status}")
             if found.status in (Status.SOLVED, Status.INFEASIBLE):
                 return Solution(found.impulses, found.status, used, _message(ran, found))
+            is_late = is_late or found.status is Status.TIME_LIMIT
             residual = self._residual(found)
             if best is None or residual < lowest:
                 best, lowest = found, residual
         assert best is not None
-        return Solution(best.impulses, best.status, used, _message(ran, best))
+        # a limit of the whole, whichever part is the best: what is stalled may not be solved by going on
+        ended = clock.limit_met(stop, used) or (Status.TIME_LIMIT if is_late else best.status)
+        return Solution(best.impulses, ended, used, _message(ran, best))
 
     def _tries(self, start: FloatArray | None, most: int) -> Iterator[tuple[int, FloatArray | None, int]]:
         """Yield the part, its first impulses (zero if None) and its limit of iterations for each try."""

@@ -88,8 +88,8 @@ class PreparedHybrid:
         if self.residual.infeasible:
             return refuted(self.problem)
         monitor = Monitor(stop)
-        iterates = SafeguardedIterates(DelassusIterates(self.sweep, first))
-        advance = Advance(iterates, monitor, observe)
+        iterates = self._begin(first)
+        advance = Advance(iterates, self._begin, monitor, observe)
         attempts = Attempts(self.problem, self.residual, self.equations, advance)
         restarts = Restarts(attempts, self.sweep, first)
         pace, wait, tried = Pace(), SWEEPS_BEFORE, 0
@@ -117,6 +117,9 @@ class PreparedHybrid:
             count = advance.to_next_look()
             attempts.work.count_sweeps(count)
             pace.note(count, residual)
+
+    def _begin(self, impulses: FloatArray) -> SafeguardedIterates:
+        return SafeguardedIterates(DelassusIterates(self.sweep, impulses))
 
     def _leads_nowhere(self, ended: tuple[Status, str] | None, monitor: Monitor) -> bool:
         """Whether sweeps lead nowhere, and the best residual is more than rounding may leave."""

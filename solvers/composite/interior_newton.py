@@ -24,6 +24,7 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Prepared, Solution, Stop
 from ..interior.central_path import CentralPath
 from ..interior.interior_point import InteriorPoint
+from ..interior.runs import SingleRun
 from ..iteration.clock import Clock
 from ..iteration.method import Method
 from ..newton.semismooth_newton import SemismoothNewton
@@ -51,7 +52,7 @@ class InteriorNewton(Method):
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorNewton":
         """Prepare the first method; the others are prepared when their turn comes."""
-        first = InteriorPoint(form=form_for(problem))
+        first = SingleRun(InteriorPoint(form=form_for(problem)))
         return PreparedInteriorNewton(problem, Residual(problem), {first.name: first.prepare(problem)})
 
 
@@ -91,8 +92,8 @@ def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
 def _turns(problem: ContactProblem, start: FloatArray | None, most: int) -> Iterator[Turn]:
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
     if InteriorPoint(form=form).supports(problem) is None:
-        yield Turn(InteriorPoint(form=form), zeros if start is None else start, STRAIGHT)
+        yield Turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
     if CentralPath(form=form).supports(problem) is None:
-        yield Turn(CentralPath(form=form), zeros, THROUGH_TURNS)
+        yield Turn(SingleRun(CentralPath(form=form)), zeros, THROUGH_TURNS)
     yield Turn(SemismoothNewton(), None, LAST_DIGITS)
     yield Turn(HybridNewton(), None, most)

@@ -42,7 +42,7 @@ class Relay:
         ran: each solver that ran, with how it ended.
         best: the best Λ so far [N s], shape (n_rows,).
         lowest: its judged residual.
-        status: how the last solver ended.
+        status: how the last solver ended, or the time limit where one had no time for its next step.
     """
 
     problem: ContactProblem
@@ -63,7 +63,8 @@ class Relay:
         limits = Stop(self.stop.tolerance, min(turn.most, left), max(self.clock.left, 1e-9))
         origin = self.best if turn.start is None else turn.start
         last = self._ready(turn.solver).solve(limits, origin, self._shown())
-        self.used, self.status = self.used + last.iterations, last.status
+        self.used += last.iterations
+        self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
         self.ran.append(f"{turn.solver.name}: {last.status}")
         residual = judged(self.problem, self.residual, last.impulses)
         if self.best is None or residual < self.lowest:

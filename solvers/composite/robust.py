@@ -75,12 +75,10 @@ class PreparedRobust:
         if residual.infeasible:
             return refuted(problem)
         monitor = Monitor(stop)
-        sweeps = self.sweeps.begin(first)
-        advance = Advance(sweeps, monitor, observe)
+        advance = Advance(self.sweeps.begin(first), self.sweeps.begin, monitor, observe)
         relay = Relay(problem, residual, self.prepared, stop, observe, monitor.clock)
         attempts: Attempts | None = None
         for length in _windows(problem):
-            advance.iterates = sweeps
             latest, present, ended = self._swept(advance, length)
             relay.best, relay.lowest, relay.used = _best(monitor, first), monitor.best_residual, advance.iteration
             if ended is not None and ended[0] in OVER:

@@ -24,13 +24,13 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Status, Stop
-from ..iteration.loop import first_impulses, refuted
-from ..iteration.method import Method, check_form, check_option
+from ..interface import Status
+from ..iteration.method import check_form, check_option
 from . import cones
 from .interior_point import NewtonSystem, form_obstacle, newton_system
 from .power_series import Direction, Series, local_product, products, write_right
 from .progress import Progress
+from .runs import InRuns, PreparedRuns
 from .scaled_problem import ScaledProblem
 from .smoothing import on_manifold
 
@@ -72,7 +72,7 @@ LEAST_TAU, LARGEST_TAU = 1e-20, 1e4
 
 
 @dataclass(frozen=True)
-class CentralPath(Method):
+class CentralPath(InRuns):
     """The central path followed by arc length; one iteration is one factorisation.
 
     Attributes:
@@ -110,7 +110,7 @@ class CentralPath(Method):
 
 
 @dataclass(frozen=True, eq=False)
-class PreparedPath:
+class PreparedPath(PreparedRuns):
     """The scaled problem and its ordered factorisation."""
 
     problem: ContactProblem
@@ -119,18 +119,17 @@ class PreparedPath:
     system: NewtonSystem
     order: int
 
-    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Follow the path until the residual reaches the tolerance; see ``Prepared.solve``."""
-        first = first_impulses(self.problem, self.residual, start)
-        if self.residual.infeasible:
-            return refuted(self.problem)
-        progress = Progress(self.problem, self.residual, stop, observe, self.system.flops, first)
-        if progress.ended is None:
-            path = _Path(self, progress)
-            path.begin(first)
-            while progress.ended is None:
-                path.advance()
-        return progress.solution()
+    @property
+    def flops(self) -> float:
+        """See ``PreparedRuns``."""
+        return self.system.flops
+
+    def run(self, progress: Progress) -> None:
+        """Follow the path until the progress has ended."""
+        path = _Path(self, progress)
+        path.begin(progress.best)
+        while progress.ended is None:
+            path.advance()
 
 
 class _Point:

@@ -22,12 +22,12 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Status, Stop
-from ..iteration.loop import first_impulses, refuted
-from ..iteration.method import Method, check_form, check_option
+from ..interface import Status
+from ..iteration.method import check_form, check_option
 from . import cones
 from .damping import SHARES, Damping, Share
 from .progress import Progress
+from .runs import InRuns, PreparedRuns
 from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
 from .smoothing import on_manifold
 from .systems.body_system import BodySystem
@@ -80,7 +80,7 @@ class NewtonSystem(Protocol):
 
 
 @dataclass(frozen=True)
-class InteriorPoint(Method):
+class InteriorPoint(InRuns):
     """A primal-dual interior point method for exact Coulomb friction; one iteration is one Newton step.
 
     Attributes:
@@ -131,7 +131,7 @@ def newton_system(problem: ContactProblem, scaled: ScaledProblem, form: str) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class PreparedInteriorPoint:
+class PreparedInteriorPoint(PreparedRuns):
     """The scaled problem and its ordered factorisation."""
 
     problem: ContactProblem
@@ -140,17 +140,16 @@ class PreparedInteriorPoint:
     system: NewtonSystem
     method: InteriorPoint
 
-    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Step until the residual reaches the tolerance; see ``Prepared.solve``."""
-        first = first_impulses(self.problem, self.residual, start)
-        if self.residual.infeasible:
-            return refuted(self.problem)
-        progress = Progress(self.problem, self.residual, stop, observe, self.system.flops, first)
-        if progress.ended is None:
-            iterate = _Iterate(self, first, progress.best_residual)
-            while progress.ended is None:
-                iterate.step(progress)
-        return progress.solution()
+    @property
+    def flops(self) -> float:
+        """See ``PreparedRuns``."""
+        return self.system.flops
+
+    def run(self, progress: Progress) -> None:
+        """Step until the progress has ended."""
+        iterate = _Iterate(self, progress.best, progress.best_residual)
+        while progress.ended is None:
+            iterate.step(progress)
 
 
 class _Iterate:

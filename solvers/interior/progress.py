@@ -17,8 +17,8 @@ FLOPS_A_SECOND = 3e9
 SLACK = 1.5
 """What the time of a step is multiplied with to predict the next, because other programs take turns with this one."""
 
-SHORTEST, MOST_SHORT = 1e-9, 5
-"""Steps below the first, so many in a row, move nothing any more."""
+MOST_SHORT = 5
+"""So many steps in a row that are too short end a run."""
 
 PATIENCE = 20
 """Steps without a better residual after which rounding is looked at."""
@@ -33,8 +33,11 @@ CERTAINTY = 1e-12
 class Progress:
     """The best iterate of one solve, and why it ended.
 
+    Steps shorter than ``shortest`` are too short; where that is 0, those that leave Λ the same to the last bit.
+
     Attributes:
-        best_residual: lowest judged residual so far.
+        best: the best Λ so far [N s], shape (n_rows,).
+        best_residual: its judged residual.
         ended: status and reason once the solve is over.
     """
 
@@ -46,11 +49,13 @@ class Progress:
         observe: Observer | None,
         flops: float,
         first: FloatArray,
+        shortest: float = 0.0,
     ) -> None:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
-        self._best, self._latest, self._iteration = first, first, 0
-        self.best_residual = judged(problem, residual, first)
+        self._shortest = shortest
+        self.best, self._latest, self._iteration = first, first, 0
+        self.best_residual = self._began_at = judged(problem, residual, first)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
         self.ended: tuple[Status, str] | None = None
         self._look()
@@ -69,24 +74,34 @@ class Progress:
     def arrive(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
         """Count a step, of which ``part`` was done, to Λ of a judged residual."""
         self._iteration += 1
+        is_short = part < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
         self._latest = impulses
         self._step_seconds = self._clock.used - self._began
         self._clock.show(self._observe, self._iteration, impulses)
         self._waited += 1
         if residual < self.best_residual:
-            self._best, self.best_residual, self._waited = impulses, residual, 0
-        self._short = self._short + 1 if part < SHORTEST else 0
+            self.best, self.best_residual, self._waited = impulses, residual, 0
+        self._short = self._short + 1 if is_short else 0
         self._look()
         if self._short >= MOST_SHORT:
             self.end(Status.STALLED, f"steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
         if not np.isfinite(residual):
             self.end(Status.DIVERGED, f"the iterates leave all bounds, best residual {self.best_residual:.1e}")
-        if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self._best):
+        if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self.best):
             self.end(Status.STALLED, f"rounding leaves the residual at {self.best_residual:.1e}")
 
     def end(self, status: Status, reason: str) -> None:
         """End the solve, if nothing has before."""
         self.ended = self.ended or (status, reason)
+
+    def goes_on(self) -> bool:
+        """Whether the solve is not over; after a run that stalled but gained, however little, another begins there."""
+        if self.ended is None:
+            return True
+        if self.ended[0] is not Status.STALLED or not self.best_residual < self._began_at:
+            return False
+        self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
+        return True
 
     def look_for_proof(self, r: FloatArray) -> None:
         """Where scaled impulses grow as if nothing could hold the contacts apart, end if that can be proven."""
@@ -97,7 +112,7 @@ class Progress:
         """Return the best Λ with the status the solve ended in."""
         assert self.ended is not None
         status, reason = self.ended
-        return Solution(self._best, status, self._iteration, reason)
+        return Solution(self.best, status, self._iteration, reason)
 
     def _look(self) -> None:
         if self.best_residual <= self._stop.tolerance:

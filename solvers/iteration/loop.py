@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,13 +12,17 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ...problems.errors import ProblemError
 from ..interface import Observer, Solution, SolverError, Status, Stop
-from .stopping import Monitor, sweeps_to_next_look
+from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, LONGEST_INTERVAL, Monitor, sweeps_to_next_look
 
 ROUNDING = 100 * np.finfo(np.float64).eps
 """What rounding may leave in ξ, relative to the largest G_ii Λ_i: a generous guess."""
 
 LEAST_MOMENTUM = 0.3
 """A β up to this is not halved but left out."""
+
+PROVING_SWEEPS = CYCLE_PATIENCE * LONGEST_INTERVAL
+"""Sweeps without a clearly better residual in the judge's arithmetic before rounding may be said to be all: as many as
+pass elsewhere before a lack of progress is suspected."""
 
 
 class Iterates(Protocol):
@@ -37,13 +41,22 @@ class Iterates(Protocol):
         ...
 
 
+@runtime_checkable
+class Reducible(Protocol):
+    """Iterates that are accelerated, and may be so less where there is no progress."""
+
+    def reduce_acceleration(self) -> bool:
+        """Accelerate less; return False if there is nothing left to reduce."""
+        ...
+
+
 class Accelerated:
     """What iterates with momentum share; ``momentum`` is β, at least 0 and below 1."""
 
     def __init__(self, momentum: float) -> None:
         self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
 
-    def reduce_momentum(self) -> bool:
+    def reduce_acceleration(self) -> bool:
         """Halve β, at last leave it out, for there may be progress without; return False if there is none."""
         if self._momentum == 0.0:
             return False
@@ -70,7 +83,7 @@ class PreparedIteration:
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return refuted(self.problem)
-        advance = Advance(self.begin(first), Monitor(stop), observe)
+        advance = Advance(self.begin(first), self.begin, Monitor(stop), observe)
         while True:
             _, _, ended = looked(self.problem, self.residual, advance)
             if ended is not None:
@@ -83,7 +96,7 @@ def looked(
 ) -> tuple[FloatArray, float, tuple[Status, str] | None]:
     """Return the present Λ, its residual, and status and reason if sweeps need not go on, else None.
 
-    Where progress has ended momentum is reduced, and the iterates of two more sweeps are compared with the present one.
+    Where progress has ended acceleration is reduced, and those of two more sweeps are compared with the present one.
     """
     monitor, iterates = advance.monitor, advance.iterates
     impulses = iterates.impulses()
@@ -92,13 +105,13 @@ def looked(
         found = confirmed(problem, residual, impulses, found, monitor.stop.tolerance)
     ended, repeats = monitor.look(advance.iteration, found, impulses), None
     if ended is None and monitor.suspects_cycle:
-        if isinstance(iterates, Accelerated) and iterates.reduce_momentum():
+        if isinstance(iterates, Reducible) and iterates.reduce_acceleration():
             monitor.restart_progress()
         elif advance.iteration + 2 <= monitor.stop.max_iterations:
             repeats = advance.cycle(impulses)
-    if ended is None and (repeats is not None or monitor.lacks_progress):
-        ended = left_by_rounding(problem, residual, monitor) or repeats
-    return impulses, found, ended
+    if ended is None and (repeats is not None or monitor.lacks_progress) and monitor.may_be_proven:
+        ended = left_by_rounding(problem, residual, advance)
+    return impulses, found, ended or repeats
 
 
 def refuted(problem: ContactProblem) -> Solution:
@@ -147,16 +160,37 @@ def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) 
     return ROUNDING * residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
 
 
-def left_by_rounding(problem: ContactProblem, residual: Residual, monitor: Monitor) -> tuple[Status, str] | None:
-    """Return how a solve without progress ended if rounding is all that keeps its best residual up, else None."""
-    impulses = monitor.best_impulses
-    if impulses is None:
-        return None
-    limit = rounding(problem, residual, impulses)
+def left_by_rounding(problem: ContactProblem, residual: Residual, advance: "Advance") -> tuple[Status, str] | None:
+    """Return how a solve without progress ended if rounding is all that keeps its best residual up, else None.
+
+    Below rounding the iteration's residual does not say which Λ is the best: it may rest at one that it finds good,
+    and pass by one that the judge finds right. So the iteration is begun again from its best Λ, as a user would, and
+    its next iterates are held to the judge's arithmetic. Where they are no better the first iterates go on.
+    """
+    monitor, tolerance = advance.monitor, advance.monitor.stop.tolerance
     # the iteration's own ξ comes first because it costs nothing
-    if monitor.best_residual > limit or judged(problem, residual, impulses) > limit:
+    if monitor.best_impulses is None or not _is_rounding(problem, residual, monitor.best_impulses, monitor):
         return None
-    return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
+    monitor.prove(advance.iteration, judged(problem, residual, monitor.best_impulses))
+    first, advance.iterates, waited = advance.iterates, advance.begin(monitor.best_impulses), 0
+    while waited < PROVING_SWEEPS and monitor.best_residual > tolerance:
+        if monitor.clock.limit_met(monitor.stop, advance.iteration):
+            return None
+        advance.by(1)
+        impulses, before = advance.iterates.impulses(), monitor.best_residual
+        monitor.look(advance.iteration, judged(problem, residual, impulses), impulses)
+        waited = 0 if monitor.best_residual < CLEARLY_BETTER * before else waited + 1
+    if monitor.best_residual <= tolerance:
+        return Status.SOLVED, ""
+    if _is_rounding(problem, residual, monitor.best_impulses, monitor):
+        return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
+    advance.iterates = first
+    return None
+
+
+def _is_rounding(problem: ContactProblem, residual: Residual, best: FloatArray, monitor: Monitor) -> bool:
+    """Whether rounding of ξ may leave as much as the best residual at Λ = ``best``."""
+    return monitor.best_residual <= rounding(problem, residual, best)
 
 
 def iterate(
@@ -211,9 +245,13 @@ class _GeneratedIterates:
 
 @dataclass
 class Advance:
-    """Counts iterations, and shows each iterate to an observer if there is one, with the solver's clock stopped."""
+    """Counts iterations, and shows each iterate to an observer if there is one, with the solver's clock stopped.
+
+    ``begin`` makes iterates like the present ones from another Λ, shape (n_rows,).
+    """
 
     iterates: Iterates
+    begin: Callable[[FloatArray], Iterates]
     monitor: Monitor
     observe: Observer | None
     iteration: int = 0

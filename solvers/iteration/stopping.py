@@ -32,6 +32,9 @@ PLATEAU_PROGRESS = 0.9
 MARK = 0.99
 """A residual below this fraction of the lowest one before is noted, together with the sweep."""
 
+CLEARLY_BETTER = 0.5
+"""A residual below this fraction of another is clearly better, even where rounding is all that both are made of."""
+
 CYCLE_PATIENCE = 20
 """Looks without progress after which iterates are compared with each other. Two comparisons in a row have to agree: an
 iteration may keep more than Λ and move that for a while, and a safeguard may break a cycle."""
@@ -65,6 +68,7 @@ class Monitor:
     _looks_without_progress: int = 0
     _repeats: tuple[Status, FloatArray] | None = None
     _marks: list[tuple[int, float]] = field(default_factory=list)
+    _next_proof: int = 0
 
     def __post_init__(self) -> None:
         self.clock = Clock(self.stop.max_seconds)
@@ -94,6 +98,15 @@ class Monitor:
         if self._iteration < PLATEAU_SWEEPS:
             return False
         return self.best_residual > PLATEAU_PROGRESS * self._best_at(self._iteration // 4)
+
+    @property
+    def may_be_proven(self) -> bool:
+        """Whether it is time to find out whether rounding is all that is left; after each failure twice as late."""
+        return self._iteration >= self._next_proof
+
+    def prove(self, iteration: int, residual: float) -> None:
+        """Hold the best iterate to ``residual``, which another arithmetic finds for it, for a proof that begins."""
+        self.best_residual, self._next_proof = residual, 2 * iteration
 
     @property
     def suspects_cycle(self) -> bool:

@@ -15,8 +15,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
-from .blocks import BlockIterates
-from .delassus import DelassusIterates
+from ..iteration.relaxation import ScalableIterates
 
 INTERVALS = (19, 37, 73)
 """Sweeps from one comparison to the next, the first ones after a cut: long enough for it to show its effect. Prime, so
@@ -39,19 +38,23 @@ ROUNDING = 1e-14
 
 
 class SafeguardedIterates:
-    """Iterates whose steps are cut where contacts oscillate."""
+    """Iterates whose steps are cut where contacts oscillate.
 
-    def __init__(self, iterates: DelassusIterates | BlockIterates) -> None:
-        self._iterates = iterates
+    Attributes:
+        padded: Λ padded and flat, which sweeps change in place.
+    """
+
+    def __init__(self, iterates: ScalableIterates) -> None:
+        self._iterates, self.padded = iterates, iterates.padded
         self._fraction = np.ones(iterates.layout.n_blocks)  # what is left of each contact's step
         self._before, self._previous = np.empty_like(iterates.padded), np.empty_like(iterates.padded)
         self._since_look, self._looks_since_cut = 0, 0
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; compare increments now and then, and go on with smaller steps after a cut."""
-        newest = self._iterates.padded
+        newest = self.padded
         while count > 0:
-            left = INTERVALS[min(self._looks_since_cut, len(INTERVALS) - 1)] - self._since_look
+            left = self._interval - self._since_look
             if left == 2:
                 self._before[:] = newest
             elif left == 1:
@@ -68,9 +71,23 @@ class SafeguardedIterates:
                     self._looks_since_cut = 0
                     self._iterates.scale_steps(self._fraction)
 
+    def note_jump(self) -> None:
+        """Compare no increments across what has just been written to ``padded``: look two sweeps later if need be."""
+        self._since_look = min(self._since_look, self._interval - 2)
+
+    @property
+    def _interval(self) -> int:
+        return INTERVALS[min(self._looks_since_cut, len(INTERVALS) - 1)]
+
+    def restore_steps(self) -> None:
+        """Let every contact have the step again that it began with."""
+        self._fraction[:] = 1.0
+        self._iterates.scale_steps(self._fraction)
+        self._since_look, self._looks_since_cut = 0, 0
+
     def move_to(self, impulses: FloatArray) -> None:
         """Go on from ``impulses``, shape (n_rows,), with the step sizes as they have become."""
-        self._iterates.padded[:] = self._iterates.layout.pad(impulses).reshape(-1)
+        self.padded[:] = self._iterates.layout.pad(impulses).reshape(-1)
         self._since_look = 0  # nothing is compared across the jump
 
     def impulses(self) -> FloatArray:

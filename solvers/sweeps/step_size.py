@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import row_lengths
 from ..iteration.method import check_option
@@ -66,6 +67,14 @@ def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> 
 def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
     """Return ω/curvature, 0 where nothing moves."""
     return np.divide(relaxation, curvature, out=np.zeros_like(curvature), where=curvature > 0.0)
+
+
+def lane_weights(layout: BlockLayout, sizes: FloatArray) -> FloatArray:
+    """Return 1/√r of each lane, padded and flat, 0 where nothing moves: √α up to a factor, for norms of impulses."""
+    of_group = np.sqrt(inverse(sizes, 1.0))
+    widths = (1, layout.sliding, layout.rolling)[: sizes.shape[1]]
+    weights: FloatArray = np.repeat(of_group, widths, axis=1).reshape(-1)
+    return weights
 
 
 def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:

@@ -18,6 +18,8 @@ VARIANTS = [
     "SORprox",
     "SORprox(relaxation=1.5, form='factors')",
     "SafeguardedSORprox",
+    "AdaptiveSORprox",
+    "AndersonSORprox",
     "NSGS",
     "SemismoothNewton",
     "TrescaFixedPoint",

@@ -14,10 +14,11 @@ ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
 
 @dataclass
 class Scripted:
-    """Answers 1 − error: solved from zero if it can, else stalled."""
+    """Answers 1 − error: solved from zero if it can, else as ``ends`` says."""
 
     error: float = 0.0
     refusal: str | None = None
+    ends: Status = Status.STALLED
     tried: list[tuple[int, bool]] = field(default_factory=list)
 
     name = "Scripted"
@@ -34,7 +35,7 @@ class Scripted:
         self.tried.append((stop.max_iterations, start is not None))
         solved = start is None and self.error == 0.0
         wrong = 0.0 if solved else max(self.error, 0.5 * (start is not None))
-        status = Status.SOLVED if solved else Status.STALLED
+        status = Status.SOLVED if solved else self.ends
         return Solution(np.array([1.0 - wrong]), status, min(stop.max_iterations, 700))
 
 
@@ -73,7 +74,13 @@ def test_the_limit_of_iterations_holds_for_all_together() -> None:
     solution = fallback_of(first, second).prepare(ONE).solve(Stop(1e-4, WARM_ITERATIONS), np.ones(1))
     assert first.tried == [(WARM_ITERATIONS, True)]
     assert second.tried == []
-    assert solution.status is Status.STALLED
+    assert solution.status is Status.ITERATION_LIMIT
+
+
+def test_a_part_that_had_no_time_for_its_next_step_makes_it_a_time_limit_though_the_best_part_stalled() -> None:
+    solution = fallback_of(Scripted(0.1), Scripted(0.3, ends=Status.TIME_LIMIT)).prepare(ONE).solve(Stop(1e-4, 20_000))
+    assert solution.impulses == [0.9]
+    assert solution.status is Status.TIME_LIMIT
 
 
 def test_a_time_that_is_up_ends_it() -> None:

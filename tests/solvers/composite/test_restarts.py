@@ -23,7 +23,11 @@ from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 def restarts_of(problem: ContactProblem, first: np.ndarray, stop: Stop) -> tuple[Restarts, Advance, Attempts]:
     """The restarts of a solve that has done nothing yet."""
     sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, 1.5))
-    advance = Advance(SafeguardedIterates(DelassusIterates(sweep, first)), Monitor(stop), None)
+
+    def begin(impulses: np.ndarray) -> SafeguardedIterates:
+        return SafeguardedIterates(DelassusIterates(sweep, impulses))
+
+    advance = Advance(begin(first), begin, Monitor(stop), None)
     residual = Residual(problem)
     attempts = Attempts(problem, residual, Equations(problem, residual), advance)
     return Restarts(attempts, sweep, first), advance, attempts

@@ -10,7 +10,9 @@ from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Prepared, SolverError, Status, Stop, create, iterate
-from proxbench.solvers.iteration.loop import rounding
+from proxbench.solvers.iteration import loop
+from proxbench.solvers.iteration.loop import PreparedIteration, rounding
+from proxbench.solvers.iteration.stopping import Monitor
 
 
 def gradient(problem: ContactProblem, step: float) -> Prepared:
@@ -67,6 +69,48 @@ def test_a_residual_that_rounding_leaves_is_a_stall(solver: str, masses: list[fl
     assert solution.status is Status.STALLED
     left = judge(problem, solution.impulses).residual
     assert 1e-14 < left <= rounding(problem, Residual(problem), solution.impulses)
+
+
+@pytest.mark.parametrize(
+    ("name", "solver"),
+    [
+        ("hard-scaled-rows", "SORprox(relaxation=1.5)"),
+        ("hard-scaled-rows", "NSGS"),
+        ("hard-scaled-tower-10", "SORprox(relaxation=1.5)"),
+        ("hard-scaled-rows-15", "SORprox"),
+    ],
+)
+def test_rounding_is_no_stall_where_the_iteration_goes_on_from_its_best_impulses(name: str, solver: str) -> None:
+    """Rows in units 10⁹ apart: sweeps rest at one Λ, and find in their own arithmetic that another one is the best."""
+    problem = load(name)
+    solution = create(solver).prepare(problem).solve(Stop(1e-12, 10**6))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-12
+
+
+def test_a_proof_of_rounding_that_fails_comes_again_only_after_as_many_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Λ rests where its own ξ says rounding and the judge says 1: judging a sweep costs as much as doing it."""
+    problem, calls = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1), 0
+
+    def judged(*arguments: object) -> float:
+        nonlocal calls
+        calls += 1
+        return 1.0
+
+    class Resting:
+        def sweep(self, count: int) -> None: ...
+
+        def impulses(self) -> FloatArray:
+            return np.ones(1)
+
+        def relative_velocity(self) -> FloatArray:
+            return np.array([-1e-15])
+
+    monkeypatch.setattr(loop, "judged", judged)
+    monkeypatch.setattr(Monitor, "cycle", lambda *arguments: None)
+    prepared = PreparedIteration(problem, Residual(problem), lambda start: Resting())
+    assert prepared.solve(Stop(1e-16, 50_000)).status is Status.ITERATION_LIMIT
+    assert 0 < calls <= 6 * loop.PROVING_SWEEPS
 
 
 def test_impulses_that_repeat_for_a_while_and_move_again_are_no_stall() -> None:

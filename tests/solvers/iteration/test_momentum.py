@@ -77,7 +77,7 @@ def test_momentum_is_lowered_to_none_and_then_no_further() -> None:
             return np.zeros(1), 1
 
     iterates = MomentumIterates(Still(), 0.8)
-    assert [iterates.reduce_momentum() for _ in range(5)] == [True, True, True, False, False]
+    assert [iterates.reduce_acceleration() for _ in range(5)] == [True, True, True, False, False]
 
 
 @pytest.mark.parametrize("momentum", [-0.1, 1.0, float("nan"), "much"])

@@ -1,0 +1,83 @@
+"""A stall near the boundary of a cone ends a run, and the solve only where the next run brings nothing."""
+
+import numpy as np
+import pytest
+from proxbench.problems import judge, load
+from proxbench.problems.contact.residual import Residual
+from proxbench.solvers import Status, Stop, create
+from proxbench.solvers.interior.central_path import CentralPath
+from proxbench.solvers.interior.interior_point import InteriorPoint
+from proxbench.solvers.interior.progress import MOST_SHORT, Progress
+from proxbench.solvers.interior.runs import InRuns, SingleRun
+from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "tolerance"),
+    [
+        (InteriorPoint(), "hard-slider-in-km-t", 1e-12),
+        (InteriorPoint(), "hard-disconnected-parts-twice", 1e-12),
+        (InteriorPoint(), "hard-duplicated-slider-100", 1e-8),
+        (InteriorPoint(), "hard-duplicated-slider-mu10", 1e-8),
+        (CentralPath(), "hard-scaled-rows", 1e-12),
+    ],
+)
+def test_what_one_run_leaves_is_solved_by_the_next(method: InRuns, name: str, tolerance: float) -> None:
+    problem = load(name)
+    single = SingleRun(method).prepare(problem).solve(Stop(tolerance))
+    solution = method.prepare(problem).solve(Stop(tolerance))
+    assert single.status is Status.STALLED
+    assert solution.status is Status.SOLVED
+    assert solution.iterations > single.iterations
+    assert judge(problem, solution.impulses).residual <= 1.001 * tolerance
+
+
+@pytest.mark.parametrize("method", [InteriorPoint(), CentralPath()])
+def test_where_a_run_does_not_stall_it_is_the_whole_solve(method: InRuns) -> None:
+    problem = load("funnel-30")
+    single, solution = SingleRun(method).prepare(problem).solve(Stop(1e-8)), method.prepare(problem).solve(Stop(1e-8))
+    assert single.status is solution.status is Status.SOLVED
+    assert single.iterations == solution.iterations
+    assert np.array_equal(single.impulses, solution.impulses)
+
+
+def test_the_runs_of_a_solve_share_its_limit_of_iterations_and_are_counted_through() -> None:
+    problem, seen = load("hard-slider-in-km-t"), []
+    prepared = create("InteriorPoint").prepare(problem)
+    stalled = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))
+    assert stalled.status is Status.STALLED
+    most = stalled.iterations + 2
+    solution = prepared.solve(Stop(1e-15, most), observe=lambda iteration, _: seen.append(iteration))
+    assert solution.status is Status.ITERATION_LIMIT
+    assert seen == list(range(1, most + 1))
+
+
+def test_a_single_run_has_the_name_and_the_refusals_of_its_method() -> None:
+    method = InteriorPoint(form="factors")
+    single = SingleRun(method)
+    assert single.name == method.name
+    problem = load("hard-counterexample")
+    assert single.supports(problem) == method.supports(problem) is not None
+
+
+@pytest.mark.parametrize("name", ["hard-sliding-block", "hard-sliding-block-32"])
+def test_short_steps_go_on_where_no_other_method_takes_over(name: str) -> None:
+    """Five of a billionth of a Newton step in a row, and then long ones again."""
+    problem = load(name)
+    single = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))
+    solution = create("InteriorPoint").prepare(problem).solve(Stop(1e-12, 300))
+    assert "boundary of a cone" in single.message
+    assert solution.iterations > single.iterations
+    assert judge(problem, solution.impulses).residual < CLEARLY_BETTER * judge(problem, single.impulses).residual
+
+
+def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:
+    problem = load("funnel-30")
+    residual = Residual(problem)
+    progress = Progress(problem, residual, Stop(1e-12), None, 1.0, np.zeros(problem.n_rows))
+    for count in range(2 * MOST_SHORT):
+        progress.arrive(np.ones(problem.n_rows) * (1.0 + min(count, MOST_SHORT)), 2.0, 1e-12)
+        assert progress.ended is None
+    progress.arrive(np.ones(problem.n_rows) * (1.0 + MOST_SHORT), 2.0)
+    assert progress.ended is not None
+    assert progress.ended[0] is Status.STALLED

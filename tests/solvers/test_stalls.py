@@ -1,0 +1,103 @@
+"""A census of stalls: what ends stalled is run on for ten times as long, without the rule and from what it returned.
+
+A stall is false if that brings the judged residual below half of what it was, unless it was rounding already.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, load
+from proxbench.problems.contact.residual import Residual
+from proxbench.solvers import Solution, Status, Stop, create
+from proxbench.solvers.interior.progress import Progress
+from proxbench.solvers.iteration import loop
+from proxbench.solvers.iteration.loop import judged, rounding
+from proxbench.solvers.iteration.stopping import Monitor
+
+SOLVERS = (
+    "Jprox",
+    "SORprox",
+    "SORprox(relaxation=1.5)",
+    "SafeguardedSORprox",
+    "AdaptiveSORprox",
+    "AndersonSORprox",
+    "NSGS",
+    "APGD",
+    "ProximalADMM",
+    "InteriorPoint",
+    "CentralPath",
+    "SemismoothNewton",
+)
+PROBLEMS = (
+    "hard-scaled-rows",
+    "hard-scaled-rows-15",
+    "hard-scaled-tower-10",
+    "hard-sliding-block",
+    "hard-slider-in-km-t",
+    "hard-slider-in-um-mg",
+    "hard-duplicated-slider",
+    "hard-random-rank",
+    "hard-stack-10-top-1e6",
+    "hard-stack-2-top-1e4",
+    "funnel-30-early",
+)
+"""Where solvers stall, and two where one with less patience would."""
+
+TOLERANCE = 1e-12
+
+STOP = Stop(TOLERANCE, 50_000, 1.0)
+
+UNIT_ROUNDING = 0.01
+"""What ``rounding`` allows is generous: a hundred times what one rounding of the largest term leaves."""
+
+
+def without_rules(patch: pytest.MonkeyPatch) -> None:
+    """Let sweeps and interior points go on where nothing moves or rounding is all."""
+    cycle, end = Monitor.cycle, Progress.end
+
+    def no_stall(monitor: Monitor, *iterates: Any) -> tuple[Status, str] | None:
+        ended = cycle(monitor, *iterates)
+        return None if ended is not None and ended[0] is Status.STALLED else ended
+
+    def no_end(progress: Progress, status: Status, reason: str) -> None:
+        if status is not Status.STALLED or "singular" in reason or "path" in reason:
+            end(progress, status, reason)
+
+    patch.setattr(Monitor, "cycle", no_stall)
+    patch.setattr(loop, "left_by_rounding", lambda *arguments: None)
+    patch.setattr(Progress, "end", no_end)
+
+
+def stalls() -> list[tuple[str, ContactProblem, Callable[..., Solution], Solution]]:
+    """Return solver, problem, its prepared ``solve`` and the solution of every cell that ends stalled."""
+    found = []
+    for problem in map(load, PROBLEMS):
+        for name in SOLVERS:
+            solver = create(name)
+            if solver.supports(problem) is None:
+                solve = solver.prepare(problem).solve
+                solution = solve(STOP)
+                if solution.status is Status.STALLED:
+                    found.append((name, problem, solve, solution))
+    return found
+
+
+@pytest.mark.slow
+def test_no_stall_is_false(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, false = stalls(), []
+    assert len(found) >= 10
+    for name, problem, solve, solution in found:
+        residual = Residual(problem)
+        stalled = judged(problem, residual, solution.impulses)
+        longer = Stop(TOLERANCE, 10 * max(solution.iterations, 1), 2.0)
+        again = judged(problem, residual, solve(longer, solution.impulses).impulses)
+        on = np.inf
+        if stalled > max(1e-13, UNIT_ROUNDING * rounding(problem, residual, solution.impulses)):
+            with monkeypatch.context() as patch:
+                without_rules(patch)
+                on = judged(problem, residual, solve(longer).impulses)
+        if min(again, on) < 0.5 * stalled:
+            false.append(f"{name} on {problem.name}: {stalled:.1e}, again {again:.1e}, on {on:.1e}")
+    assert false == []
