@@ -71,6 +71,7 @@ AT_HOME = {
         f"bench/cli/{name}.py"
         for name in (
             "comparison/compare",
+            "comparison/suggest",
             "fclib",
             "help",
             "main",

@@ -20,6 +20,8 @@ VARIANTS = [
     "SORprox(form='factors', step_size='row_sum')",
     "SORprox(momentum=0.8)",
     "SafeguardedSORprox",
+    "AdaptiveSORprox",
+    "AndersonSORprox",
     "NSGS",
     "SemismoothNewton",
     "TrescaFixedPoint",

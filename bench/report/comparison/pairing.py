@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
+from ....problems.spelling import either
 from ...errors import BenchError
 from ...store.condition import differences, other_hardware, warnings
 from ...store.frames import RunFrames
@@ -89,7 +90,8 @@ def _refuse_unfit(run: RunFrames) -> None:
     if run.is_study:
         raise BenchError(f"{run.folder} is a study, whose points are simulations; compare runs over contact problems.")
     if run.cases.empty:
-        raise BenchError(f"{run.folder} has no measured case; finish it with: proxbench run --resume {run.folder}")
+        resume = either(f"proxbench run --resume {run.folder}", f"proxbench.bench.resume({str(run.folder)!r})")
+        raise BenchError(f"{run.folder} has no measured case; finish it with: {resume}")
 
 
 def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, list[str]]:
