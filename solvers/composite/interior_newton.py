@@ -6,10 +6,12 @@ each from what the others have found:
 
     InteriorPoint       fast where the path goes straight down
     CentralPath         from the beginning, through the turns of the path
-    SemismoothNewton    from the best impulses so far: the last digits, least squares by its damping
-    HybridNewton        sweeps from there, which rearrange contacts one by one where no path led
+    SemismoothNewton    from where that ended: the last digits, least squares by its damping
+    HybridNewton        sweeps from the best impulses, which rearrange contacts one by one where no path led
 
-The first three have budgets of iterations, so that what is done does not depend on the machine.
+The last three come again and again, with budgets of iterations that grow by a factor of three, the last time without:
+no method keeps the others waiting for more than a few times what they need, and what is done does not depend on the
+machine.
 """
 
 from collections.abc import Iterator
@@ -31,8 +33,11 @@ from ..newton.semismooth_newton import SemismoothNewton
 from .hybrid_newton import HybridNewton
 from .relay import Relay, Turn
 
-STRAIGHT, THROUGH_TURNS, LAST_DIGITS = 80, 1000, 90
-"""Most iterations of the first three methods."""
+STRAIGHT, LAST_DIGITS = 80, 90
+"""Most iterations of ``InteriorPoint`` and of ``SemismoothNewton``."""
+
+THROUGH_TURNS, REARRANGING = (100, 300, 1000), (500, 2000)
+"""Most iterations of ``CentralPath``, and of ``HybridNewton`` before the last time, in their turns."""
 
 FEW_BODIES = 8
 """Rows for each degree of freedom from which on interior points factorise over bodies."""
@@ -72,7 +77,7 @@ class PreparedInteriorNewton:
 
 def taken_in_turn(relay: Relay, start: FloatArray | None) -> Solution:
     """Let the methods take turns; the first begins at ``start``, shape (n_rows,), or at zero."""
-    for turn in _turns(relay.problem, start, relay.stop.max_iterations):
+    for turn in _turns(relay, start):
         solution = relay.take(turn)
         if solution is not None:
             return solution
@@ -89,11 +94,15 @@ def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
     return "factors" if factors is not None and FEW_BODIES * factors.n_dofs < problem.n_rows else "delassus"
 
 
-def _turns(problem: ContactProblem, start: FloatArray | None, most: int) -> Iterator[Turn]:
+def _turns(relay: Relay, start: FloatArray | None) -> Iterator[Turn]:
+    problem, most = relay.problem, relay.stop.max_iterations
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
     if InteriorPoint(form=form).supports(problem) is None:
         yield Turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
-    if CentralPath(form=form).supports(problem) is None:
-        yield Turn(SingleRun(CentralPath(form=form)), zeros, THROUGH_TURNS)
-    yield Turn(SemismoothNewton(), None, LAST_DIGITS)
-    yield Turn(HybridNewton(), None, most)
+    path = SingleRun(CentralPath(form=form)) if CentralPath(form=form).supports(problem) is None else None
+    for factorisations, sweeps in zip(THROUGH_TURNS, (*REARRANGING, most), strict=True):
+        if path is not None:
+            yield Turn(path, zeros, factorisations)
+        # swept impulses may be better than the path's end, and know less of what happens to the contacts
+        yield Turn(SemismoothNewton(), relay.latest, LAST_DIGITS)
+        yield Turn(HybridNewton(), None, sweeps)

@@ -42,6 +42,7 @@ class Relay:
         ran: each solver that ran, with how it ended.
         best: the best Λ so far [N s], shape (n_rows,).
         lowest: its judged residual.
+        latest: the Λ that the last solver ended with [N s], shape (n_rows,).
         status: how the last solver ended, or the time limit where one had no time for its next step.
     """
 
@@ -55,6 +56,7 @@ class Relay:
     ran: list[str] = field(default_factory=list)
     best: FloatArray | None = None
     lowest: float = np.inf
+    latest: FloatArray | None = None
     status: Status = Status.STALLED
 
     def take(self, turn: Turn) -> Solution | None:
@@ -66,6 +68,7 @@ class Relay:
         self.used += last.iterations
         self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
         self.ran.append(f"{turn.solver.name}: {last.status}")
+        self.latest = last.impulses
         residual = judged(self.problem, self.residual, last.impulses)
         if self.best is None or residual < self.lowest:
             self.best, self.lowest = last.impulses, residual
