@@ -200,4 +200,15 @@ def test_the_version_is_that_of_the_installation() -> None:
     from importlib import metadata
 
     assert bench.__version__ == metadata.version("proxbench")
-    assert set(bench.__all__) == {"Run", "bundle", "load", "merge", "rejudge", "resume", "run", "study"}
+    assert set(bench.__all__) == {
+        "Run",
+        "bundle",
+        "compare",
+        "load",
+        "merge",
+        "rejudge",
+        "resume",
+        "run",
+        "study",
+        "suggest",
+    }
