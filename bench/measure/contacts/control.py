@@ -15,6 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ....problems.arrays import FloatArray
 from ....problems.catalog.storage import problem_bytes
 from ....problems.contact.problem import ContactProblem
@@ -117,7 +119,8 @@ class Controls:
                 return solve
             slow += [] if solve.is_explained else [solve]
         if len(slow) < ATTEMPTS:
-            solve = self._solve(Variant(self.problem.anonymous(), 1.0), stop, seconds, again)
+            as_it_is = Variant(self.problem.anonymous(), np.ones(self.problem.n_rows))
+            solve = self._solve(as_it_is, stop, seconds, again)
             if solve.is_explained:
                 return solve
             slow.append(solve)
@@ -154,7 +157,7 @@ class Controls:
         if len(rows) < n_rows:
             raise no_answer()
         first = min(_medians(answer)[0])
-        return Solve(Status(answer["status"]), first, rows[len(rows) - n_rows :] / variant.impulse)
+        return Solve(Status(answer["status"]), first, variant.units * rows[len(rows) - n_rows :])
 
     def _is_loading(self, variant: Variant, stop: Stop, timed: float) -> bool:
         """Whether a first solve is slow because it loads or compiles something on its way.

@@ -1,8 +1,8 @@
 """Problems that are like another one, so that a solver works on them as on that one, and remembers nothing of them.
 
 In units of powers of two every floating-point operation gives the same digits, so that a solver takes the same steps to
-the same impulses, though no number of the problem is what it was: G → m G, c → s c, Λ → (s/m) Λ. The exponent of m is
-even, because roots of masses are taken.
+the same impulses, though no number of the problem is what it was: G → m G, c → s c, Λ → (s/m) Λ, and moments of rolling
+friction by a length more. The exponent of m is even, because roots of masses are taken.
 """
 
 import random
@@ -32,11 +32,11 @@ class Variant:
 
     Attributes:
         problem: the problem, without name, provenance and answer.
-        impulse: s/m, its unit of impulse: Λ of the problem as it was is Λ of this one divided by it.
+        units: what its impulses are multiplied with to be those of the problem as it was, row by row, shape (n_rows,).
     """
 
     problem: ContactProblem
-    impulse: float
+    units: FloatArray
 
     @cached_property
     def data(self) -> bytes:
@@ -53,7 +53,8 @@ def in_other_units(problem: ContactProblem, number: int) -> Variant:
     direction = 1 if number % 2 == 0 else -1
     speed = 2.0 ** (direction * draw.choice(SPEED_EXPONENTS))
     mass = 2.0 ** (draw.choice((1, -1)) * draw.choice(MASS_EXPONENTS))
-    return Variant(in_units(problem, mass=mass, length=1.0 / speed).problem.anonymous(), speed / mass)
+    made = in_units(problem, mass=mass, length=1.0 / speed)
+    return Variant(made.problem.anonymous(), made.back.diagonal())
 
 
 def another(problem: ContactProblem) -> ContactProblem:
