@@ -12,6 +12,7 @@ Patterns are those of a shell and match paths in the folder, with ``/`` between 
 a mistake. Listing opens no file but ``suite.toml``.
 """
 
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -82,7 +83,7 @@ def list_folder(folder: Path | str) -> FolderSuite:
     described = _read_description(folder)
     files = {
         file.relative_to(folder).as_posix(): file
-        for file in sorted(folder.rglob("*"))
+        for file in sorted(_files_below(folder))
         if is_path(file.name) and file.is_file() and not _is_hidden(file.relative_to(folder))
     }
     groups = described.groups or {}
@@ -103,6 +104,11 @@ def list_folder(folder: Path | str) -> FolderSuite:
         first[name] = place
         members.append(Member(name, files[place], _family(place, groups)))
     return FolderSuite(described.name, tuple(members), tuple(broken))
+
+
+def _files_below(folder: Path) -> list[Path]:
+    """Return the files below a folder; folders that vanish or cannot be read while it is looked through have none."""
+    return [Path(place, name) for place, _, names in os.walk(folder) for name in names]
 
 
 def _read_description(folder: Path) -> _Description:

@@ -42,6 +42,8 @@ class MixedFriction:
             raise ProblemError("balls without friction cannot have coefficients of friction; give them one.")
         if not 0.0 <= self.lowest <= self.highest < np.inf:
             raise ProblemError(f"friction must range upwards from 0 or more, got {self.lowest} to {self.highest}.")
+        if not 0 <= self.seed < 2**64:
+            raise ProblemError(f"the seed of the coefficients must be from 0 to 2⁶⁴ − 1, got {self.seed}.")
 
     def coefficients(self, keys: IntArray) -> FloatArray:
         """Return μ of the contacts with these keys, shape (n_contacts,)."""

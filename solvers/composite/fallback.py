@@ -124,7 +124,8 @@ class PreparedFallback:
                 best, lowest = found, residual
         assert best is not None
         # a limit of the whole, whichever part is the best: what is stalled may not be solved by going on
-        ended = clock.limit_met(stop, used) or (Status.TIME_LIMIT if is_late else best.status)
+        # and a limit that is a part's own is none of the solve
+        ended = clock.limit_met(stop, used) or (Status.TIME_LIMIT if is_late else found.status)
         return Solution(best.impulses, ended, used, _message(ran, best))
 
     def _tries(self, start: FloatArray | None, most: int) -> Iterator[tuple[int, FloatArray | None, int]]:

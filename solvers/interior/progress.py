@@ -23,6 +23,12 @@ MOST_SHORT = 5
 PATIENCE = 20
 """Steps without a better residual after which rounding is looked at."""
 
+MARK = 0.99
+"""A gain: a residual below this fraction of the one at the gain before."""
+
+LEAST_STEPS, FRUITLESS = 200, 0.75
+"""A solve of so many steps ends when this last share of them has brought no gain."""
+
 LARGE = 1e6
 """Scaled impulses beyond this may grow without bound."""
 
@@ -54,6 +60,7 @@ class Progress:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
         self._shortest = shortest
+        self._marked, self._gained = np.inf, 0
         self.best, self._latest, self._iteration = first, first, 0
         self.best_residual = self._began_at = judged(problem, residual, first)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
@@ -87,6 +94,10 @@ class Progress:
             self.end(Status.STALLED, f"steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
         if not np.isfinite(residual):
             self.end(Status.DIVERGED, f"the iterates leave all bounds, best residual {self.best_residual:.1e}")
+        if residual < MARK * self._marked:
+            self._marked, self._gained = residual, self._iteration
+        if self._iteration >= LEAST_STEPS and self._gained <= (1.0 - FRUITLESS) * self._iteration:
+            self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")
         if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self.best):
             self.end(Status.STALLED, f"rounding leaves the residual at {self.best_residual:.1e}")
 
@@ -95,10 +106,10 @@ class Progress:
         self.ended = self.ended or (status, reason)
 
     def goes_on(self) -> bool:
-        """Whether the solve is not over; after a run that stalled but gained, however little, another begins there."""
+        """Whether the solve is not over; after a run that stalled but gained, another begins there."""
         if self.ended is None:
             return True
-        if self.ended[0] is not Status.STALLED or not self.best_residual < self._began_at:
+        if self.ended[0] is not Status.STALLED or not self.best_residual < MARK * self._began_at:
             return False
         self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         return True

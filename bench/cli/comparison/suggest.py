@@ -1,8 +1,9 @@
 """``proxbench suggest``."""
 
+import math
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -37,7 +38,7 @@ def suggest(
     found = suggested([resolved(one) for one in chosen.problems], run, accuracy)
     if as_json:
         frames = {name: json.loads(getattr(found, name).to_json(orient="records")) for name in ("problems", "solvers")}
-        regrets = {name: getattr(found, name)._asdict() for name in ("regret", "regret_of_families", "single")}
+        regrets = {name: _as_json(getattr(found, name)) for name in ("regret", "regret_of_families", "single")}
         print_json(
             {"solver": found.solver, "accuracy": found.accuracy, "source": found.source, "far": found.far}
             | frames
@@ -53,3 +54,8 @@ def suggest(
         console.print(Text(f"nothing measured is like {name}; measure solvers on it", style="yellow"))
     console.print(Text(f"take     {found.solver}", style="bold"))
     return int(bool(chosen.left_out))
+
+
+def _as_json(regret: Any) -> dict[str, float | None]:
+    """Return the numbers of a regret, those that are not known as null."""
+    return {name: value if math.isfinite(value) else None for name, value in regret._asdict().items()}

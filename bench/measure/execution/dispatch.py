@@ -128,10 +128,7 @@ class Dispatch(Progress):
         """Yield the cases of a part that were not finished before, or that its machine measured anew."""
         plan, known = self._record.plan, self._cases[name]
         finished = {solver for solver, case in known.items() if plan.has_finished(case)}
-        return (case for case in part.cases if case.solver not in finished or self._is_new(case))
-
-    def _is_new(self, case: CaseRecord) -> bool:
-        return any(one.session == self._n_before for point in case.points for one in point.rounds)
+        return (case for case in part.cases if part.is_anew or case.solver not in finished)
 
     def _place_of(self, session: Session) -> int:
         """Return the number of the session of a machine, to which what was measured there now is added."""

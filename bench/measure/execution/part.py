@@ -53,10 +53,12 @@ class MeasuredPart:
     Attributes:
         session: when and where it was measured; its number is that of the sessions of the part.
         cases: all of the problem.
+        is_anew: whether what another machine had measured of it was left out.
     """
 
     session: Session
     cases: tuple[CaseRecord, ...]
+    is_anew: bool = False
 
 
 def measure_part(part: Part) -> MeasuredPart:
@@ -77,5 +79,6 @@ def measure_part(part: Part) -> MeasuredPart:
         for case in part.cases:
             store.write_case(case)
         stored = {(case.problem, case.solver): case for case in part.cases}
-        Progress(part.contestants, store, part.run, lambda event: None, part.mix).complete(stored)
-        return MeasuredPart(store.read_run().sessions[-1], tuple(store.read_cases()[0]))
+        progress = Progress(part.contestants, store, part.run, lambda event: None, part.mix)
+        progress.complete(stored)
+        return MeasuredPart(store.read_run().sessions[-1], tuple(store.read_cases()[0]), bool(progress.begun_anew))

@@ -38,7 +38,11 @@ Contestants = Sequence[Contestant] | Sequence[Method]
 
 
 class Progress:
-    """A plan as far as it is carried out."""
+    """A plan as far as it is carried out.
+
+    Attributes:
+        begun_anew: problems of which another machine had measured some cases, which were left out.
+    """
 
     def __init__(
         self, contestants: Contestants, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False
@@ -46,6 +50,7 @@ class Progress:
         """Note what to carry out, where to store it, what to call as it goes on, and whether machines may mix."""
         self._contestants, self._store, self._record, self._on_event = contestants, store, record, on_event
         self._mix = mix
+        self.begun_anew: list[str] = []
         self._session = Session(started=_now(), machine=this_machine())
         self._verdicts = RememberedVerdicts()
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
@@ -161,6 +166,7 @@ class Progress:
             if not (self._mix or self._is_finished(name) or self._is_of_this_machine(name)):
                 self._done -= sum(map(self._record.plan.has_finished, self._cases[name].values()))
                 self._cases[name] = {}
+                self.begun_anew.append(name)
 
     def _digest(self, name: str) -> str:
         plan = self._record.plan

@@ -77,13 +77,17 @@ class Comparison:
         if self.obstacle:
             return f"times are not compared ({self.obstacle}); {said or 'the same is solved'}"
         if not self.decides:
-            return f"times are undecided, each run has one pass; {said or 'the same is solved'}"
+            return f"times are undecided, {self._undecided}; {said or 'the same is solved'}"
         return said or f"no solver is slower or faster by more than {100 * self.slowdown:g} %, and the same is solved"
 
     @property
     def decides(self) -> bool:
         """Whether times have intervals."""
-        return self.cases.empty or bool((self.cases["low"] > 0.0).any())
+        return bool((self.cases["low"] > 0.0).any())
+
+    @property
+    def _undecided(self) -> str:
+        return "no accuracy is reached by both runs" if self.cases.empty else "each run has one pass"
 
     def failures(self, fail_on: Sequence[str] | str) -> list[str]:
         """Return a sentence for each condition that is met, or cannot be decided.
@@ -100,7 +104,7 @@ class Comparison:
         if condition.slowdown is None:
             found = _points_in_words(self.changed(UNSOLVED))
         elif self.obstacle or not self.decides:
-            return f"{condition.text} cannot be decided: {self.obstacle or 'each run has one pass'}"
+            return f"{condition.text} cannot be decided: {self.obstacle or self._undecided}"
         else:
             found = self.slower(condition.slowdown)
         return f"{condition.text}: {_names(found)}" if found else ""

@@ -1,5 +1,6 @@
 """What of two runs compares: the same solvers on problems of the same numbers, and times where they mean the same."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -9,6 +10,7 @@ from ....problems.spelling import either
 from ...errors import BenchError
 from ...store.condition import differences, other_hardware, warnings
 from ...store.frames import RunFrames
+from ...store.records import Machine
 
 FREE = 0.9
 """Slowness below which no core works: a run that has it in many rounds took a shared core for a free one."""
@@ -69,8 +71,9 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
             f"{before.folder} and {after.folder} have no {lacking} in common; measure both with the same problems, "
             "solvers and tolerances."
         )
-    hardware = other_hardware(before.info.machine, after.info.machine)
-    changed = differences(before.info.machine, after.info.machine)
+    pairs = _machines_in_pairs(before, after, set(keys["problem"]))
+    hardware = list(dict.fromkeys(said for pair in pairs for said in other_hardware(*pair)))
+    changed = list(dict.fromkeys(said for pair in pairs for said in differences(*pair)))
     if software := [difference for difference in changed if difference not in hardware]:
         notes.append(f"not the same: {'; '.join(software)}")
     solvers = tuple(dict.fromkeys(keys["solver"]))
@@ -84,6 +87,26 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
         solvers if changed else ours,
         not changed,
     )
+
+
+def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) -> list[tuple[Machine, Machine]]:
+    """Return the machines on which each problem was measured in both runs: each of the one with each of the other."""
+    measured = [_machines(run) for run in (before, after)]
+    pairs = [
+        (one, other)
+        for problem in problems
+        for one in measured[0].get(problem, [before.info.machine])
+        for other in measured[1].get(problem, [after.info.machine])
+    ]
+    return [pair for place, pair in enumerate(pairs) if pair not in pairs[:place]]
+
+
+def _machines(run: RunFrames) -> dict[str, list[Machine]]:
+    """Return the machines of the sessions in which each problem was measured."""
+    of_sessions = [session.machine or run.info.machine for session in run.info.sessions]
+    known = run.rounds[run.rounds["session"] < len(of_sessions)]
+    by_problem = known.groupby("problem")["session"].unique().items()
+    return {str(name): [of_sessions[int(place)] for place in places] for name, places in by_problem}
 
 
 def _refuse_unfit(run: RunFrames) -> None:
@@ -133,4 +156,5 @@ def _clock_obstacle(before: RunFrames, after: RunFrames) -> str:
 
 def _is_of_plugin(solver: str, runs: Iterable[RunFrames]) -> bool:
     """Whether a solver, or a part of it, is of a plugin."""
-    return any(use.kind == "solver" and use.name in solver for run in runs for use in run.info.plugins)
+    names = set(re.findall(r"\w+", solver))
+    return any(use.kind == "solver" and use.name in names for run in runs for use in run.info.plugins)

@@ -21,8 +21,8 @@ CHANGES = [*CASE, "accuracy", "change", "reason"]
 def compared_solved(pairing: Pairing) -> pd.DataFrame:
     """Return one row for each solver, problem and accuracy that one of two runs reaches alone, columns ``CHANGES``.
 
-    Undecided is what ends at a limit of time that a shared core can explain: its process waited, the limits are not the
-    same, or the run that reaches it took more than 1/``SHARED`` of the limit.
+    Undecided is what ends at a limit of time, of a solve or of a case, that a shared core can explain: its process
+    waited, the limits are not the same, or the run that reaches it took more than 1/``SHARED`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]
@@ -44,7 +44,10 @@ def _ending(
     """Return whether time was short where ``other`` does not reach what ``own`` reaches, and how it ended in words."""
     ended = _of_case(other.cases, case).iloc[0]
     if ended["outcome"] != Outcome.MEASURED:
-        return ended["outcome"] == Outcome.TIMEOUT, f"{ended['outcome']}, {ended['reason']}"
+        limits = [run.info.plan.limits.case_seconds for run in (own, other)]
+        taken = float(_of_case(own.cases, case)["wall_seconds"].iloc[0])
+        short = limits[0] != limits[1] or taken * SHARED > limits[1]
+        return bool(ended["outcome"] == Outcome.TIMEOUT and short), f"{ended['outcome']}, {ended['reason']}"
     points = _of_case(other.points, case)
     finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
     if finer.empty:

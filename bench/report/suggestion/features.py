@@ -18,18 +18,18 @@ PROBE, PROBE_SWEEPS, FINEST = "NSGS", 20, 1e-10
 def features(problem: ContactProblem) -> FloatArray:
     """Return the features of a problem, shape (len(FEATURES),).
 
-    contacts: log10 of 1 + their number; rows: per contact; redundancy: log10 of rows over degrees of freedom, NaN where
-    the problem is given by G alone; friction: median coefficient of the friction laws; sliding, rolling and joints:
-    shares of the laws that are friction, rolling friction and bilateral; masses: log10 of the largest over the least
-    positive diagonal entry of G; sweeps: log10 of the judged residual after 20 sweeps of ``NSGS``, NaN where it does
-    not support the problem.
+    contacts: log10 of 1 + their number; rows: per contact; redundancy: log10 of rows over degrees of freedom, NaN
+    where the problem is given by G alone, or nothing moves; friction: median coefficient of the friction laws;
+    sliding, rolling and joints: shares of the laws that are friction, rolling friction and bilateral; masses: log10
+    of the largest over the least positive diagonal entry of G; sweeps: log10 of the judged residual after 20 sweeps
+    of ``NSGS``, NaN where it does not support the problem.
     """
     laws, n_rows = problem.laws, max(problem.n_rows, 1)
     is_sliding = laws.is_friction & ~laws.is_rolling
     friction = laws.friction_coefficient[is_sliding]
     diagonal = problem.delassus_diagonal
     positive = diagonal[diagonal > 0.0]
-    n_dofs = np.nan if problem.factors is None else problem.factors.n_dofs
+    n_dofs = np.nan if problem.factors is None else problem.factors.n_dofs or np.nan
     return np.array(
         [
             np.log10(1.0 + problem.n_contacts),

@@ -31,12 +31,15 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
         dense = np.ascontiguousarray(source, dtype=np.float64)
         matrix = kind(_compressed(dense.reshape(-1), dense.shape[1]), shape=dense.shape)
     else:
+        if sp.issparse(source):
+            _check_sparse(source, name)
         matrix = kind(source, dtype=np.float64, copy=True)
-    if _is_in_order(matrix.indptr, matrix.indices, matrix.data, matrix.shape[1 if kind is sp.csr_array else 0]):
+    major, minor = matrix.shape if kind is sp.csr_array else matrix.shape[::-1]
+    if len(matrix.indptr) == major + 1 and _is_in_order(matrix.indptr, matrix.indices, matrix.data, minor):
         matrix.has_canonical_format = True
     else:
-        matrix = kind(matrix, copy=True)  # looks at its arrays, and knows nothing of their order
-        _check_indices(matrix, name)
+        _check_sparse(matrix, name)
+        matrix = kind(matrix, copy=True)  # knows nothing of the order of its arrays
         matrix.sum_duplicates()
         check_finite(matrix, name)
     read_only(matrix.data, matrix.indices, matrix.indptr)
@@ -91,9 +94,17 @@ def _copied(source: Compressed) -> Compressed:
     return with_entries(source, source.data.copy(), source.indices.copy(), source.indptr.copy())
 
 
-def _check_indices(matrix: Any, name: str) -> None:
+def _check_sparse(matrix: Any, name: str) -> None:
+    """Look at the indices of a sparse matrix: the conversions of scipy write where they point."""
     try:
-        matrix.check_format(full_check=True)
+        if matrix.format in ("csr", "csc", "bsr"):
+            matrix.check_format(full_check=True)
+        if matrix.format == "coo":
+            for indices, length in zip(matrix.coords, matrix.shape, strict=True):
+                if len(indices) != len(matrix.data):
+                    raise ValueError("indices and data have different lengths")
+                if len(indices) and not 0 <= indices.min() <= indices.max() < length:
+                    raise ValueError(f"an index is not within 0 to {length - 1}")
     except ValueError as error:
         raise ProblemError(f"{name} is no valid sparse matrix: {error}.") from None
 

@@ -69,8 +69,8 @@ class BodySystem:
         return self._factors.factorise(self._blocks)
 
     def determinant_sign(self) -> float:
-        """Return the sign of det (Ĝ + D), which is det (M + W D⁻¹ Wᵀ) times positive factors; see ``NewtonSystem``."""
-        return self._factors.determinant_sign()
+        """Return the sign of det (Ĝ + D) = det D · det (M + W D⁻¹ Wᵀ) / det M; see ``NewtonSystem``."""
+        return float(np.prod(np.linalg.slogdet(self._coupled).sign)) * self._factors.determinant_sign()
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
         """Return dr for a right side; see ``NewtonSystem``."""

@@ -89,7 +89,8 @@ def store_run(folder: Path, cases: list[CaseRecord], machine: Machine = MACHINE,
     )
     store = Store.create(folder)
     session = Session(started="2026-01-01", calibration_seconds=[1e-3, 1e-3], machine=machine)
-    record = RunRecord(run_id=folder.name, plan=plan, machine=machine, plugins=[], sessions=[session])
+    others = {"plugins": [], "sessions": [session], **others}
+    record = RunRecord(run_id=folder.name, plan=plan, machine=machine, plugins=others["plugins"])
     store.write_run(msgspec.structs.replace(record, **others))
     for case in cases:
         store.write_case(case)

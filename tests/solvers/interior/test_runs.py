@@ -81,3 +81,10 @@ def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:
     progress.arrive(np.ones(problem.n_rows) * (1.0 + MOST_SHORT), 2.0)
     assert progress.ended is not None
     assert progress.ended[0] is Status.STALLED
+
+
+def test_a_solve_whose_steps_gain_nothing_any_more_ends_stalled() -> None:
+    """Steps that move the last bits alone would go on to any limit."""
+    solution = create("InteriorPoint").prepare(load("hard-random-rank")).solve(Stop(1e-12, 10**5, 30.0))
+    assert solution.status is Status.STALLED
+    assert solution.iterations < 2000

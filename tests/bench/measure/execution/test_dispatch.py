@@ -14,6 +14,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution import dispatch, part
 from proxbench.bench.measure.execution.events import CaseFinished, Event, VisitFinished
 from proxbench.bench.store.condition import hosts, warnings
+from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem
 
 PROBLEMS = ["hard-groove", "hard-counterexample", "woodpecker-beak-impact"]
@@ -197,6 +198,17 @@ def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
     assert made.is_finished
     assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
     assert hosts(made)["away"] == 2
+
+
+def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path: Path) -> None:
+    def crashing(given: part.Part) -> part.MeasuredPart:
+        found = part.measure_part(given)
+        cases = [replace(case, points=[], outcome=Outcome.CRASHED) for case in found.cases]
+        return part.MeasuredPart(found.session, tuple(cases), found.is_anew)
+
+    made = resume(begun_elsewhere(tmp_path), executor=Inline(crashing))
+    own = made.cases[made.cases["problem"] == "hard-groove"]
+    assert set(own["outcome"]) == {Outcome.CRASHED}
 
 
 def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(tmp_path: Path) -> None:

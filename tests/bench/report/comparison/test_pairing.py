@@ -85,4 +85,4 @@ def test_cases_that_reach_nothing_compare_too(tmp_path: Path) -> None:
     runs = [store_run(tmp_path / name, [case_record()]) for name in ("before", "after")]
     found = compare(*runs)
     assert found.points.empty
-    assert found.verdict == "no solver is slower or faster by more than 10 %, and the same is solved"
+    assert found.verdict == "times are undecided, no accuracy is reached by both runs; the same is solved"

@@ -53,7 +53,13 @@ def test_a_limit_of_time_that_a_shared_core_explains_decides_nothing(tmp_path: P
     other = msgspec.structs.replace(Limits(), solve_seconds=0.5 * LIMIT)
     assert changes(tmp_path / "limits", case_of(solved()), case_of(late), limits=other) == ["undecided"]
     timeout = case_of(outcome=Outcome.TIMEOUT, reason="60 s")
-    assert changes(tmp_path / "case", case_of(solved()), timeout) == ["undecided"]
+    long = case_of(solved(), wall_seconds=0.6 * Limits().case_seconds)
+    assert changes(tmp_path / "case", long, timeout) == ["undecided"]
+
+
+def test_a_case_that_hangs_where_it_took_a_part_of_its_limit_is_unsolved(tmp_path: Path) -> None:
+    timeout = case_of(outcome=Outcome.TIMEOUT, reason="60 s")
+    assert changes(tmp_path, case_of(solved(), wall_seconds=1.0), timeout) == ["unsolved"]
 
 
 def test_the_same_in_both_runs_is_no_change(tmp_path: Path) -> None:

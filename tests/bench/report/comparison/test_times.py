@@ -1,12 +1,15 @@
 """Two runs of the same program differ in nothing, a slowdown is found, and what is the machine's is taken out."""
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 import pytest
-from proxbench.bench import compare
-from proxbench.bench.report.comparison.comparison import Comparison
+from proxbench.bench import compare, load
+from proxbench.bench.report.comparison.comparison import Comparison, compared
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import PluginUse, Session
 from simulated_runs import MACHINE, PROBLEMS, SOLVERS, simulated_cases, store_run
 
 PAIRS = 20
@@ -88,3 +91,38 @@ def test_one_pass_decides_nothing(tmp_path: Path) -> None:
     assert not found.slower()
     assert "undecided" in found.verdict
     assert found.failures("time>10%") == ["time>10% cannot be decided: each run has one pass"]
+
+
+def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path) -> None:
+    solved, unsolved = (
+        store_run(tmp_path / name, simulated_cases(0, solvers=solvers)) for name, solvers in (("a", "A"), ("b", "A"))
+    )
+    run = load(unsolved)
+    none = dataclasses.replace(run, points=run.points.assign(outcome=Outcome.STALLED, residual=1.0))
+    found = compared(load(solved), none)
+    assert found.verdict.startswith(
+        "times are undecided, no accuracy is reached by both runs; no longer solved: A on p-0"
+    )
+    assert found.failures("time>10%") == ["time>10% cannot be decided: no accuracy is reached by both runs"]
+
+
+def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) -> None:
+    """The machine of the record is where a run was begun; its rounds may be of a worker elsewhere."""
+    elsewhere = msgspec.structs.replace(MACHINE, processor="Q", cores=64, host="far")
+    session = Session(started="2026-01-01", calibration_seconds=[1e-3], machine=elsewhere)
+    before = store_run(tmp_path / "before", simulated_cases(0))
+    after = store_run(tmp_path / "after", simulated_cases(1), sessions=[session])
+    assert "the machines differ: processor P, now Q" in compare(before, after).obstacle
+
+
+def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_path: Path) -> None:
+    use = PluginUse(kind="solver", name="Newton", source="plugin.py", sha256="0" * 64)
+    names = ("Newton", "HybridNewton", "SORprox", "NSGS", "Lemke")
+    runs = [
+        store_run(
+            tmp_path / str(seed), simulated_cases(seed, dict.fromkeys(names, factor), solvers=names), plugins=[use]
+        )
+        for seed, factor in ((0, 1.0), (1, 1.5))
+    ]
+    found = compare(*runs)
+    assert found.scale == pytest.approx(1.5, rel=0.1)

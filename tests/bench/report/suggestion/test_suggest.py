@@ -141,3 +141,17 @@ def test_the_command_prints_a_table_and_what_it_costs(run: Path, capsys: pytest.
     assert lines[-1] == f"take     {SWEEPS}"
     assert run_command(["suggest", *FLOWS, "--run", str(run), "--accuracy", "1e-6", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["solver"] == SWEEPS
+
+
+def test_a_problem_that_nothing_moves_has_features_but_no_redundancy() -> None:
+    fixed = ContactProblem.from_factors(np.zeros((0, 3)), np.zeros(0), [0.1, 0.0, 0.0], 0.3, name="fixed")
+    values = features(fixed)
+    assert np.isnan(values[FEATURES.index("redundancy")])
+    assert suggest(fixed).solver
+
+
+def test_what_is_not_known_is_null_in_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = store_run(tmp_path / "run", [measured("funnel-30", SWEEPS, 1e-3)])
+    assert run_command(["suggest", "funnel-30", "--run", str(folder), "--accuracy", "1e-6", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out, parse_constant=lambda name: pytest.fail(name))
+    assert said["regret"] == {"factor": None, "unsolved": 0, "problems": 0}

@@ -33,9 +33,30 @@ def test_duplicates_are_added_up() -> None:
     assert np.array_equal(read_matrix(doubled, "A", sp.csr_array).toarray(), [[0.0, 3.0], [5.0, 0.0]])
 
 
+def eye_with_index(form: str, index: int) -> sp.sparray:
+    """The identity whose last entry points to a row or column that is not there."""
+    matrix = sp.eye_array(3, format=form)
+    indices = np.array([0, 1, index], dtype=np.int64)
+    if form == "coo":
+        matrix.coords = (indices, np.arange(3))
+    else:
+        matrix.indices = indices
+    return matrix
+
+
 @pytest.mark.parametrize("index", [-1, 3, 2**31 + 1])
-def test_an_index_outside_the_shape_is_refused(index: int) -> None:
-    matrix = sp.csr_array(np.eye(3))
-    matrix.indices = np.array([0, 1, index], dtype=np.int64)
+@pytest.mark.parametrize("form", ["csr", "csc", "bsr", "coo"])
+def test_an_index_outside_the_shape_is_refused(form: str, index: int) -> None:
+    with pytest.raises(ProblemError, match="G is no valid sparse matrix"):
+        ContactProblem.from_delassus(eye_with_index(form, index), -np.ones(3))
+    with pytest.raises(ProblemError, match="W is no valid sparse matrix"):
+        ContactProblem.from_factors(eye_with_index(form, index), np.ones(3), -np.ones(3))
+
+
+@pytest.mark.parametrize("starts", [[0, 1, 2], [0, 1, 3], [0, 1, 2, 3, 3]])
+@pytest.mark.parametrize("form", ["csr", "csc"])
+def test_a_matrix_whose_arrays_do_not_fit_together_is_refused(form: str, starts: list[int]) -> None:
+    matrix = sp.eye_array(3, format=form)
+    matrix.indptr = np.array(starts, dtype=np.int32)
     with pytest.raises(ProblemError, match="G is no valid sparse matrix"):
         ContactProblem.from_delassus(matrix, -np.ones(3))

@@ -38,18 +38,19 @@ def test_solutions_satisfy_the_system(form: type[DelassusSystem] | type[BodySyst
     assert np.abs(left - right).max() <= 1e-12 * np.abs(right).max()
 
 
-def test_both_forms_agree_on_the_sign_of_the_determinant() -> None:
-    """Two lanes of one D grow negative together: det D stays positive, and det (Ĝ + D) changes its sign twice."""
+@pytest.mark.parametrize(("lanes", "expected"), [(2, [1.0, -1.0, 1.0]), (1, [1.0, -1.0])])
+def test_both_forms_agree_on_the_sign_of_the_determinant(lanes: int, expected: list[float]) -> None:
+    """One or two lanes of one D grow negative: det (Ĝ + D) changes its sign once for each."""
     problem = load("funnel-30")
     systems = [form(problem, scaled(problem)) for form in FORMS]
     d, seen = coupled(problem.n_contacts), []
     for entry in np.linspace(-0.05, -4.05, 41):
-        d[0] = np.diag([entry, entry, 1.0])
+        d[0] = np.diag([entry] * lanes + [1.0] * (3 - lanes))
         assert all(system.factorise(d) for system in systems)
         first, second = (system.determinant_sign() for system in systems)
         assert first == second
         seen.append(first)
-    assert [sign for k, sign in enumerate(seen) if k == 0 or sign != seen[k - 1]] == [1.0, -1.0, 1.0]
+    assert [sign for k, sign in enumerate(seen) if k == 0 or sign != seen[k - 1]] == expected
 
 
 def test_both_forms_multiply_alike() -> None:
