@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ....problems.arrays import FloatArray
 from .features import distances
 
-NEIGHBOURS = 3
+NEIGHBOURS = 8
 """Measured problems that a suggestion goes by."""
 
 NEAR = 0.25

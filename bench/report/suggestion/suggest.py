@@ -18,7 +18,10 @@ from ...errors import BenchError
 from ...store.frames import read_frames
 from .features import FEATURES, features
 from .measured import Measured, measured_in, shipped
-from .nearest import NEIGHBOURS, Regret, costs, nearest_weights, regret, regret_of_single_best
+from .nearest import Regret, costs, nearest_weights, regret, regret_of_single_best
+
+MOST_NAMED = 3
+"""Nearest problems that are named."""
 
 FAR = 1.5
 """Distance of the nearest measured problem from which nothing measured is like the given one."""
@@ -104,7 +107,7 @@ def suggested(measured: Measured, given: Sequence[ContactProblem], accuracy: flo
         best = int(np.argmin(own))
         if np.isinf(own[best]):
             raise BenchError(f"all solvers of {measured.source} decline {problem.name}; measure others first.")
-        nearest = ", ".join(names[place] for place in np.argsort(distance, kind="stable")[:NEIGHBOURS])
+        nearest = ", ".join(names[place] for place in np.argsort(distance, kind="stable")[:MOST_NAMED])
         rows.append((problem.name, solvers[best], float(np.exp(own[best])), nearest, float(distance.min())))
         total += own
     ranking = pd.DataFrame({"solver": solvers, "factor": np.exp(total / len(given))})

@@ -11,6 +11,7 @@ from proxbench.bench import load as load_run
 from proxbench.bench import suggest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
+from proxbench.bench.report.suggestion import nearest
 from proxbench.bench.report.suggestion.features import FEATURES, distances, features
 from proxbench.bench.report.suggestion.measured import SHIPPED, measured_in, shipped
 from proxbench.bench.store.outcome import Outcome
@@ -50,7 +51,10 @@ def test_the_fastest_solver_of_the_nearest_problems_is_suggested(
     assert not found.far
 
 
-def test_regret_is_none_where_neighbours_agree_and_that_of_the_single_best_is_what_it_loses(run: Path) -> None:
+def test_regret_is_none_where_neighbours_agree_and_that_of_the_single_best_is_what_it_loses(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(nearest, "NEIGHBOURS", 2)  # the others of each kind
     found = suggest("funnel-30", run, 1e-6)
     assert found.regret == pytest.approx((1.0, 0, 6))
     assert found.single.factor > found.regret.factor
