@@ -52,7 +52,8 @@ def suggest(
     console.print(Text(found.words, style="dim"))
     for name in found.far:
         console.print(Text(f"nothing measured is like {name}; measure solvers on it", style="yellow"))
-    console.print(Text(f"take     {found.solver}", style="bold"))
+    together = f" for all of these together, factor {found.solvers['factor'].iloc[0]:.2g}" if len(shown) > 1 else ""
+    console.print(Text(f"take     {found.solver}{together}", style="bold"))
     return int(bool(chosen.left_out))
 
 

@@ -51,8 +51,8 @@ class Measured:
         fine = [one for one in self.times["accuracy"].unique() if one <= accuracy * (1.0 + 1e-9)]
         if not fine:
             raise BenchError(
-                f"{self.source} has no accuracy as fine as {accuracy:g}; choose a coarser one than "
-                f"{self.times['accuracy'].min():g}, or measure one that has."
+                f"{self.source} has no accuracy as fine as {accuracy:g}; choose {self.times['accuracy'].min():g} or a "
+                "coarser one, or measure one that has."
             )
         own = self.times[self.times["accuracy"] == max(fine)]
         table = own.pivot(index="problem", columns="solver", values="seconds")

@@ -57,8 +57,8 @@ class Suggestion:
         """What the columns mean, and what suggestions cost, in words."""
         return (
             f"factor: time to {self.accuracy:.0e} over that of the fastest solver, on the nearest problems of "
-            f"{self.source}. Each of these, suggested a solver from the others: {self.regret}; from other families: "
-            f"{self.regret_of_families}; the one solver that is best on the others: {self.single}."
+            f"{self.source}. What suggestions cost there, if each problem gets one from all others: {self.regret}; "
+            f"from those of other families: {self.regret_of_families}; if all get the one best solver: {self.single}."
         )
 
     @property
@@ -90,6 +90,8 @@ def suggest(
 
 def suggested(measured: Measured, given: Sequence[ContactProblem], accuracy: float) -> Suggestion:
     """Return which solver to take, from measured times; see ``suggest``."""
+    if not 0.0 < accuracy < 1.0:
+        raise BenchError(f"the accuracy is a judged residual between 0 and 1, got {accuracy:g}.")
     if not given:
         raise BenchError("there is no problem to suggest a solver for; name one.")
     seconds, reached = measured.at(accuracy)

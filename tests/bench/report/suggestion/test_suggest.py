@@ -134,6 +134,8 @@ def test_nothing_to_go_by_is_said_in_one_sentence(
 ) -> None:
     empty = store_run(tmp_path_factory.mktemp("runs") / "none", [])
     assert "has no accuracy as fine as 1e-09" in mistake(f"suggest funnel-30 --run {run} --accuracy 1e-9")
+    for accuracy in ("-1", "0", "2"):
+        assert "a judged residual between 0 and 1, got" in mistake(f"suggest funnel-30 --accuracy {accuracy}")
     assert "is no stored run" in mistake("suggest funnel-30 --run nothing")
     assert "there is no problem 'funel-30'" in mistake(f"suggest funel-30 --run {run}")
     assert "has no measured case" in mistake(f"suggest funnel-30 --run {empty}")
@@ -142,7 +144,7 @@ def test_nothing_to_go_by_is_said_in_one_sentence(
 def test_the_command_prints_a_table_and_what_it_costs(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["suggest", *FLOWS, "--run", str(run), "--accuracy", "1e-6"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == f"take     {SWEEPS}"
+    assert lines[-1] == f"take     {SWEEPS} for all of these together, factor 1"
     assert run_command(["suggest", *FLOWS, "--run", str(run), "--accuracy", "1e-6", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["solver"] == SWEEPS
 
