@@ -18,7 +18,7 @@ from proxbench.problems.catalog.catalog import suite_members
 
 SOLVERS = ["NSGS", "SORprox", "SafeguardedSORprox"]
 
-N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "12"))
+N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "8"))
 """Problems of the sweep; with PROXBENCH_CLUSTER=200 it is as large as one that needs a cluster."""
 
 
