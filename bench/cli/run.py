@@ -1,6 +1,5 @@
 """``proxbench run``, and what a run has to show when it is finished or reported again."""
 
-import json
 import sys
 from collections.abc import Collection, Iterator
 from concurrent.futures import Executor
@@ -202,13 +201,13 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
     from rich.console import Console
 
     from ..report.accuracy import problems_table
-    from ..report.layout.text import output_width, print_json
+    from ..report.layout.text import json_records, output_width, print_json
     from ..report.tables import print_tables, results_table
 
     frames = run.only(problems).judged_by(residual)
     if as_json:
         tables = {"problems": problems_table(frames), "results": results_table(frames)}
-        records = {name: json.loads(table.to_json(orient="records")) for name, table in tables.items()}
+        records = {name: json_records(table) for name, table in tables.items()}
         print_json({"run": str(run.folder), "residual": residual, **records})
     else:
         print_tables(frames, Console(width=output_width()))
@@ -223,6 +222,7 @@ def _has_failed(frames: "RunFrames") -> bool:
 
 
 def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
+    from ..report.layout.text import json_records
     from ..store.conversion import content_of
 
     return {
@@ -230,8 +230,8 @@ def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
         "is_finished": run.is_finished,
         "residual": residual,
         "info": content_of(run.info),
-        "results": json.loads(made.results.to_json(orient="records")),
-        "summary": json.loads(made.summary.to_json(orient="records")),
+        "results": json_records(made.results),
+        "summary": json_records(made.summary),
         "files": [str(file) for file in (*made.tables, *made.charts)],
         "unwritten": made.unwritten,
         "damaged": run.damaged,

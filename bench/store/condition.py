@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 
 from ...problems.spelling import either
+from ..errors import BenchError
 from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
 
@@ -65,10 +66,9 @@ def mixtures(frames: RunFrames) -> list[str]:
 
     All must have the same versions and source, and those that measured one problem the same machine.
     """
-    run = frames.info
-    machines = [session.machine or run.machine for session in run.sessions]
+    machines = _machines(frames)
     is_one = len(hosts(frames)) <= 1
-    groups = [machines] if is_one else [[machines[i] for i in used] for used in _sessions_by_problem(frames).values()]
+    groups = [machines] if is_one else list(machines_by_problem(frames).values())
     found = [said for group in groups for machine in group for said in other_hardware(group[0], machine, _COMPARED)]
     found += [
         f"machine {group[0].host}, now {machine.host}"
@@ -78,6 +78,17 @@ def mixtures(frames: RunFrames) -> list[str]:
     ]
     found += [said for machine in machines for said in other_software(machines[0], machine)]
     return list(dict.fromkeys(found))
+
+
+def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
+    """Return the machines on which each problem was measured, as far as the run has them."""
+    machines = _machines(frames)
+    return {name: [machines[index] for index in used] for name, used in _sessions_by_problem(frames).items()}
+
+
+def _machines(frames: RunFrames) -> list[Machine]:
+    """Return the machine of each session."""
+    return [session.machine or frames.info.machine for session in frames.info.sessions]
 
 
 def _sessions_by_problem(frames: RunFrames) -> dict[str, list[int]]:
@@ -91,15 +102,26 @@ def _short(value: object) -> str:
     return str(value)[:12] if len(str(value)) == 64 else str(value) or "unknown"
 
 
+def refuse_unfit(frames: RunFrames) -> None:
+    """Raise a BenchError if a run is a study, or has no measured case."""
+    if frames.is_study:
+        raise BenchError(f"{frames.folder} is a study, whose points are simulations; name a run over contact problems.")
+    if frames.cases.empty:
+        raise BenchError(f"{frames.folder} has no measured case; finish it with: {_resuming(frames)}")
+
+
+def _resuming(frames: RunFrames) -> str:
+    return either(f"proxbench run --resume {frames.folder}", f"proxbench.bench.resume({str(frames.folder)!r})")
+
+
 def warnings(frames: RunFrames) -> list[str]:
     """Return what a reader must know before the numbers: that cases are missing, that the machine was not steady."""
     found = []
     if not frames.is_finished:
-        resume = either(f"proxbench run --resume {frames.folder}", f"proxbench.bench.resume({str(frames.folder)!r})")
         begun = len(frames.cases) - frames.n_finished
         partly = f", {begun} more in part" if begun else ""
         counts = f"{frames.n_finished} of {frames.n_planned} cases"
-        found.append(f"UNFINISHED: {counts} are measured{partly}; go on with: {resume}")
+        found.append(f"UNFINISHED: {counts} are measured{partly}; go on with: {_resuming(frames)}")
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
         found.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
     if drift(frames.info) > UNSTEADY:

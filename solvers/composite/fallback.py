@@ -123,8 +123,7 @@ class PreparedFallback:
             if best is None or residual < lowest:
                 best, lowest = found, residual
         assert best is not None
-        # a limit of the whole, whichever part is the best: what is stalled may not be solved by going on
-        # and a limit that is a part's own is none of the solve
+        # a limit of the whole counts, whichever part is the best, and the limit of a part alone does not
         ended = clock.limit_met(stop, used) or (Status.TIME_LIMIT if is_late else found.status)
         return Solution(best.impulses, ended, used, _message(ran, best))
 

@@ -9,9 +9,8 @@ each from what the others have found:
     SemismoothNewton    from where that ended: the last digits, least squares by its damping
     HybridNewton        sweeps from the best impulses, which rearrange contacts one by one where no path led
 
-The last three come again and again, with budgets of iterations that grow by a factor of three, the last time without:
-no method keeps the others waiting for more than a few times what they need, and what is done does not depend on the
-machine.
+The last three come three times, each time with budgets of iterations for the path and the sweeps that are three times
+as large and more. So no method keeps the others waiting for long, and what is done does not depend on the machine.
 """
 
 from collections.abc import Iterator

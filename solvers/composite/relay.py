@@ -70,12 +70,16 @@ class Relay:
         self.ran.append(f"{turn.solver.name}: {last.status}")
         self.latest = last.impulses
         residual = judged(self.problem, self.residual, last.impulses)
-        if self.best is None or residual < self.lowest:
-            self.best, self.lowest = last.impulses, residual
+        self.keep(last.impulses, residual)
         if last.status in (Status.SOLVED, Status.INFEASIBLE):
             return Solution(last.impulses, last.status, self.used, "; ".join(self.ran))
         limit = self.clock.limit_met(self.stop, self.used)
         return self.ended(limit, f"residual {self.lowest:.1e}") if limit else None
+
+    def keep(self, impulses: FloatArray, residual: float) -> None:
+        """Note Λ of this residual if it is the best so far."""
+        if self.best is None or residual < self.lowest:
+            self.best, self.lowest = impulses, residual
 
     def ended(self, status: Status, *reasons: str) -> Solution:
         """Return the best Λ with the status the relay ended in, and why."""

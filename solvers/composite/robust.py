@@ -132,14 +132,12 @@ def _windows(problem: ContactProblem) -> list[int]:
 def _stepped(relay: Relay, attempts: Attempts, latest: FloatArray, present: float) -> Solution | None:
     """Try Newton's method from Λ = ``latest`` of the residual ``present``; return the solution if that is the end."""
     found, reached = attempts.tried(FEW_STEPS, latest, present)
-    if reached < relay.lowest:
-        relay.best, relay.lowest = found, reached
+    relay.keep(found, reached)
     relay.used = attempts.advance.iteration
     is_solved = relay.lowest <= relay.stop.tolerance
     relay.ran.append(f"Newton steps: {Status.SOLVED if is_solved else 'no further'}")
     if is_solved:
-        assert relay.best is not None
-        return Solution(relay.best, Status.SOLVED, relay.used, "; ".join(relay.ran))
+        return relay.ended(Status.SOLVED)
     limit = attempts.limit_met
     return relay.ended(limit, f"residual {relay.lowest:.1e}") if limit else None
 

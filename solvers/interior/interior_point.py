@@ -150,6 +150,7 @@ class PreparedInteriorPoint(PreparedRuns):
         iterate = _Iterate(self, progress.best, progress.best_residual)
         while progress.ended is None:
             iterate.step(progress)
+            progress.look_for_gain()
 
 
 class _Iterate:

@@ -10,6 +10,7 @@ from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, rounding
+from ..iteration.stopping import MARK
 
 FLOPS_A_SECOND = 3e9
 """What a machine does at least in a factorisation; the first step that is measured replaces the guess."""
@@ -22,9 +23,6 @@ MOST_SHORT = 5
 
 PATIENCE = 20
 """Steps without a better residual after which rounding is looked at."""
-
-MARK = 0.99
-"""A gain: a residual below this fraction of the one at the gain before."""
 
 LEAST_STEPS, FRUITLESS = 200, 0.75
 """A solve of so many steps ends when this last share of them has brought no gain."""
@@ -96,8 +94,6 @@ class Progress:
             self.end(Status.DIVERGED, f"the iterates leave all bounds, best residual {self.best_residual:.1e}")
         if residual < MARK * self._marked:
             self._marked, self._gained = residual, self._iteration
-        if self._iteration >= LEAST_STEPS and self._gained <= (1.0 - FRUITLESS) * self._iteration:
-            self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")
         if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self.best):
             self.end(Status.STALLED, f"rounding leaves the residual at {self.best_residual:.1e}")
 
@@ -106,13 +102,18 @@ class Progress:
         self.ended = self.ended or (status, reason)
 
     def goes_on(self) -> bool:
-        """Whether the solve is not over; after a run that stalled but gained, another begins there."""
+        """Whether the solve is not over; after a run that stalled but gained by more than ``MARK``, another begins."""
         if self.ended is None:
             return True
         if self.ended[0] is not Status.STALLED or not self.best_residual < MARK * self._began_at:
             return False
         self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         return True
+
+    def look_for_gain(self) -> None:
+        """End where most of the steps have brought no gain: those that move the last bits alone go on to any limit."""
+        if self._iteration >= LEAST_STEPS and self._gained <= (1.0 - FRUITLESS) * self._iteration:
+            self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")
 
     def look_for_proof(self, r: FloatArray) -> None:
         """Where scaled impulses grow as if nothing could hold the contacts apart, end if that can be proven."""

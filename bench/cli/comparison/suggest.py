@@ -20,8 +20,6 @@ def suggest(
     as_json: options.Json = False,
 ) -> int:
     """Say which solver to take for problems like these, from what was measured on those most like them."""
-    import json
-
     from rich.console import Console
     from rich.text import Text
 
@@ -29,7 +27,7 @@ def suggest(
     from ...measure.selection import select
     from ...plugins.problems import resolved
     from ...report.layout.fitting import print_table
-    from ...report.layout.text import output_width, print_json
+    from ...report.layout.text import json_records, output_width, print_json
     from ...report.suggestion.suggest import suggest as suggested
 
     chosen = select(problems, "")
@@ -37,7 +35,7 @@ def suggest(
         print(f"proxbench: {for_command_line(sentence)}", file=sys.stderr)
     found = suggested([resolved(one) for one in chosen.problems], run, accuracy)
     if as_json:
-        frames = {name: json.loads(getattr(found, name).to_json(orient="records")) for name in ("problems", "solvers")}
+        frames = {name: json_records(getattr(found, name)) for name in ("problems", "solvers")}
         regrets = {name: _as_json(getattr(found, name)) for name in ("regret", "regret_of_families", "single")}
         print_json(
             {"solver": found.solver, "accuracy": found.accuracy, "source": found.source, "far": found.far}

@@ -1,6 +1,5 @@
 """A comparison on the terminal, as Markdown for a pull request, and as one JSON document."""
 
-import json
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from ....problems.spelling import for_command_line
 from ..accuracy import accuracy_tag
 from ..cells import duration
 from ..layout.fitting import print_table
-from ..layout.text import inline, markdown_table
+from ..layout.text import inline, json_records, markdown_table
 from .comparison import Comparison
 
 
@@ -27,7 +26,7 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
         "obstacle": comparison.obstacle,
         "notes": [for_command_line(note) for note in comparison.notes],
         "scale": comparison.scale,
-        **{name: json.loads(frame.to_json(orient="records")) for name, frame in frames.items()},
+        **{name: json_records(frame) for name, frame in frames.items()},
     }
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from ....problems.spelling import either
 from ...errors import BenchError
-from ...store.condition import differences, other_hardware, warnings
+from ...store.condition import differences, machines_by_problem, other_hardware, refuse_unfit, warnings
 from ...store.frames import RunFrames
 from ...store.records import Machine
 
@@ -56,7 +55,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
             they have no case or no tolerance in common.
     """
     for run in (before, after):
-        _refuse_unfit(run)
+        refuse_unfit(run)
     if before.info.judge != after.info.judge:
         raise BenchError(
             f"{before.folder} was judged by version {before.info.judge} of the judge, {after.folder} by version "
@@ -91,7 +90,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
 
 def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) -> list[tuple[Machine, Machine]]:
     """Return the machines on which each problem was measured in both runs: each of the one with each of the other."""
-    measured = [_machines(run) for run in (before, after)]
+    measured = [machines_by_problem(run) for run in (before, after)]
     pairs = [
         (one, other)
         for problem in problems
@@ -99,22 +98,6 @@ def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) 
         for other in measured[1].get(problem, [after.info.machine])
     ]
     return [pair for place, pair in enumerate(pairs) if pair not in pairs[:place]]
-
-
-def _machines(run: RunFrames) -> dict[str, list[Machine]]:
-    """Return the machines of the sessions in which each problem was measured."""
-    of_sessions = [session.machine or run.info.machine for session in run.info.sessions]
-    known = run.rounds[run.rounds["session"] < len(of_sessions)]
-    by_problem = known.groupby("problem")["session"].unique().items()
-    return {str(name): [of_sessions[int(place)] for place in places] for name, places in by_problem}
-
-
-def _refuse_unfit(run: RunFrames) -> None:
-    if run.is_study:
-        raise BenchError(f"{run.folder} is a study, whose points are simulations; compare runs over contact problems.")
-    if run.cases.empty:
-        resume = either(f"proxbench run --resume {run.folder}", f"proxbench.bench.resume({str(run.folder)!r})")
-        raise BenchError(f"{run.folder} has no measured case; finish it with: {resume}")
 
 
 def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, list[str]]:

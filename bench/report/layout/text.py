@@ -32,6 +32,12 @@ def print_json(document: Any) -> None:
     print(json.dumps(document, indent=1, ensure_ascii=False), flush=True)
 
 
+def json_records(table: Any) -> list[dict[str, Any]]:
+    """Return the rows of a frame of pandas as a JSON document has them, numbers that are not finite as null."""
+    rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records"))
+    return rows
+
+
 def counted(number: int, noun: str, many: str = "") -> str:
     """Return a number with its noun: ``"1 row"``, ``"2 rows"``; ``many`` is the plural where it is no mere s."""
     return f"{number} {noun if number == 1 else many or f'{noun}s'}"

@@ -16,8 +16,8 @@ import pandas as pd
 from ....problems.catalog.catalog import load
 from ....problems.contact.problem import ContactProblem
 from ....problems.errors import ProxbenchError
-from ....problems.spelling import either
 from ...errors import BenchError
+from ...store.condition import refuse_unfit
 from ...store.frames import RunFrames
 from ...store.store import Store
 from ..accuracy import accuracies, attempts
@@ -74,12 +74,10 @@ def measured_in(run: RunFrames) -> Measured:
     Raises:
         BenchError: if it is a study, or has no such problem.
     """
-    if run.is_study:
-        raise BenchError(f"{run.folder} is a study, whose points are simulations; name a run over contact problems.")
+    refuse_unfit(run)
     known = {name: problem for name in run.cases["problem"].unique() if (problem := _held(run, str(name))) is not None}
     if not known:
-        resume = either(f"proxbench run --resume {run.folder}", f"proxbench.bench.resume({str(run.folder)!r})")
-        raise BenchError(f"{run.folder} has no measured case; finish it with: {resume}")
+        raise BenchError(f"the problems of {run.folder} are not there any more with the same numbers; measure anew.")
     families = dict(zip(run.cases["problem"], run.cases["family"], strict=True))
     rows: dict[str, Any] = {name: [families[name], *features(problem)] for name, problem in known.items()}
     problems = pd.DataFrame.from_dict(rows, orient="index", columns=["family", *FEATURES])

@@ -88,3 +88,16 @@ def test_a_solve_whose_steps_gain_nothing_any_more_ends_stalled() -> None:
     solution = create("InteriorPoint").prepare(load("hard-random-rank")).solve(Stop(1e-12, 10**5, 30.0))
     assert solution.status is Status.STALLED
     assert solution.iterations < 2000
+
+
+def test_only_who_looks_for_a_gain_ends_without_one() -> None:
+    """The residual of a path may stay up for most of its length, while τ rises; Newton steps that gain nothing end."""
+    problem = load("funnel-30")
+    residual, rng = Residual(problem), np.random.default_rng(1)
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, 1.0, np.zeros(problem.n_rows))
+    for _ in range(1000):
+        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
+    assert progress.ended is None
+    progress.look_for_gain()
+    assert progress.ended is not None
+    assert progress.ended[0] is Status.STALLED
