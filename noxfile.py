@@ -44,7 +44,7 @@ def peers(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Measure the quick suite, print the tables, and write tables and charts into results/."""
+    """Measure the quick suite, print the tables, and write them and a page of charts into results/."""
     session.install(".")
     _keep_compiled_kernels(session)
     session.run("proxbench", "run", *session.posargs)

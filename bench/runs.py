@@ -73,7 +73,9 @@ class Run(RunFrames, os.PathLike[str]):
 
         return run_page(self)
 
-    def report(self, charts: bool = True, residual: str | None = None, baseline: str = "") -> Report:
+    def report(
+        self, charts: bool = True, residual: str | None = None, baseline: str = "", page: bool = False
+    ) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
         Files that cannot be written cost nothing but themselves: ``unwritten`` of what is returned says why.
@@ -83,12 +85,13 @@ class Run(RunFrames, os.PathLike[str]):
             residual: what "reached" is judged by: the "judged" residual, or the "local" one, which relates a violation
                 to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
             baseline: the solver that charts give speed-ups against; the one that solves most if empty.
+            page: write the page too, unless the run has none; see ``page``.
 
         Raises:
             BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
                 no such residuals, or no such solver.
         """
-        return make_report(self.judged_by(residual or self.residual), charts, baseline)
+        return make_report(self.judged_by(residual or self.residual), charts, baseline, page)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
         """Write one offline HTML page into the folder of the run, as ``proxbench report --html`` does; return its file.

@@ -67,7 +67,8 @@ def run(
     record: Annotated[bool, options.output("--record", help="Record the iterations, one file a problem.")] = False,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
-    charts: options.Charts = True,
+    page: Annotated[bool, options.output("--page/--no-page", help="Write one offline page of all charts.")] = True,
+    charts: options.Charts = False,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
@@ -103,7 +104,8 @@ def run(
                 shard=shard,
                 executor=executor,
             )
-    return report_run(made, charts, quiet, as_json, residual, record)
+    has_pictures = charts or (page and made.is_study)  # a study has no page
+    return report_run(made, has_pictures, quiet, as_json, residual, record, page=page)
 
 
 def _executor(dask: str) -> AbstractContextManager[Executor | None]:
@@ -123,6 +125,7 @@ def report_run(
     residual: str = "judged",
     record: bool = False,
     baseline: str = "",
+    page: bool = False,
 ) -> int:
     """Print what a run has to show, then write it; return 1 if something measured failed or files were left out.
 
@@ -138,6 +141,7 @@ def report_run(
         residual: what tables and charts go by.
         record: record the iterations.
         baseline: the solver that speed-ups are against; the one that solves most if empty.
+        page: write the page, unless the run has none.
 
     Raises:
         BenchError: if a link in the folder of the run leads out of it, a recording cannot be written, the run has no
@@ -164,7 +168,7 @@ def report_run(
         from ..recordings.solves import record_run
 
         record_run(run.folder)
-    made = run.report(charts, residual, baseline)
+    made = run.report(charts, residual, baseline, page)
     if made.unwritten and quiet:
         raise BenchError(made.unwritten)
     if as_json:
@@ -232,7 +236,7 @@ def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
         "info": content_of(run.info),
         "results": json_records(made.results),
         "summary": json_records(made.summary),
-        "files": [str(file) for file in (*made.tables, *made.charts)],
+        "files": [str(file) for file in (*made.tables, *made.charts, *([made.page] if made.page else []))],
         "unwritten": made.unwritten,
         "damaged": run.damaged,
     }
@@ -244,6 +248,8 @@ def _places(run: "Run", made: "Report") -> Iterator[str]:
     for what, files in (("tables", made.tables), ("charts", made.charts)):
         if files:
             yield f"{what}   {files[0].parent}"
+    if made.page:
+        yield f"page     {made.page}"
     if (run.folder / "recordings").is_dir():
         yield f"watch    rerun {run.folder / 'recordings'}/NAME.rrd"
 

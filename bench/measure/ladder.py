@@ -1,11 +1,14 @@
 """Cases measured level by level of their ladders, in rounds that alternate between them.
 
-All cases of one problem live at the same time, each in its process, and work one at a time, so that a drift of the
-machine hits all alike. A point of the ladder may be measured in several passes, each with processes of its own.
+All cases of one problem live at the same time, each in its process. What is not timed, they do side by side; then they
+work one at a time, so that a drift of the machine hits all alike. A point of the ladder may be measured in several
+passes, each with processes of its own.
 """
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 from ...problems.arrays import FloatArray
@@ -15,6 +18,13 @@ from ..store.records import CaseRecord, Curve, Limits, Point
 
 LONGEST_REASON = 2000
 """Characters that are kept of what a solver says in words."""
+
+MOST_AT_ONCE = 4
+"""Cases that begin at the same time, on a machine with as many cores."""
+
+
+INTERRUPT_SECONDS = 0.05
+"""Time after which cases that begin are told again to end [s]."""
 
 
 class LadderCase(ABC):
@@ -38,6 +48,7 @@ class LadderCase(ABC):
         self._curve = Curve()
         self._reason = self._traceback = self._output = ""
         self._worker: Worker | None = None
+        self._is_dismissed = False
         self._seconds, self._seconds_before, self._memory = 0.0, 0.0, 0
         if stored is not None:
             self.points, self._curve = list(stored.points), stored.curve
@@ -100,7 +111,8 @@ class LadderCase(ABC):
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
     def dismiss(self) -> None:
-        """Let the process end, without waiting for it."""
+        """Let the process end, without waiting for it: the case has not failed if it answers no more."""
+        self._is_dismissed = True
         if self._worker is not None:
             self._worker.dismiss()
 
@@ -162,7 +174,8 @@ class LadderCase(ABC):
             self._memory = max(self._memory, self._worker.peak_memory_bytes)
 
     def _fail(self, fault: Fault) -> None:
-        self.outcome, self._reason, self._traceback = fault.outcome, fault.reason, fault.traceback
+        if not self._is_dismissed:
+            self.outcome, self._reason, self._traceback = fault.outcome, fault.reason, fault.traceback
         self.end()
 
 
@@ -178,9 +191,7 @@ def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value:
     """
     levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
-        for case in cases:
-            if any(case.is_left(level) for level in range(len(case.ladder))):
-                case.begin()
+        _begin([case for case in cases if any(map(case.is_left, range(len(case.ladder))))])
         for level in levels:
             left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
             _measure_level(left, level, keep)
@@ -189,6 +200,23 @@ def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value:
             case.dismiss()
         for case in cases:
             case.end()
+
+
+def _begin(cases: Sequence[LadderCase]) -> None:
+    """Begin cases, as many at a time as there are cores; on an interrupt let them end at once, and raise it."""
+    at_once = min(MOST_AT_ONCE, os.cpu_count() or 1)
+    with ThreadPoolExecutor(at_once) as pool:
+        begun = [pool.submit(case.begin) for case in cases]
+        try:
+            for one in begun:
+                one.result()
+        except BaseException:
+            for one in begun:
+                one.cancel()
+            while wait(begun, timeout=INTERRUPT_SECONDS).not_done:  # one that is about to start has no process yet
+                for case in cases:
+                    case.dismiss()
+            raise
 
 
 def _measure_level(cases: Sequence[LadderCase], level: int, keep: Keep) -> None:

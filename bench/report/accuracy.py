@@ -61,6 +61,23 @@ def time_to_accuracy(points: pd.DataFrame, accuracy: float, limit: float = np.in
     return float(reaching(points, accuracy, limit)["total_seconds"].min())
 
 
+def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: float = np.inf) -> pd.DataFrame:
+    """Return ``time_to_accuracy`` [s] of each case, by problem and solver, one column a level; without those of none.
+
+    Args:
+        points: of any number of cases.
+        levels: accuracies.
+        limit: of the time of one solve [s].
+    """
+    counted = reaching(points, max(levels, default=np.inf), limit)
+    counted = counted[counted["total_seconds"].notna()]
+    times = {
+        level: counted[counted["residual"] <= level].groupby(["problem", "solver"])["total_seconds"].min()
+        for level in levels
+    }
+    return pd.DataFrame(times, columns=list(levels))
+
+
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
     """Return how each solver stands on each problem at each of ``accuracies``, with intervals of the ratios.
 
@@ -105,15 +122,20 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     """
     cases = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
     counts = cases.groupby("problem")["solver"].nunique()
-    common = counts.index[counts == cases["solver"].nunique()]
+    common = set(counts.index[counts == cases["solver"].nunique()])
+    points = frames.points[frames.points["total_seconds"].notna()]
+    times = times_to_accuracies(points, levels, frames.info.plan.limits.solve_seconds)
+    seconds = {level: times[level].to_dict() for level in levels}
+    claimed = {level: _claimed(points, level) for level in levels}
     rows = []
     for solver in frames.info.plan.solvers:
-        for case in cases[cases["solver"] == solver].to_dict("records"):
-            points, problem = measured_points(frames, case), case["problem"]
-            for accuracy in levels:
-                seconds = time_to_accuracy(points, accuracy, frames.info.plan.limits.solve_seconds)
-                claimed = _claims(points, accuracy)
-                rows.append((solver, case["model"], problem, accuracy, seconds, claimed, problem in common))
+        own = cases[cases["solver"] == solver]
+        for problem, model in zip(own["problem"], own["model"], strict=True):
+            case, is_common = (problem, solver), problem in common
+            rows += [
+                (solver, model, problem, level, seconds[level].get(case, np.nan), case in claimed[level], is_common)
+                for level in levels
+            ]
     return pd.DataFrame(rows, columns=["solver", "model", "problem", "accuracy", "seconds", "claimed", "common"])
 
 
@@ -222,7 +244,7 @@ def _keys(accuracy: float) -> list[str]:
     return [f"{kind}_{accuracy_tag(accuracy)}" for kind in OF_ACCURACIES]
 
 
-def _claims(points: pd.DataFrame, accuracy: float) -> bool:
-    """Whether the solver says that it solved to ``accuracy``."""
-    finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
-    return bool((finer["status"] == Outcome.SOLVED).any())
+def _claimed(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:
+    """Return the problems and solvers of the cases whose solver says that it solved to ``accuracy``."""
+    finer = points[(points["tolerance"] <= accuracy * (1.0 + 1e-9)) & (points["status"] == Outcome.SOLVED)]
+    return set(zip(finer["problem"], finer["solver"], strict=True))

@@ -24,6 +24,7 @@ class Report:
         summary: success and mean time of each solver; in a run over trajectories, its points.
         tables: the files that hold both.
         charts: the files of the charts; none if they were not drawn.
+        page: the page; None if it was not made.
         unwritten: why files are missing, in one sentence; empty if none is.
     """
 
@@ -31,22 +32,24 @@ class Report:
     summary: pd.DataFrame
     tables: list[Path]
     charts: list[Path]
+    page: Path | None = None
     unwritten: str = ""
 
 
-def make_report(frames: RunFrames, charts: bool, baseline: str) -> Report:
-    """Write tables and charts of a run, and return them; see ``Run.report``.
+def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = False) -> Report:
+    """Write tables, charts and page of a run, and return them; see ``Run.report``.
 
     Args:
         frames: the run, with the residual that tables go by.
         charts: draw charts.
         baseline: the solver that charts give speed-ups against; the one that solves most if empty.
+        page: write the page; a run without cases and one over trajectories have none.
 
     Raises:
         BenchError: if a link in the folder of the run leads out of it, or the run has no such solver.
     """
     folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
-    tables, drawn, unwritten = [], [], ""
+    tables, drawn, written, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
     if baseline and not has_profiles:
         raise BenchError(f"{frames.folder} has no speed-ups; leave {option('baseline')} out.")
@@ -57,10 +60,12 @@ def make_report(frames: RunFrames, charts: bool, baseline: str) -> Report:
         tables = write_tables(frames, folder / "tables")
         if charts:
             drawn = _draw(frames, against, folder / "charts")
+        if page and has_profiles:
+            written = _write_page(frames, against)
     except UnwritableError as error:
         unwritten = error.sentence
     summary = points_table(frames) if frames.is_study else summary_table(frames)
-    return Report(results_table(frames), summary, tables, drawn, unwritten)
+    return Report(results_table(frames), summary, tables, drawn, written, unwritten)
 
 
 def _draw(frames: RunFrames, against: str, folder: Path) -> list[Path]:
@@ -70,3 +75,10 @@ def _draw(frames: RunFrames, against: str, folder: Path) -> list[Path]:
 
     drawn = write_charts(frames, folder)
     return [*drawn, *write_profiles(frames, against, folder)] if against else drawn
+
+
+def _write_page(frames: RunFrames, against: str) -> Path:
+    """Write the page of a run, whose charts need altair too."""
+    from .page.assembly import write_page
+
+    return write_page(frames, against)

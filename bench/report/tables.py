@@ -26,7 +26,7 @@ from .accuracy import (
     problems_table,
     ratios_table,
     summary_table,
-    time_to_accuracy,
+    times_to_accuracies,
 )
 from .cells import (
     TIME,
@@ -71,11 +71,12 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     outcome, reason.
     """
     shown = {TIME + accuracy_tag(accuracy): accuracy for accuracy in accuracies(frames)}
-    limit, rows = frames.info.plan.limits.solve_seconds, []
+    times = times_to_accuracies(frames.points, list(shown.values()), frames.info.plan.limits.solve_seconds)
+    seconds, rows = {key: times[accuracy].to_dict() for key, accuracy in shown.items()}, []
     for case in frames.cases.to_dict("records"):
         measured = measured_points(frames, case)
         row = {key: case[key] for key in _CASE_COLUMNS}
-        row |= {key: time_to_accuracy(measured, accuracy, limit) for key, accuracy in shown.items()}
+        row |= {key: least.get((case["problem"], case["solver"]), np.nan) for key, least in seconds.items()}
         trusted = measured[measured["outcome"] != Outcome.WRONG]
         row["residual"], row["iterations"] = np.nan, np.nan
         if len(trusted):

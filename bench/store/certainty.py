@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from ...problems.arrays import FloatArray, IntArray
 from ...solvers.interface import Status
@@ -225,6 +225,6 @@ def _resamples(n: int, seed: int) -> IntArray:
 @cache
 def _tails(n: int) -> tuple[float, float]:
     """Return the two quantiles that the interval has for ends."""
-    wide = stats.t.ppf(0.5 + CONFIDENCE / 2.0, n - 1) * np.sqrt(n / (n - 1))
-    tail = float(stats.norm.cdf(-wide))
+    wide = special.stdtrit(n - 1, 0.5 + CONFIDENCE / 2.0) * np.sqrt(n / (n - 1))
+    tail = float(special.ndtr(-wide))
     return tail, 1.0 - tail

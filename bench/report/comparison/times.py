@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from ....problems.arrays import FloatArray
 from ...store.certainty import LEAST_ROUNDS, interval_of_two, reaching
@@ -48,7 +48,7 @@ EFFICIENCY = np.pi / 2.0
 ONE_SIDED = 0.95
 """Chance that the true ratio lies above the lower end of an interval, and that it lies below the upper one."""
 
-NORMAL = float(stats.norm.ppf(ONE_SIDED))
+NORMAL = float(special.ndtri(ONE_SIDED))
 """Standard deviations that half an interval has."""
 
 POINTS = [*CASE, "accuracy", "before", "after", "ratio", "low", "high"]
@@ -81,7 +81,7 @@ def compared_times(pairing: Pairing) -> Times:
     solvers = _solvers(cases)
     scale, spread = _scale(solvers[solvers["solver"].isin(pairing.yardsticks)], pairing.is_known)
     corrected = 1.0 - (1.0 - ONE_SIDED) / max(len(cases), 1)
-    half_cases = float(stats.t.ppf(corrected, TAILS)) * np.hypot(cases["noise"], spread)
+    half_cases = float(special.stdtrit(TAILS, corrected)) * np.hypot(cases["noise"], spread)
     half_solvers = NORMAL * np.hypot(solvers["noise"], spread)
     return Times(
         points[POINTS],
@@ -153,7 +153,7 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
     counts, squares = sides.size().unstack(), sides.agg(lambda one: float((one**2).sum())).unstack()
     freedom = (counts - 1).sum(axis=1)
     own = squares.sum(axis=1) / freedom.where(freedom > 0)
-    usual = (own * freedom / stats.chi2.ppf(0.5, freedom.where(freedom > 0))).median()
+    usual = (own * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
     variance = np.maximum(own.fillna(0.0), usual if np.isfinite(usual) else np.inf)
     efficiency = counts.map(lambda n: EFFICIENCY if n > 2 else 1.0)
     noise = np.sqrt(variance * (efficiency / counts).sum(axis=1)).rename("noise")
@@ -171,7 +171,7 @@ def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
         n, differences = len(own), own["difference"].to_numpy()
         noise = np.sqrt((own["noise"] ** 2).sum()) / n
         if n >= LEAST_CLUSTERS and np.isfinite(noise):
-            widening = stats.t.ppf(ONE_SIDED, n - 1) / NORMAL
+            widening = special.stdtrit(n - 1, ONE_SIDED) / NORMAL
             noise = widening * differences.std(ddof=1) / np.sqrt(n)
         before, after = (float(np.exp(np.log(own[side]).mean())) for side in ("before", "after"))
         rows.append((solver, n, before, after, differences.mean(), noise))

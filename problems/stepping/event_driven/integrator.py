@@ -33,7 +33,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from ...arrays import FloatArray
 from ...contact.judge import judge
@@ -207,6 +206,8 @@ class _Run:
             if trigger.ends_at_once(self.position, self.velocity):
                 self._switch(trigger)
                 return
+        from scipy.integrate import solve_ivp  # takes 0.2 s to import, and few scenes need it
+
         solution = solve_ivp(
             self._rates,
             (self.time, until),

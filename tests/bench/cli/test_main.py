@@ -66,21 +66,23 @@ def test_a_run_prints_its_tables_and_says_where_the_files_are(
     assert run_command(line.split()) == 0
     printed = capsys.readouterr().out
     assert "hard-tresca-joint" in printed
-    for folder in ("cases", "tables", "charts"):
+    for folder in ("cases", "tables"):
         assert any((tmp_path / "one" / folder).iterdir())
-    assert str(tmp_path / "one" / "charts") in printed
+    assert (tmp_path / "one" / "report.html").is_file()
+    assert f"page     {tmp_path / 'one' / 'report.html'}" in printed
 
 
-def test_a_quiet_run_without_charts_prints_where_its_files_are_and_draws_none(
+def test_a_quiet_run_without_a_page_prints_where_its_files_are_and_draws_none(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     run = tmp_path / "one"
     line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --results {tmp_path} --run-id one"
-    assert run_command([*line.split(), "--quiet", "--no-charts"]) == 0
+    assert run_command([*line.split(), "--quiet", "--no-page"]) == 0
     printed = capsys.readouterr()
     assert printed.out == f"results  {run}\ntables   {run}/tables\n"
     assert printed.err == ""
     assert not (run / "charts").exists()
+    assert not (run / "report.html").exists()
     assert run_command(["report", str(run), "--quiet"]) == 0
     assert capsys.readouterr().out == f"results  {run}\ntables   {run}/tables\ncharts   {run}/charts\n"
     assert any((run / "charts").iterdir())

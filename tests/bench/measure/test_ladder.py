@@ -1,0 +1,82 @@
+"""Cases of one problem: what they do side by side, and what an interrupt leaves of them."""
+
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from proxbench.bench.isolation.worker import Fault
+from proxbench.bench.measure import ladder
+from proxbench.bench.measure.ladder import LadderCase, measure_ladder
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import Limits, Point
+
+
+class Fake(LadderCase):
+    """A case without a process, whose begin is a function."""
+
+    def __init__(self, begin: Any) -> None:
+        super().__init__([1e-2], Limits(solve_seconds=1.0, case_seconds=1.0, memory_bytes=1, max_iterations=1))
+        self.is_told = threading.Event()
+        self._begin = begin
+
+    rounds: Sequence[int] = range(1)
+
+    def is_left(self, level: int) -> bool:
+        return True
+
+    def begin(self) -> None:
+        self._begin(self)
+
+    def dismiss(self) -> None:
+        super().dismiss()
+        self.is_told.set()
+
+    def dies(self) -> None:
+        self._fail(Fault(Outcome.CRASHED, "it died"))
+
+    def measure(self, value: float, number: int) -> dict[str, Any] | None:
+        return None
+
+    def goes_on(self, answer: dict[str, Any]) -> bool:
+        return False
+
+    def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
+        raise NotImplementedError
+
+    def joined(self, before: Point, now: Point) -> Point:
+        return now
+
+    def end_after(self, point: Point) -> str:
+        return ""
+
+    def identity(self) -> dict[str, Any]:
+        return {}
+
+
+@pytest.mark.skipif(ladder.os.cpu_count() == 1, reason="one core")
+def test_cases_begin_side_by_side() -> None:
+    both = threading.Barrier(2, timeout=30.0)
+    measure_ladder([Fake(lambda case: both.wait()), Fake(lambda case: both.wait())])
+
+
+def test_an_interrupt_ends_cases_that_begin_and_fails_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ladder.os, "cpu_count", lambda: 2)
+
+    def interrupted(case: Fake) -> None:
+        raise KeyboardInterrupt
+
+    def ended(case: Fake) -> None:
+        assert case.is_told.wait(30.0)
+        case.dies()
+
+    cases = [Fake(interrupted), Fake(ended), Fake(ended)]
+    with pytest.raises(KeyboardInterrupt):
+        measure_ladder(cases)
+    assert [case.outcome for case in cases] == [Outcome.MEASURED] * 3
+
+
+def test_a_case_that_dies_as_it_begins_has_failed() -> None:
+    case = Fake(Fake.dies)
+    measure_ladder([case])
+    assert case.outcome is Outcome.CRASHED
