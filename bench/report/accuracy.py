@@ -56,17 +56,14 @@ def accuracy_tag(accuracy: float) -> str:
     return next((text for text in written if np.isclose(float(text), accuracy, rtol=1e-9, atol=0.0)), f"{accuracy:e}")
 
 
-def time_to_accuracy(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> float:
-    """Return the least median time [s] of the points that are ``reaching`` an accuracy; NaN if none is."""
-    return float(reaching(points, accuracy, limit)["total_seconds"].min())
-
-
 def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: float = np.inf) -> pd.DataFrame:
-    """Return ``time_to_accuracy`` [s] of each case, by problem and solver, one column a level; without those of none.
+    """Return the least median time [s] of the points of a case that are ``reaching`` an accuracy; NaN if none is.
+
+    Rows are cases that reach any, by problem and solver, and columns accuracies.
 
     Args:
-        points: of any number of cases.
-        levels: accuracies.
+        points: as in ``RunFrames``, of any number of cases.
+        levels: the accuracies.
         limit: of the time of one solve [s].
     """
     counted = reaching(points, max(levels, default=np.inf), limit)
@@ -114,13 +111,19 @@ def measured_points(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
     return chosen
 
 
+def counted_cases(frames: RunFrames) -> pd.DataFrame:
+    """Return the cases that tables count: those that the solver supports, but for what an interrupted run has left."""
+    cases: pd.DataFrame = frames.cases[(frames.cases["outcome"] != Outcome.UNSUPPORTED) & frames.cases["is_tried"]]
+    return cases
+
+
 def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
-    """Return one row a solver, problem that it supports, and accuracy of ``levels``, solvers in the order of the run.
+    """Return one row a solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
     Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
     solver says that it is), common (whether all solvers of the table support the problem).
     """
-    cases = frames.cases[frames.cases["outcome"] != Outcome.UNSUPPORTED]
+    cases = counted_cases(frames)
     counts = cases.groupby("problem")["solver"].nunique()
     common = set(counts.index[counts == cases["solver"].nunique()])
     points = frames.points[frames.points["total_seconds"].notna()]
@@ -149,7 +152,7 @@ OF_ACCURACIES = ("success", "correct", "mean_time", "own_mean_time")
 def summary_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a solver over all problems of the run.
 
-    Columns: solver, model, problems (that it supports), common (those that all solvers of the table support), and for
+    Columns: solver, model, problems (its ``counted_cases``), common (those that all solvers of the table have), and for
     each of ``summary_accuracies`` the share of its problems that the solver says it solved (success), the share that
     the judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a
     solve: over the common problems (mean_time), NaN without any, and over all its own (own_mean_time), which compares
@@ -196,17 +199,17 @@ def families_table(frames: RunFrames) -> pd.DataFrame:
 def problems_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a problem: how many solvers solve it to each of ``accuracies``, and which first.
 
-    Columns: problem, family, n_contacts, n_rows, solvers (that support it), for each accuracy the number that reach it
+    Columns: problem, family, n_contacts, n_rows, solvers (with a counted case), for each accuracy how many reach it
     (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none) and its time [s] (``time_1e-04``), and
     the least judged residual of any, wrong claims left out, with its solver (best).
     """
     shown = accuracies(frames)
-    tried = attempts(frames, shown)
+    tried, counted = attempts(frames, shown), counted_cases(frames)["problem"].value_counts()
     points = frames.points[frames.points["outcome"] != Outcome.WRONG]
     rows = []
     for problem, cases in frames.cases.groupby("problem", sort=False):
         row = dict(cases.iloc[0][["problem", "family", "n_contacts", "n_rows"]])
-        row["solvers"] = int((cases["outcome"] != Outcome.UNSUPPORTED).sum())
+        row["solvers"] = int(counted.get(problem, 0))
         for accuracy in shown:
             reached = tried[(tried["problem"] == problem) & (tried["accuracy"] == accuracy)].dropna(subset="seconds")
             values = (len(reached), *_least(reached, "seconds"))

@@ -251,7 +251,7 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
 
 def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
     """Return how a case ended: its fault, else the worst of what its ladder shows, with the reason in words."""
-    if case["outcome"] != Outcome.MEASURED or measured.empty:
+    if case["outcome"] != Outcome.MEASURED:
         return str(case["outcome"]), str(case["reason"])
     for outcome in (Outcome.WRONG, Outcome.RELAXED):
         if len(claims := measured[measured["outcome"] == outcome]):
@@ -259,6 +259,11 @@ def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
             if first["status"] == Status.INFEASIBLE:
                 return outcome.value, str(first["reason"])
             return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
+    if not case["is_tried"]:
+        reached = f"below {measured['tolerance'].iloc[-1]:.0e}" if len(measured) else "yet"
+        return Outcome.UNFINISHED.value, f"not measured {reached}"
+    if measured.empty:
+        return str(case["outcome"]), str(case["reason"])
     last = measured.iloc[-1]
     if last["outcome"] == Outcome.SOLVED:
         return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"

@@ -37,7 +37,8 @@ class RunFrames:
     Attributes:
         folder: where it is stored.
         cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
-            reason, wall time, peak memory, what a failed one left, with the family of the problem, and is_finished.
+            reason, wall time, peak memory, what a failed one left, with the family of the problem, is_finished, and
+            is_tried (whether its whole ladder was measured once, which an interrupted run leaves open).
         points: one row a ladder point, those of ``Point``: problem, family, solver, model, tolerance, outcome, status,
             reason, iterations, judged residual (and that of the solver's own model), median times [s] with their
             quartiles, repeats, the other numbers of the verdict, and the error in known impulses.
@@ -139,7 +140,8 @@ def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
     cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
     identified = _identified(cases)
     measured = _frame(CaseRecord, cases)
-    measured["is_finished"] = pd.Series([info.plan.has_finished(case) for case in cases], dtype=bool)
+    for name, holds in (("is_finished", info.plan.has_finished), ("is_tried", info.plan.has_tried)):
+        measured[name] = pd.Series([holds(case) for case in cases], dtype=bool)
     points = points_frame(cases)
     for frame in (measured, points):
         frame.insert(1, "family", frame["problem"].map(info.plan.family).astype(str))

@@ -40,6 +40,9 @@ class Outcome(StrEnum):
     INFEASIBLE = "infeasible"
     NOT_ATTEMPTED = "not attempted"
 
+    UNFINISHED = "unfinished"
+    """Only in reports: a case that an interrupted run has left before the end of its ladder."""
+
 
 FAULTS = (Outcome.TIMEOUT, Outcome.CRASHED, Outcome.OUT_OF_MEMORY, Outcome.MISBEHAVED)
 """Ways in which a whole case fails."""

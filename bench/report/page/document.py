@@ -20,7 +20,7 @@ from ...store.frames import JUDGED, RunFrames
 from ...store.outcome import Outcome
 from ...store.records import Machine, RunRecord
 from ...store.store import plain_name
-from ..accuracy import SHIFT_SECONDS, summary_accuracies
+from ..accuracy import SHIFT_SECONDS, counted_cases, summary_accuracies
 from ..charts.palette import looks
 from ..charts.templates import ROWS, templates
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
@@ -216,16 +216,17 @@ def _cases(frames: RunFrames, problems: list[str], solvers: list[str], texts: _T
     attempts = dict(iter(measured.groupby(identity, sort=False)))
     columns_of_points, places = _points(frames, texts), frames.points.groupby(identity, sort=False).indices
     curves = dict(iter(frames.iterations.groupby(identity, sort=False)))
+    counted = set(counted_cases(frames).index)
     most = max(LEAST_CURVE_POINTS, MOST_CURVE_POINTS // len(frames.cases))
     columns: dict[str, list[Any]] = {}
-    for case in frames.cases.to_dict("records"):
+    for place, case in zip(frames.cases.index, frames.cases.to_dict("records"), strict=True):
         name = case["problem"], case["solver"]
         outcome, reason = ending(case, attempts.get(name, measured.iloc[:0]))
         own = places.get(name, ())
         row = {
             "problem": problems.index(name[0]),
             "solver": solvers.index(name[1]),
-            "supported": int(case["outcome"] != Outcome.UNSUPPORTED),
+            "supported": int(place in counted),
             "outcome": outcome,
             "reason": texts.number(reason),
             "traceback": texts.number(case["traceback"][-LONGEST_TEXT:]),

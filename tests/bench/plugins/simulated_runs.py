@@ -80,10 +80,11 @@ def simulated_cases(
 
 def store_run(folder: Path, cases: list[CaseRecord], machine: Machine = MACHINE, **others: Any) -> Path:
     """Write a run of these cases, with other fields of its record and its limits; return its folder."""
+    tolerances = {point.tolerance for case in cases for point in case.points} or ACCURACIES
     plan = PlanRecord(
         problems=list(dict.fromkeys(case.problem for case in cases)),
         solvers=list(dict.fromkeys(case.solver for case in cases)),
-        tolerances=list(ACCURACIES),
+        tolerances=sorted(tolerances, reverse=True),
         limits=others.pop("limits", Limits()),
         passes=1,
     )

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
-from proxbench.bench.report.accuracy import time_to_accuracy
+from proxbench.bench.report.accuracy import times_to_accuracies
 from proxbench.bench.report.charts.profiles import write_profiles
 from proxbench.bench.report.profiles import (
     ALL,
@@ -96,8 +96,9 @@ def test_times_and_residuals_are_those_of_points_that_count() -> None:
     run = load(REFERENCE)
     seconds, residuals = seconds_matrix(run, 1e-6), residual_matrix(run)
     assert seconds.shape == residuals.shape == (8, 15)
-    for (problem, solver), own in run.points.groupby(["problem", "solver"]):
-        expected = time_to_accuracy(own, 1e-6, run.info.plan.limits.solve_seconds)
+    times = times_to_accuracies(run.points, [1e-6], run.info.plan.limits.solve_seconds)[1e-6]
+    for problem, solver in run.points.groupby(["problem", "solver"]).groups:
+        expected = times.get((problem, solver), np.nan)
         assert seconds.at[problem, solver] == pytest.approx(expected, nan_ok=True)
         assert (residuals.at[problem, solver] <= 1e-6) == np.isfinite(expected)
 

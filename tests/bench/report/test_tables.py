@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace as changed
 from proxbench.bench import load
-from proxbench.bench.report.accuracy import summary_table, time_to_accuracy
+from proxbench.bench.report.accuracy import attempts, problems_table, summary_table, times_to_accuracies
 from proxbench.bench.report.cells import duration
 from proxbench.bench.report.tables import (
     print_tables,
@@ -22,7 +22,12 @@ from rich.console import Console
 
 def points(*rows: tuple[float, float, str], status: str = "") -> pd.DataFrame:
     frame = pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
-    return frame.assign(status=status or frame["outcome"], solve_seconds=frame["total_seconds"])
+    frame = frame.assign(status=status or frame["outcome"], solve_seconds=frame["total_seconds"])
+    return frame.assign(problem="p", solver="s")
+
+
+def time_to_accuracy(frame: pd.DataFrame, accuracy: float, limit: float = np.inf) -> float:
+    return float(times_to_accuracies(frame, [accuracy], limit)[accuracy].get(("p", "s"), np.nan))
 
 
 def test_time_to_accuracy_is_the_least_time_among_points_that_are_accurate_enough() -> None:
@@ -50,6 +55,30 @@ def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> Non
     assert table.loc[("funnel-30", "Misbehaving(raise)"), "outcome"] == Outcome.CRASHED
     assert "the plugin gave up" in str(table.loc[("funnel-30", "Misbehaving(raise)"), "reason"])
     assert table.loc[("hard-counterexample", "SORprox"), "outcome"] == Outcome.OSCILLATING
+
+
+def test_what_an_interrupted_run_has_left_counts_among_no_failures(finished_run: Path) -> None:
+    """A case without the last point of its ladder, and one without any, are neither tried nor failed."""
+    whole = load(finished_run)
+    of_case = {
+        name: (whole.points["problem"] == "funnel-30") & (whole.points["solver"] == name)
+        for name in ("SORprox", "SORprox(relaxation=0.5)")
+    }
+    finest = whole.points["tolerance"] == min(whole.info.plan.tolerances)
+    left = (of_case["SORprox"] & finest) | of_case["SORprox(relaxation=0.5)"]
+    is_left = (whole.cases["problem"] == "funnel-30") & whole.cases["solver"].isin(of_case)
+    cases = whole.cases.assign(is_tried=~is_left, is_finished=~is_left)
+    run = replace(whole, points=whole.points[~left], cases=cases)
+    table = results_table(run).set_index(["problem", "solver"])
+    for solver, reason in (("SORprox", "not measured below 1e-04"), ("SORprox(relaxation=0.5)", "not measured yet")):
+        assert tuple(table.loc[("funnel-30", solver), ["outcome", "reason"]]) == ("unfinished", reason)
+        before, after = (summary_table(one).set_index("solver").loc[solver] for one in (whole, run))
+        assert after["problems"] == before["problems"] - 1
+        assert not (
+            (attempts(run, [1e-2])["solver"] == solver) & (attempts(run, [1e-2])["problem"] == "funnel-30")
+        ).any()
+    before, after = (problems_table(one).set_index("problem").loc["funnel-30", "solvers"] for one in (whole, run))
+    assert after == before - 2
 
 
 def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run: Path) -> None:

@@ -62,7 +62,7 @@ MEASURED = Point(
 def test_columns_are_the_fields_of_the_records_however_little_was_measured(points: list[Point], stored: Stored) -> None:
     run = load(stored(points))
     lists = {"curve", "points"}
-    assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished"}
+    assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished", "is_tried"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
     numbers -= {"verdict", "errors", "rounds", "hashes", "impulses", "component_residuals"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}

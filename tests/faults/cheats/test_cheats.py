@@ -1,7 +1,5 @@
 """Tricks by which a solver would look faster, truer or surer than it is, and what a run says of each."""
 
-import math
-
 import pytest
 from cheating_solvers import (
     Background,
@@ -20,7 +18,7 @@ from proxbench.bench import run
 from proxbench.bench.measure.contacts.case import Case, Visit
 from proxbench.bench.measure.ladder import measure_ladder
 from proxbench.bench.plugins.describing import contestant
-from proxbench.bench.report.accuracy import time_to_accuracy
+from proxbench.bench.report.accuracy import times_to_accuracies
 from proxbench.bench.report.tables import results_table
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits
@@ -72,7 +70,7 @@ def test_an_answer_after_the_limit_is_not_reached() -> None:
 
 def test_late_answers_reach_no_accuracy_in_tables(tmp_path: object) -> None:
     made = run("hard-sticking-box", [Late()], results=str(tmp_path), tolerances=1e-2, solve_seconds=0.02)
-    assert math.isnan(time_to_accuracy(made.points, 1e-2))
+    assert times_to_accuracies(made.points, [1e-2]).empty
     assert list(results_table(made)["outcome"]) == ["time limit"]
 
 
