@@ -57,31 +57,33 @@ class Progress:
         self._done = 0
 
     def complete(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
-        """Measure what is not among the stored cases, by problem and solver."""
+        """Measure what is not among the stored cases, by problem and solver; leave a finished run as it is."""
         plan = self._record.plan
         for (problem, solver), case in stored.items():
             if problem in self._cases:
                 self._cases[problem][solver] = case
-        self._note_machine()
+        count = len(plan.problems) * len(plan.solvers)
         self._done = sum(plan.has_finished(case) for case in stored.values())
-        self._on_event(RunStarted(self._store.folder, len(plan.problems) * len(plan.solvers), self._done))
+        self._on_event(RunStarted(self._store.folder, count, self._done))
         try:
             self._generate()
             self._forget_other_problems()
             self._forget_other_machines()
-            self._measure()
+            if self._done < count:
+                self._measure()
         except KeyboardInterrupt:
             raise InterruptedRunError(self._store.folder) from None
         self._store.restore()
-        self._session = replace(self._session, finished=_now())
-        self._note(self._record)
 
     def _measure(self) -> None:
-        """Measure what is left, and then more of what is uncertain."""
+        """Measure what is left, and then more of what is uncertain, in a session of its own."""
+        self._note_machine()
         began = time.monotonic()
         self._measure_passes()
         if not self._record.plan.trajectories:
             self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
+        self._session = replace(self._session, finished=_now())
+        self._note(self._record)
 
     def _measure_passes(self) -> None:
         """Measure each point in each planned pass."""
