@@ -14,7 +14,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from .. import library
-from ..contact.problem import ContactProblem
+from ..contact.problem import UNNAMED, ContactProblem
 from ..errors import PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
@@ -123,6 +123,8 @@ def is_path(name: str | Path) -> bool:
 def load(name: str | Path) -> ContactProblem:
     """Return one problem by name, or from a file: of ``save_problem`` or ``proxbench generate``, or an FCLIB file.
 
+    A problem that was saved without a name has that of its file.
+
     Args:
         name: a name, or the path of a file: a ``Path``, or text that ends in .npz, or in .hdf5 or .h5 for FCLIB.
 
@@ -132,7 +134,7 @@ def load(name: str | Path) -> ContactProblem:
         PluginError: if a plugin offers the name but does not make a problem.
     """
     if is_path(name):
-        return read_fclib(name) if is_fclib_name(str(name)) else read_problem(Path(name))
+        return read_fclib(name) if is_fclib_name(str(name)) else _named(read_problem(Path(name)), Path(name))
     assert isinstance(name, str)
     if name in HARD_CASES:
         return hard_case(name)
@@ -148,6 +150,11 @@ def load(name: str | Path) -> ContactProblem:
     if name in SUITES["all"]:
         raise ProblemError(f"problem {name!r} is not generated yet; run: proxbench generate {name}")
     raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names())}")
+
+
+def _named(problem: ContactProblem, file: Path) -> ContactProblem:
+    """Return a problem that was saved without a name under that of its file."""
+    return problem.renamed(file.stem) if problem.name == UNNAMED else problem
 
 
 def suite(name: str) -> list[ContactProblem]:

@@ -27,6 +27,9 @@ CONTACTS_ONLY = 1
 
 SUFFIX = ".npz"
 
+AGAIN = "make it again with proxbench generate or save_problem"
+"""What helps with a file that is no problem."""
+
 _OF_LAWS = [field.name for field in fields(Laws)]
 
 
@@ -90,13 +93,13 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
-        raise ProblemError(f"{name} is damaged or no problem file: {error}; remove it and generate it again.") from None
+        raise ProblemError(f"{name} is damaged or no problem file: {error}; {AGAIN}.") from None
     except ProblemError:
         raise
     except (OSError, *DAMAGES):
-        raise ProblemError(f"{name} is damaged or no problem file; remove it and generate it again.") from None
+        raise ProblemError(f"{name} is damaged or no problem file; {AGAIN}.") from None
     if problem.digest != digest:
-        raise ProblemError(f"{name} does not match its digest; remove it and generate it again.")
+        raise ProblemError(f"{name} does not match its digest; {AGAIN}.")
     return problem
 
 

@@ -33,6 +33,9 @@ from .pieces import Pieces
 FREE_FALL = "free_fall"
 """The entry of the provenance with the velocity that free bodies gain in the problem's time step [m/s]."""
 
+UNNAMED = "unnamed"
+"""The name of a problem that was given none."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem:
@@ -53,7 +56,7 @@ class ContactProblem:
     laws: Laws
     matrix: sp.csr_array | None = None
     factors: Factors | None = None
-    name: str = "unnamed"
+    name: str = UNNAMED
     provenance: Mapping[str, str | int | float] = field(default_factory=dict)
     answer: Answer | None = None
     allow_asymmetric: bool = False

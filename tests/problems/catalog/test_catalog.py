@@ -3,8 +3,9 @@
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
-from proxbench.problems import ProblemError, load, suite
+from proxbench.problems import ContactProblem, ProblemError, load, suite
 from proxbench.problems.catalog.catalog import (
     FUNNEL_SIZES,
     MIXED_PILES,
@@ -84,6 +85,14 @@ def test_the_cache_folder_is_searched_and_can_be_moved(tmp_path: Path, monkeypat
     assert is_available("mine")
     assert "mine" in problem_names()
     assert load("mine").digest == hard_case("hard-groove").digest
+
+
+def test_a_file_without_a_name_has_that_of_the_file(tmp_path: Path) -> None:
+    problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3)
+    for given, name in (("", "wall"), ("kept", "kept")):
+        save_problem(problem.renamed(given) if given else problem, tmp_path / "wall.npz")
+        assert load(tmp_path / "wall.npz").name == name
+        assert load(tmp_path / "wall.npz").digest == problem.digest
 
 
 def test_a_damaged_file_in_the_cache_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
