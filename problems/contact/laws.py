@@ -49,6 +49,13 @@ ROWS_OF_KIND = np.array([1, 1, 2, 1, 1, 2, 3], dtype=np.int64)
 _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
 
 
+_UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
+"""Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
+
+_KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.name.lower().replace('_', ' ')})" for kind in LawKind)
+"""What a kind may be, for a message."""
+
+
 @dataclass(frozen=True, eq=False)
 class Laws:
     """All force laws of a problem, one entry per law, in row order.
@@ -88,8 +95,7 @@ class Laws:
         self._check()
 
     def _check(self) -> None:
-        known = ", ".join(f"{kind.value} ({kind.name.lower().replace('_', ' ')})" for kind in LawKind)
-        _require((self.kind >= 0) & (self.kind < len(LawKind)), "kind", self.kind, f"one of {known}")
+        _require((self.kind >= 0) & (self.kind < len(LawKind)), "kind", self.kind, _KNOWN)
         rows = np.zeros(len(self.kind), dtype=np.int64)
         np.cumsum(ROWS_OF_KIND[self.kind[:-1]], out=rows[1:])
         _require(self.first_row == rows, "first_row", self.first_row, "the row after the law before it")
@@ -100,7 +106,7 @@ class Laws:
         in_range = (self.partner >= -1) & (self.partner < len(self.kind))
         _require(in_range, "partner", self.partner, "the index of a law, or -1")
         _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a law without friction")
-        is_unilateral = np.append(self.kind == LawKind.UNILATERAL, True)  # the last entry answers for partner −1
+        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # the last entry answers for partner −1
         _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
         has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
         _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
@@ -117,25 +123,25 @@ class Laws:
     @cached_property
     def is_friction(self) -> NDArray[np.bool_]:
         """True for friction laws, sliding and rolling, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = (self.kind != LawKind.UNILATERAL) & (self.kind != LawKind.BILATERAL)
+        mask: NDArray[np.bool_] = (self.kind != _UNILATERAL) & (self.kind != _BILATERAL)
         return mask
 
     @cached_property
     def is_rolling(self) -> NDArray[np.bool_]:
         """True for rolling friction, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind >= LawKind.PLANAR_ROLLING
+        mask: NDArray[np.bool_] = self.kind >= _PLANAR_ROLLING
         return mask
 
     @cached_property
     def is_unilateral(self) -> NDArray[np.bool_]:
         """True for unilateral laws, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind == LawKind.UNILATERAL
+        mask: NDArray[np.bool_] = self.kind == _UNILATERAL
         return mask
 
     @cached_property
     def is_bilateral(self) -> NDArray[np.bool_]:
         """True for bilateral laws, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind == LawKind.BILATERAL
+        mask: NDArray[np.bool_] = self.kind == _BILATERAL
         return mask
 
     @property

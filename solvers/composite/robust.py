@@ -10,10 +10,10 @@ is left, redundant piles and stacks above all. So
 
 A window is as many sweeps as take about a fifth of the time of an interior point method, measured from 2 to 2400
 contacts. So what slow sweeps have wasted is little beside what follows, and a solve to 1e-8 that sweeps finish takes at
-most about 1.6 times as long as the other would have. On few rows Newton steps take no longer than a hundred sweeps:
-there they are tried after a first short window too, and sweeps go on where they lead no further. An impulse passes one
-joint a sweep, and Newton steps treat joints exactly: where there are any, the first window is shorter still. No
-decision depends on the tolerance, or on the clock but for its limits.
+most about 1.6 times as long as the other would have. On few rows Newton steps take no longer than a hundred sweeps,
+and where there are joints, of which an impulse passes one a sweep, they lead further: there they are tried after a
+first short window too, and sweeps go on where they are of no use. No decision depends on the tolerance, or on the clock
+but for its limits.
 """
 
 from dataclasses import dataclass, field, replace
@@ -36,8 +36,8 @@ from .sweeping import sweeps_for
 WINDOW, WINDOW_A_CONTACT = 400, 3
 """Sweeps of a window: the first, and the second for each contact."""
 
-SHORT_WINDOW, JOINT_WINDOW = 100, 10
-"""Sweeps of the first window where the systems of Newton steps are dense, and where there are joints."""
+SHORT_WINDOW = 60
+"""Sweeps of the first window where the systems of Newton steps are dense or there are joints."""
 
 FEW_STEPS = replace(SEARCHING, most_steps=8)
 """Newton steps from the last swept impulses, which know the states even where the residual has not fallen yet."""
@@ -124,9 +124,8 @@ class Window:
 def _windows(problem: ContactProblem) -> list[int]:
     """Return the lengths of windows, after each of which Newton steps are tried."""
     whole = WINDOW + WINDOW_A_CONTACT * problem.n_contacts
-    if problem.laws.is_bilateral.any():
-        return [JOINT_WINDOW, whole]
-    return [SHORT_WINDOW, whole] if problem.n_rows <= DENSE else [whole]
+    is_short = problem.n_rows <= DENSE or problem.laws.is_bilateral.any()
+    return [SHORT_WINDOW, whole] if is_short else [whole]
 
 
 def _stepped(relay: Relay, attempts: Attempts, latest: FloatArray, present: float) -> Solution | None:

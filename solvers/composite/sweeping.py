@@ -1,13 +1,16 @@
 """Which sweeps are fast on a problem: a choice by its size and its couplings alone.
 
-A single contact NSGS solves in one sweep. On many momentum halves the number of sweeps. Over the assembled matrix a
-sweep reads each pair of contacts of a body, over the factors each contact of it: on a slab that rests on five hundred
-the first takes two hundred times as long. Such a slab is all one contact to momentum, which only delays it. Where both
-forms read as much, the matrix needs fewer operations, and its sweeps have the safeguard for high friction.
+A contact that nothing else acts on NSGS solves in one sweep. On many momentum halves the number of sweeps. Over the
+assembled matrix a sweep reads each pair of contacts of a body, over the factors each contact of it: on a slab that
+rests on five hundred the first takes two hundred times as long. Such a slab is all one contact to momentum, which only
+delays it. Where both forms read as much, the matrix needs fewer operations, and its sweeps have the safeguard for high
+friction.
 """
 
 import numpy as np
+from numba import njit
 
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.problem import ContactProblem
 from ..prox.nsgs import NSGS
 from ..prox.safeguarded_sorprox import SafeguardedSORprox
@@ -24,6 +27,9 @@ RELAXATION = 1.5
 FIRST = (1.1, 0.8)
 """Relaxation and momentum for many spatial contacts."""
 
+UNCOUPLED = 0.0
+"""The density where no two contacts share a body."""
+
 DENSE, ONE_BODY = 1.5, 10.0
 """Sweeps go over the factors where the Delassus matrix has the first times their numbers, without momentum where it has
 the second times."""
@@ -31,9 +37,9 @@ the second times."""
 
 def sweeps_for(problem: ContactProblem) -> Sweeps:
     """Return the sweeps that are fast on problems like this one, by its size and couplings."""
-    if problem.n_contacts <= 1:
-        return NSGS()
     density = _density(problem)
+    if density == UNCOUPLED:
+        return NSGS()
     is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and density <= ONE_BODY
     relaxation, momentum = FIRST if is_many else (RELAXATION, 0.0)
     if density > DENSE:
@@ -42,9 +48,36 @@ def sweeps_for(problem: ContactProblem) -> Sweeps:
 
 
 def _density(problem: ContactProblem) -> float:
-    """Return the numbers that a sweep reads over the assembled matrix, relative to one over the factors."""
-    if problem.factors is None:
-        return 1.0
+    """Return the numbers that a sweep reads over the assembled matrix, relative to one over the factors.
+
+    It is ``UNCOUPLED`` where each contact has bodies, or a block of the matrix, of its own.
+    """
+    if problem.matrix is not None:
+        matrix = problem.matrix
+        return 1.0 if _couples(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row) else UNCOUPLED
     pieces = problem.factor_pieces()
-    on_chunk = np.bincount(pieces.chunks, minlength=pieces.n_chunks)[: pieces.n_chunks].astype(np.float64)
-    return float(pieces.width**2 * (on_chunk @ on_chunk) / max(2.0 * pieces.values.size, 1.0))
+    most, pairs = _counted(pieces.chunks, pieces.n_chunks)
+    return UNCOUPLED if most <= 1 else pieces.width**2 * pairs / max(2.0 * pieces.values.size, 1.0)
+
+
+@njit(cache=True)
+def _couples(starts: IntArray, columns: IntArray, values: FloatArray, contact_of_row: IntArray) -> bool:
+    """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
+    for row in range(len(contact_of_row)):
+        for place in range(starts[row], starts[row + 1]):
+            if contact_of_row[columns[place]] != contact_of_row[row] and values[place] != 0.0:
+                return True
+    return False
+
+
+@njit(cache=True)
+def _counted(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
+    """Return how many pieces a chunk has at most, and how many pairs of pieces share one."""
+    counts = np.zeros(n_chunks + 1)
+    for chunk in chunks:
+        counts[chunk] += 1.0
+    most, pairs = 0.0, 0.0
+    for count in counts[:n_chunks]:
+        most = max(most, count)
+        pairs += count * count
+    return int(most), pairs

@@ -1,0 +1,39 @@
+"""The sweeps that Robust begins with, by sizes and couplings."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, judge, load
+from proxbench.solvers import Stop
+from proxbench.solvers.composite.sweeping import sweeps_for
+from proxbench.solvers.prox.nsgs import NSGS
+from scipy.linalg import block_diag
+
+
+def by_matrix(coupling: float) -> ContactProblem:
+    """Return two spatial contacts, coupled by one entry of G."""
+    matrix = block_diag(np.eye(3), np.eye(3))
+    matrix[0, 3] = matrix[3, 0] = coupling
+    return ContactProblem.from_delassus(matrix, [-1.0, 0.1, 0.0, -1.0, 0.0, 0.1], 0.3)
+
+
+def by_factors(coupling: float) -> ContactProblem:
+    """Return two spatial contacts on a body each, of which the second also touches the first."""
+    directions = np.eye(6)
+    directions[0, 3] = coupling
+    return ContactProblem.from_factors(directions, np.ones(6), [-1.0, 0.1, 0.0, -1.0, 0.0, 0.1], 0.3)
+
+
+@pytest.mark.parametrize("make", [by_matrix, by_factors])
+def test_contacts_that_share_no_body_are_solved_one_by_one(make: Callable[[float], ContactProblem]) -> None:
+    apart, together = make(0.0), make(0.5)
+    assert isinstance(sweeps_for(apart), NSGS)
+    assert not isinstance(sweeps_for(together), NSGS)
+
+
+@pytest.mark.parametrize("name", ["hard-touching", "hard-many-rods", "hard-scattered-100", "hard-inclines-30"])
+def test_one_sweep_over_contacts_of_their_own_is_exact(name: str) -> None:
+    problem = load(name)
+    solution = sweeps_for(problem).prepare(problem).solve(Stop(1e-10, max_iterations=1))
+    assert judge(problem, solution.impulses).residual <= 1e-10
