@@ -3,8 +3,10 @@
 import inspect
 from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+from ..problems.catalog.catalog import load
 from ..problems.catalog.plugins import Offer, offers
 from ..problems.contact.problem import ContactProblem
 from ..problems.errors import suggestion
@@ -180,18 +182,25 @@ def parse(text: str) -> Name:
     return read_name(text, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
-def solve(problem: ContactProblem, solver: str | Solver = "Robust", tolerance: float = 1e-6, **limits: Any) -> Solution:
+def solve(
+    problem: ContactProblem | str | Path, solver: str | Solver = "Robust", tolerance: float = 1e-6, **limits: Any
+) -> Solution:
     """Solve one problem: ``solve(problem, tolerance=1e-6)``, or ``solve(problem, "SORprox")``.
 
     Args:
-        problem: the contact problem.
+        problem: the contact problem, or what ``load`` takes: its name, or the path of its file.
         solver: a solver, or its name; ``Robust`` sweeps while that is fast, and goes on with other methods.
         tolerance: the judge's residual to reach.
         limits: max_iterations, max_seconds.
 
     Raises:
-        SolverError: for an unknown solver or option.
+        SolverError: for an unknown solver or option, or what is no problem.
+        ProblemError: from ``load``.
     """
+    if isinstance(problem, str | Path):
+        problem = load(problem)
+    if not isinstance(problem, ContactProblem):
+        raise SolverError(f"a problem is a ContactProblem or its name, not {type(problem).__name__}.")
     method = create(solver) if isinstance(solver, str) else solver
     reason = method.supports(problem)
     if reason:

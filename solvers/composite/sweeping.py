@@ -7,8 +7,11 @@ delays it. Where both forms read as much, the matrix needs fewer operations, and
 friction.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.problem import ContactProblem
@@ -61,7 +64,7 @@ def _density(problem: ContactProblem) -> float:
 
 
 @njit(cache=True)
-def _couples(starts: IntArray, columns: IntArray, values: FloatArray, contact_of_row: IntArray) -> bool:
+def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
     """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
     for row in range(len(contact_of_row)):
         for place in range(starts[row], starts[row + 1]):

@@ -1,7 +1,11 @@
 """Names become solvers, with parts, and solvers name themselves so."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
-from proxbench.solvers import Solver, SolverError, available, create
+from proxbench.problems import ProblemError, load, save_problem
+from proxbench.solvers import Solver, SolverError, available, create, solve
 from proxbench.solvers.registry import composites, find, plain_names
 
 NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, iterations=10), warm_iterations=7)"
@@ -49,3 +53,18 @@ def test_all_names_in_a_name_are_known() -> None:
 def test_a_name_that_makes_no_solver_says_why(name: str, reason: str) -> None:
     with pytest.raises(SolverError, match=reason):
         create(name)
+
+
+def test_a_problem_is_solved_by_its_name_and_from_its_file(tmp_path: Path) -> None:
+    problem = load("hard-groove")
+    save_problem(problem, tmp_path / "groove.npz")
+    expected = solve(problem).impulses
+    for given in ("hard-groove", tmp_path / "groove.npz", str(tmp_path / "groove.npz")):
+        np.testing.assert_array_equal(solve(given).impulses, expected)
+
+
+def test_what_is_no_problem_is_refused() -> None:
+    with pytest.raises(SolverError, match="a problem is a ContactProblem or its name, not ndarray"):
+        solve(np.eye(3))  # type: ignore[arg-type]
+    with pytest.raises(ProblemError, match="there is no problem 'funel-30'; did you mean 'funnel-30'"):
+        solve("funel-30")
