@@ -20,7 +20,7 @@ from ..problems.catalog.catalog import (
 )
 from ..problems.catalog.storage import SUFFIX, save_problem
 from ..problems.contact.problem import FREE_FALL, ContactProblem
-from ..problems.errors import ProblemError, suggestion
+from ..problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
 from ..problems.hard import HARD_CASES
 from ..problems.hard.spheres import with_rolling_friction
 from ..problems.mechanics.mixed_friction import MixedFriction
@@ -139,7 +139,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
                 f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
             )
         if name not in RECIPES and name not in of_plugins:
-            raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names())}")
+            raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
     target = folder if folder is not None else cache_folder()
     made = (plugin_problem(name) for name in names if name in of_plugins)
     for problem in chain(made, remade(name for name in names if name not in of_plugins)):

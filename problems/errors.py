@@ -31,18 +31,31 @@ class PluginError(ProxbenchError, ValueError):
 
 
 MOST_NAMES = 12
-"""Known names that a sentence lists; of more it says how many there are, and where they stand."""
+"""Known names that a sentence lists; of more it says how many there are."""
+
+ALIKE = 0.6
+"""Likeness from which on one name may be meant by another, as difflib counts it."""
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or else the known names if few."""
+PROBLEMS_LISTED = "proxbench list problems --suite all"
+"""The command that lists all problems."""
+
+
+def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
+    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or else the known names if few.
+
+    Args:
+        name: what was given.
+        known: what could have been.
+        listed_by: the command that lists them where they are many.
+    """
     names = sorted(known)
     lowered = {candidate.lower(): candidate for candidate in names}
-    close = get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
+    close = get_close_matches(name.lower(), lowered, n=1, cutoff=ALIKE)
     if close:
         return f"; did you mean {lowered[close[0]]!r}?"
     if len(names) > MOST_NAMES:
-        return f"; {len(names)} are known, and proxbench list names them."
+        return f"; {len(names)} are known{listed_by and f', and {listed_by} lists them'}."
     return f"; known are {', '.join(names)}." if names else "; none are known."
 
 

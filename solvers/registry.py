@@ -164,7 +164,7 @@ def _offer(name: str) -> Offer:
         if offer.name == name:
             return offer
     usable = [offer.name for offer in found if not offer.refusal]
-    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_OWN, *usable])}")
+    raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_OWN, *usable], 'proxbench list solvers')}")
 
 
 def _plugin_factory(offer: Offer) -> Any:

@@ -98,17 +98,17 @@ def _usage_sentence(error: TyperException) -> str:
     """Say what is wrong with the command line, with the nearest name where a command or an option is unknown."""
     from ...problems.errors import suggestion
 
+    where = getattr(getattr(error, "ctx", None), "command_path", "proxbench")
     message = error.format_message().rstrip(".").partition(" (Possible")[0]
     command = getattr(getattr(error, "ctx", None), "command", None)
     option = getattr(error, "option_name", None)
     if option is not None and command is not None and message.startswith("No such option"):
         known = [name for parameter in command.params for name in parameter.opts]
-        return f"there is no option {option}{suggestion(option, known)}"
+        return f"there is no option {option}{suggestion(option, known, f'{where} -h')}"
     commands = getattr(command, "commands", None)
     if message.startswith("No such command") and commands:
         wrong = message.split("'")[1]
-        return f"there is no command {wrong!r}{suggestion(wrong, commands)}"
-    where = getattr(getattr(error, "ctx", None), "command_path", "proxbench")
+        return f"there is no command {wrong!r}{suggestion(wrong, commands, 'proxbench -h')}"
     return f"{message}; see {where} --help"
 
 

@@ -12,6 +12,9 @@ from rich.text import Text
 
 from ..measure.execution.events import Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
 
+LOADING = "loading kernels; the first time they are compiled, for about a minute"
+"""What a run does before the first solver starts."""
+
 
 class _Bar(Progress):
     """A progress bar below what there is to see so far."""
@@ -78,6 +81,8 @@ class RunProgress(ProgressBar):
         """Show one event."""
         if isinstance(event, RunStarted):
             self._folder = event.run_dir
+            if event.done < event.total:
+                self._bar.update(self._task, description=LOADING)
         elif isinstance(event, ProblemStarted):
             self.name(f"{event.problem}{_pass(event)}")
         elif isinstance(event, PointFinished):

@@ -10,7 +10,7 @@ from . import options
 
 def record(
     problem: Annotated[
-        str, typer.Argument(metavar="PROBLEM|FILE", help="Problem to solve, or file of a simulation (.npz).")
+        str, typer.Argument(metavar="PROBLEM|FILE", help="Problem to solve, or file of one or of a simulation.")
     ],
     solver: options.Solvers = None,
     output: Annotated[
@@ -33,10 +33,11 @@ def record(
     from ..recordings.solves import record_solves
     from ..recordings.still import refuse_still, write_still
     from ..report.layout.text import print_json
+    from ..simulation.file import is_result
     from .simulation.show import record_simulation
 
     options.refuse_two_prints(quiet, as_json)
-    is_simulation = problem.endswith(".npz")
+    is_simulation = problem.endswith(".npz") and is_result(Path(problem))
     _refuse_contradictions(problem, is_simulation, solver, output)
     if still is not None:
         refuse_still(still, force)

@@ -22,7 +22,8 @@ from .supervisor import NUMBER, keep
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
-_REQUEST = b"F"
+_REQUEST, _READY = b"F", b"R"
+"""What a client asks for: a supervisor, or whether all is loaded."""
 
 _N_DESCRIPTORS = 3
 """Open files that every request brings: the case's pipe, its supervisor's orders, and the file for its output."""
@@ -115,6 +116,17 @@ class _Server:
         orders.close()
         return None
 
+    def load(self) -> None:
+        """Wait until everything is loaded; if that is interrupted, kill it."""
+        try:
+            with contextlib.suppress(OSError):
+                self._socket.send(_READY)
+                if is_readable(self._socket.fileno(), START_SECONDS):
+                    self._socket.recv(len(_READY))
+        except BaseException:
+            self._process.kill()
+            raise
+
     def end(self) -> None:
         """Let it end."""
         self._socket.close()
@@ -128,6 +140,19 @@ class _Server:
 _server: _Server | None = None
 
 _lock = threading.Lock()
+
+
+def load_server() -> None:
+    """Start the server if there is none, and wait until it has loaded everything.
+
+    Kernels that are not in numba's cache yet are compiled there, for about a minute. Whatever goes wrong is told by
+    ``fork_supervisor``.
+    """
+    global _server
+    with _lock:
+        if _server is None or _server.client != os.getpid():
+            _server = _Server()
+            _server.load()
 
 
 def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
@@ -167,7 +192,10 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
     while True:
-        _, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
+        request, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
+        if request == _READY:
+            requests.send(_READY)
+            continue
         try:
             assignment: Assignment = pickle.loads(read_message(requests.fileno()))
         except EOFError:  # the client is gone

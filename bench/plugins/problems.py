@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...problems.catalog.catalog import is_available, is_held, load, plugin_problems, problem_names
 from ...problems.contact.problem import ContactProblem
-from ...problems.errors import ProblemError, suggestion
+from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
 from ..errors import BenchError
 from ..plugins.describing import plugin_problem
 from ..store.records import RunRecord
@@ -35,7 +35,7 @@ def check_known(names: Iterable[str]) -> None:
     known = problem_names()
     for name in names:
         if name not in known:
-            raise ProblemError(f"there is no problem {name!r}{suggestion(name, known)}")
+            raise ProblemError(f"there is no problem {name!r}{suggestion(name, known, PROBLEMS_LISTED)}")
 
 
 def check_numbers(problem: ContactProblem) -> None:

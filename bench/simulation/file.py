@@ -10,6 +10,7 @@ Every write replaces the whole file, so whatever happens, the last complete one 
 """
 
 import json
+import zipfile
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -143,6 +144,21 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     except _UNREADABLE:
         raise _damaged(path) from None
     return simulation
+
+
+def is_result(path: Path) -> bool:
+    """Whether a .npz file holds a simulation, by the names of its arrays, or else a problem.
+
+    Raises:
+        BenchError: if it is missing or damaged.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "steps.npy" in archive.namelist()
+    except FileNotFoundError:
+        raise BenchError(f"there is no file {path}.") from None
+    except (OSError, *_UNREADABLE, zipfile.BadZipFile):
+        raise BenchError(f"{path} is damaged: it holds neither a simulation nor a problem.") from None
 
 
 def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:

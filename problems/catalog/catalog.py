@@ -15,7 +15,7 @@ from pathlib import Path
 
 from .. import library
 from ..contact.problem import UNNAMED, ContactProblem
-from ..errors import PluginError, ProblemError, first_line, suggestion
+from ..errors import PROBLEMS_LISTED, PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
 from .plugins import Offer, offers
@@ -149,7 +149,7 @@ def load(name: str | Path) -> ContactProblem:
         return read_problem(_cached(name))
     if name in SUITES["all"]:
         raise ProblemError(f"problem {name!r} is not generated yet; run: proxbench generate {name}")
-    raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names())}")
+    raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
 
 
 def _named(problem: ContactProblem, file: Path) -> ContactProblem:

@@ -6,13 +6,13 @@ from typing import Any
 
 from ..interface import SolverError
 
-INSTALL = 'pip install "proxbench[peers]"'
+INSTALL = 'pip install ".[peers]"'
 """The command that installs the libraries of all outside solvers."""
 
 
 def missing(module: str) -> str:
     """Say what is missing and how it is installed; empty if the module is there."""
-    return "" if find_spec(module) is not None else f"{module} is not installed; run: {INSTALL}"
+    return "" if find_spec(module) is not None else f"{module} is not installed; run {INSTALL} in a clone of proxbench"
 
 
 def check_installed(solver: str, module: str) -> None:

@@ -27,7 +27,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
     try:
         import distributed
     except ImportError:
-        raise BenchError('dask is not installed; install it with: pip install "proxbench[dask]"') from None
+        raise BenchError('dask is not installed; run pip install ".[dask]" in a clone of proxbench') from None
     dask: Any = distributed  # its classes have no types
     with ExitStack() as opened:
         try:

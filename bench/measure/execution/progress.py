@@ -17,6 +17,7 @@ from ....problems.catalog.catalog import is_available
 from ....problems.catalog.storage import problem_bytes
 from ...errors import InterruptedRunError
 from ...generate import generate
+from ...isolation.fork_server import load_server
 from ...plugins.contestants import Contestant
 from ...plugins.problems import carry, problem_of
 from ...store.conversion import content_of, record_of
@@ -64,6 +65,8 @@ class Progress:
                 self._cases[problem][solver] = case
         count = len(plan.problems) * len(plan.solvers)
         self._done = sum(plan.has_finished(case) for case in stored.values())
+        if self._done < count:
+            self._note_machine()
         self._on_event(RunStarted(self._store.folder, count, self._done))
         try:
             self._generate()
@@ -77,7 +80,9 @@ class Progress:
 
     def _measure(self) -> None:
         """Measure what is left, and then more of what is uncertain, in a session of its own."""
-        self._note_machine()
+        load_server()
+        if not self._session.calibration_seconds:  # there was nothing to measure before cases were forgotten
+            self._note_machine()
         began = time.monotonic()
         self._measure_passes()
         if not self._record.plan.trajectories:

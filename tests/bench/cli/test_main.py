@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from proxbench.bench import load
 from proxbench.bench.cli.main import run_command
+from proxbench.problems import load as load_problem
+from proxbench.problems import save_problem
 from proxbench.problems.scenes.registry import SCENES
 
 
@@ -101,6 +103,31 @@ def test_a_quiet_matrix_prints_where_its_page_is(capsys: pytest.CaptureFixture[s
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == (f"matrix   {page}\n", "")
     assert "hard-groove" in page.read_text()
+
+
+def test_the_file_of_a_problem_is_recorded_as_its_name_is(tmp_path: Path) -> None:
+    save_problem(load_problem("hard-groove"), tmp_path / "groove.npz")
+    line = f"record {tmp_path}/groove.npz --solver SORprox --quiet --output {tmp_path}/groove.rrd"
+    assert run_command(line.split()) == 0
+    assert (tmp_path / "groove.rrd").is_file()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"), [(None, "there is no file x.npz"), (b"PK", "neither a simulation nor a problem")]
+)
+def test_what_is_no_file_to_record_is_said(
+    content: bytes | None,
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        Path("x.npz").write_bytes(content)
+    assert run_command(["record", "x.npz", "--solver", "SORprox", "--output", "x.rrd"]) == 2
+    assert words in capsys.readouterr().err
+    assert not Path("x.rrd").exists()
 
 
 def test_a_quiet_recording_prints_how_it_is_watched(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", peers())
 def test_the_sentence_names_solver_library_and_command(name: str) -> None:
     with pytest.raises(
-        SolverError, match=rf'{name} cannot be used: pinocchio is not installed; run: pip install "prox'
+        SolverError, match=rf'{name} cannot be used: pinocchio is not installed; run pip install "\.\[peers\]"'
     ):
         create(name)
 
@@ -28,7 +28,7 @@ def test_the_sentence_names_solver_library_and_command(name: str) -> None:
 @pytest.mark.usefixtures("bare")
 def test_solvers_are_listed_with_what_they_lack(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["list", "solvers", "PinocchioADMM"]) == 0
-    assert 'pinocchio is not installed; run: pip install "proxbench[peers]"' in " ".join(
+    assert 'pinocchio is not installed; run pip install ".[peers]" in a clone of proxbench' in " ".join(
         capsys.readouterr().out.split()
     )
 

@@ -24,7 +24,7 @@ N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "8"))
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(BenchError, match="dask is not installed; install it with: pip"), dask_executor("local"):
+    with pytest.raises(BenchError, match="dask is not installed; run pip"), dask_executor("local"):
         pass
 
 
