@@ -35,6 +35,25 @@ def marked(rounds: Sequence[Round]) -> list[Round]:
     return [replace(one, is_marred=one.is_disturbed and not are_own_waits) for one in rounds]
 
 
+def marked_together(points: Sequence[Point]) -> list[Point]:
+    """Return the points of a case with their disturbed rounds marked, also where all rounds of a point are.
+
+    A solver waits by itself if all rounds of all its points on a problem waited, and else other programs were at work.
+    """
+    if all(one.is_disturbed for point in points for one in point.rounds):
+        return list(points)
+    return [
+        replace(point, measured=replace(point.measured, rounds=[_marked(one) for one in point.rounds]))
+        if point.measured is not None and any(one.is_disturbed is not one.is_marred for one in point.rounds)
+        else point
+        for point in points
+    ]
+
+
+def _marked(one: Round) -> Round:
+    return replace(one, is_marred=one.is_disturbed)
+
+
 def joined(before: Point, now: Point) -> Point:
     """Return a point of the rounds of both; the worse outcome with its reason counts, and the worse answer.
 

@@ -23,7 +23,7 @@ from ...store.outcome import Outcome, claim_reason, late_reason, point_outcome, 
 from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
 from ..pace import free_probe_seconds, free_share, slowness
-from ..points import joined, times_of, with_impulses_at_the_finest
+from ..points import joined, marked_together, times_of, with_impulses_at_the_finest
 from .clock_account import ClockAccount
 from .control import THOROUGH, Controls, Solve, explains
 from .protocol import TIMED, MeasuringTask, medians_on_free_core, round_fault
@@ -258,7 +258,7 @@ class Case(LadderCase):
         In later rounds this is done again where one is faster than that first solve explains.
         """
         super().add_point(level, answers)
-        self.points = with_impulses_at_the_finest(self.points)
+        self.points = marked_together(with_impulses_at_the_finest(self.points))
         point = self.points[level]
         measured = point.measured
         if measured is None or not point.is_repeated or point.outcome is Outcome.WRONG or not self.problem.n_rows:

@@ -129,10 +129,9 @@ def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def _undisturbed(rounds: pd.DataFrame) -> pd.DataFrame:
-    """Return the rounds that are not marred, all of a point where there are no others."""
-    timed = rounds[rounds["total_seconds"] > 0.0]
-    all_marred = timed.groupby([*CASE, "tolerance"])["is_marred"].transform("all").astype(bool)
-    return timed[~timed["is_marred"].astype(bool) | all_marred]
+    """Return the rounds that are not marred; a point that others disturbed in all of its rounds compares with none."""
+    timed: pd.DataFrame = rounds[(rounds["total_seconds"] > 0.0) & ~rounds["is_marred"].astype(bool)]
+    return timed
 
 
 def _cases(points: pd.DataFrame) -> pd.DataFrame:

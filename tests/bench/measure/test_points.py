@@ -1,7 +1,7 @@
 """Points of several passes: the worse end and answer count, and limits that others caused are forgotten."""
 
 import pytest
-from proxbench.bench.measure.points import joined, marked
+from proxbench.bench.measure.points import joined, marked, marked_together
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Point, Round
 from stored_cases import measured_in, timed_round
@@ -54,6 +54,16 @@ def test_a_round_that_others_disturbed_does_not_count() -> None:
 
 def test_a_solver_that_always_waits_is_not_disturbed() -> None:
     assert not any(one.is_marred for one in marked([one_round(number, cpu=0.1) for number in range(3)]))
+
+
+def test_a_point_is_disturbed_in_all_its_rounds_if_others_of_the_case_did_not_wait() -> None:
+    waited, calm = (joined(point(one_round(0, cpu=cpu)), point(one_round(1, cpu=cpu))) for cpu in (0.5, 1.0))
+    assert not any(one.is_marred for one in waited.rounds)
+    assert [[one.is_marred for one in found.rounds] for found in marked_together([waited, calm])] == [
+        [True] * 2,
+        [False] * 2,
+    ]
+    assert marked_together([waited, waited]) == [waited, waited]
 
 
 def test_a_time_limit_that_others_caused_is_forgotten() -> None:
