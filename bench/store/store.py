@@ -63,7 +63,8 @@ class Store:
             BenchError: if it is none.
         """
         if not (folder / RUN_FILE).is_file():
-            raise BenchError(f"{folder} is no stored run (it has no run.json); name the folder of a run.")
+            why = "there is nothing of that name" if not folder.exists() else "it has no run.json"
+            raise BenchError(f"{folder} is no stored run ({why}); name the folder of a run.")
         return Store(folder)
 
     def refuse_second(self) -> None:
@@ -188,7 +189,7 @@ class Store:
                     raise BenchError(f"{file.name} holds another case than its name says.")
                 cases.append(case)
             except BenchError as error:
-                damaged.append(f"{file.name} is left out: {error}")
+                damaged.append(f"a case is left out: {error}")
         return cases, damaged
 
 

@@ -236,7 +236,8 @@ class _Outer:
         return None
 
     def _so_far(self) -> str:
-        return f"residual {self.lowest:.1e} after {self.iteration} cone programs of {self._inner} steps"
+        programs = "cone program" if self.iteration == 1 else "cone programs"
+        return f"residual {self.lowest:.1e} after {self.iteration} {programs} of {self._inner} steps"
 
 
 def _alpha(problem: ContactProblem) -> FloatArray:

@@ -89,7 +89,8 @@ def read_members(path: Path) -> dict[str, bytes]:
     """
     try:
         if not path.is_file():
-            raise BenchError(f"there is no bundle {path}; name a file of proxbench bundle.")
+            said = f"{path} is a folder and no bundle" if path.is_dir() else f"there is no bundle {path}"
+            raise BenchError(f"{said}; name a file of proxbench bundle.")
         with path.open("rb") as file:
             members = _unpacked(file, path)
     except OSError as error:
