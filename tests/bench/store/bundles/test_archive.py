@@ -147,8 +147,10 @@ def test_a_file_that_is_no_bundle_is_refused(content: bytes, tmp_path: Path) -> 
     (tmp_path / "a").write_bytes(content)
     with pytest.raises(BenchError, match="no bundle"):
         read_members(tmp_path / "a")
-    with pytest.raises(BenchError, match="there is no bundle"):
+    with pytest.raises(BenchError, match="is a folder and no bundle"):
         read_members(tmp_path)
+    with pytest.raises(BenchError, match="there is no bundle"):
+        read_members(tmp_path / "b")
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
