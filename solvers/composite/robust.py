@@ -36,7 +36,7 @@ from .sweeping import sweeps_for
 WINDOW, WINDOW_A_CONTACT = 400, 3
 """Sweeps of a window: the first, and the second for each contact."""
 
-SHORT_WINDOW = 60
+SHORT_WINDOW = 90
 """Sweeps of the first window where the systems of Newton steps are dense or there are joints."""
 
 FEW_STEPS = replace(SEARCHING, most_steps=8)
