@@ -38,16 +38,20 @@ DENSE, ONE_BODY = 1.5, 10.0
 the second times."""
 
 
+ALONE, SAFEGUARDED = NSGS(), SafeguardedSORprox(RELAXATION)
+"""The sweeps of small problems, made once: making them takes as long as some of their sweeps."""
+
+
 def sweeps_for(problem: ContactProblem) -> Sweeps:
     """Return the sweeps that are fast on problems like this one, by its size and couplings."""
     density = _density(problem)
     if density == UNCOUPLED:
-        return NSGS()
+        return ALONE
     is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and density <= ONE_BODY
     relaxation, momentum = FIRST if is_many else (RELAXATION, 0.0)
     if density > DENSE:
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
-    return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SafeguardedSORprox(relaxation)
+    return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED
 
 
 def _density(problem: ContactProblem) -> float:
@@ -55,6 +59,8 @@ def _density(problem: ContactProblem) -> float:
 
     It is ``UNCOUPLED`` where each contact has bodies, or a block of the matrix, of its own.
     """
+    if problem.n_contacts <= 1:
+        return UNCOUPLED
     if problem.matrix is not None:
         matrix = problem.matrix
         return 1.0 if _couples(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row) else UNCOUPLED
