@@ -94,6 +94,10 @@ def _say(sentence: str, code: int) -> int:
     return code
 
 
+_TAKEN = {"Input should be a valid integer": "a whole number", "Input should be a valid number": "a number"}
+"""What an option takes, by how a library begins to say that it got something else."""
+
+
 def _usage_sentence(error: TyperException) -> str:
     """Say what is wrong with the command line, with the nearest name where a command or an option is unknown."""
     from ...problems.errors import suggestion
@@ -105,6 +109,9 @@ def _usage_sentence(error: TyperException) -> str:
     if option is not None and command is not None and message.startswith("No such option"):
         known = [name for parameter in command.params for name in parameter.opts]
         return f"there is no option {option}{suggestion(option, known, f'{where} -h')}"
+    taken = next((words for began, words in _TAKEN.items() if str(getattr(error, "message", "")).startswith(began)), "")
+    if taken:
+        return f"{error.param.opts[0]} takes {taken}; see {where} -h"  # type: ignore[attr-defined]
     commands = getattr(command, "commands", None)
     if message.startswith("No such command") and commands:
         wrong = message.split("'")[1]

@@ -36,7 +36,8 @@ async function render() {
   const parts = chosen.split ? byFamily(view) : [{ family: "", ...view }];
   place("counts").textContent =
     `${view.problems.length} of ${run.problems.length} problems, ${view.solvers.length} of ${run.solvers.length} solvers, ` +
-    `to a ${run.run.residual} residual of ${power(view.accuracy)}`;
+    `to a ${run.run.residual} residual of ${power(view.accuracy)}` +
+    (view.problems.length && view.solvers.length ? "" : ": nothing matches the filters, choose more of them");
   place("key").replaceChildren(...view.solvers.map((solver) => element("span", {}, swatch(run.solvers[solver]), run.solvers[solver].name)));
   place("baseline-name").textContent = run.solvers[view.baseline].name;
   const tables = { summary: summaryTable, budgets: budgetsTable, families: familiesTable, problems: problemsTable, endings: endingsTable };

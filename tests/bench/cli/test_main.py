@@ -19,6 +19,8 @@ from proxbench.problems.scenes.registry import SCENES
     [
         ("rnu", "'run'"),
         ("run --suit quick", "'--suite'"),
+        ("run --tolerance abc", "--tolerance takes a number; see proxbench run -h"),
+        ("run --passes 1.5", "--passes takes a whole number; see proxbench run -h"),
         ("run --suite quik", "'quick'"),
         ("run --solver SORprx", "'SORprox'"),
         ("run --solver SORprox(relaxtion=1)", "'relaxation'"),

@@ -172,6 +172,8 @@ def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, refer
     uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
     assert browser.errors == []
     assert browser.evaluate("proxbench.figures.performance.rows().length") == 0
+    counts = browser.evaluate("document.getElementById('counts').textContent")
+    assert counts.endswith(": nothing matches the filters, choose more of them")
     uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
     assert browser.evaluate("proxbench.figures.performance.rows().length") > 0
     assert browser.errors == []
