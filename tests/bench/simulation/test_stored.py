@@ -164,13 +164,13 @@ def test_the_step_that_led_to_a_state_has_its_contacts_and_impulses(pour: Callab
     )
 
 
-@pytest.mark.parametrize("line", ["report none.npz", "record none.npz"])
+@pytest.mark.parametrize(("line", "kind"), [("report none.npz", "result file"), ("record none.npz", "file")])
 def test_a_result_that_is_missing_is_named(
-    line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    line: str, kind: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run_command(line.split()) == 2
-    assert "there is no result file none.npz" in capsys.readouterr().err
+    assert f"there is no {kind} none.npz" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
