@@ -189,7 +189,7 @@ class Store:
                     raise BenchError(f"{file.name} holds another case than its name says.")
                 cases.append(case)
             except BenchError as error:
-                damaged.append(f"a case is left out: {error}")
+                damaged.append(f"{file.name} is left out: {error}")
         return cases, damaged
 
 
