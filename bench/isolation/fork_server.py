@@ -148,11 +148,16 @@ def load_server() -> None:
     Kernels that are not in numba's cache yet are compiled there, for about a minute. Whatever goes wrong is told by
     ``fork_supervisor``.
     """
-    global _server
     with _lock:
-        if _server is None or _server.client != os.getpid():
-            _server = _Server()
-            _server.load()
+        _running().load()
+
+
+def _running() -> _Server:
+    """Return the server of this process, started if there is none."""
+    global _server
+    if _server is None or _server.client != os.getpid():
+        _server = _Server()
+    return _server
 
 
 def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
@@ -169,12 +174,11 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
     content = pickle.dumps(assignment)
     with _lock:
         for _ in range(_ATTEMPTS):
-            if _server is None or _server.client != os.getpid():
-                _server = _Server()
-            link = _server.fork(content, output)
+            server = _running()
+            link = server.fork(content, output)
             if link is not None:
                 return link
-            _server.end()
+            server.end()
             _server = None
     raise OSError("the server that starts processes ends at once")
 

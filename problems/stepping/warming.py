@@ -46,16 +46,21 @@ class WarmClock:
 
     def step(self, stepper: Moreau, state: State) -> tuple[Step, float]:
         """Take one step; return it with its wall time [s]."""
-        while True:
-            worked = self._compiler.n_times
-            with event.install_listener(COMPILER, self._compiler):
-                began = perf_counter()
-                step = stepper.step(state)
-                seconds = perf_counter() - began
-            kind = (step.contacts is not None, len(state.keys) > 0, _is_projected(stepper, state, step))
-            if kind in self._known and self._compiler.n_times == worked:
-                return step, seconds
+        step, seconds, compiled = self._timed(stepper, state)
+        kind = (step.contacts is not None, len(state.keys) > 0, _is_projected(stepper, state, step))
+        if compiled or kind not in self._known:
             self._known.add(kind)
+            step, seconds, _ = self._timed(stepper, state)
+        return step, seconds
+
+    def _timed(self, stepper: Moreau, state: State) -> tuple[Step, float, bool]:
+        """Take one step; return it with its wall time [s], and whether the compiler was at work in it."""
+        before = self._compiler.n_times
+        with event.install_listener(COMPILER, self._compiler):
+            began = perf_counter()
+            step = stepper.step(state)
+            seconds = perf_counter() - began
+        return step, seconds, self._compiler.n_times > before
 
 
 def _is_projected(stepper: Moreau, state: State, step: Step) -> bool:
