@@ -36,7 +36,6 @@ MOST_NAMES = 12
 ALIKE = 0.6
 """Likeness from which on one name may be meant by another, as difflib counts it."""
 
-
 PROBLEMS_LISTED = "proxbench list problems --suite all"
 """The command that lists all problems."""
 

@@ -22,7 +22,6 @@ LONGEST_REASON = 2000
 MOST_AT_ONCE = 4
 """Cases that begin at the same time, on a machine with as many cores."""
 
-
 INTERRUPT_SECONDS = 0.05
 """Time after which cases that begin are told again to end [s]."""
 

@@ -102,10 +102,10 @@ class PlanRecord(Record, frozen=True, kw_only=True):
 
     def has_finished(self, case: "CaseRecord") -> bool:
         """Whether nothing of a case is left to measure."""
-        if not self.has_tried(case) or case.outcome is not Outcome.MEASURED:
-            return self.has_tried(case)
+        if case.outcome is not Outcome.MEASURED:
+            return True
         repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_marred, case.points)
-        return all(point.n_passes >= self.passes for point in repeated)
+        return self.has_tried(case) and all(point.n_passes >= self.passes for point in repeated)
 
     def has_tried(self, case: "CaseRecord") -> bool:
         """Whether a case has come to the end of its ladder at least once, or to an end of its own before."""

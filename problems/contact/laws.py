@@ -48,7 +48,6 @@ ROWS_OF_KIND = np.array([1, 1, 2, 1, 1, 2, 3], dtype=np.int64)
 
 _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
 
-
 _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
 """Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
 

@@ -16,7 +16,6 @@ from .variable_step import VariableStep
 MOST_STEPS = 200
 """Accepted steps that a variable stepper takes at most to warm up: balls have fallen on each other by then."""
 
-
 COMPILER = "numba:compiler_lock"
 """What numba calls its compiler at work: whatever compiles a kernel or loads it from its cache takes this lock."""
 

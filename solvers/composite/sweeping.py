@@ -37,7 +37,6 @@ DENSE, ONE_BODY = 1.5, 10.0
 """Sweeps go over the factors where the Delassus matrix has the first times their numbers, without momentum where it has
 the second times."""
 
-
 ALONE, SAFEGUARDED = NSGS(), SafeguardedSORprox(RELAXATION)
 """The sweeps of small problems, made once: making them takes as long as some of their sweeps."""
 
