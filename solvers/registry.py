@@ -21,6 +21,7 @@ BUILT_IN = {
     "SORprox": "prox.sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
     "AdaptiveSORprox": "prox.adaptive_sorprox",
+    "NesterovSORprox": "prox.nesterov_sorprox",
     "AndersonSORprox": "prox.anderson_sorprox",
     "NSGS": "prox.nsgs",
     "SemismoothNewton": "newton.semismooth_newton",

@@ -44,8 +44,12 @@ class MomentumIterates(Accelerated):
         for _ in range(count):
             _extrapolate(self._array, self._before, self._change, self._present)
             self._iterates.sweep(1)
-            turns = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
-            self._present = 0.0 if turns else self._momentum
+            turns, moved = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
+            self._present = self._next(turns, moved)
+
+    def _next(self, turns: bool, moved: float) -> float:
+        """Return β of the coming sweep, after one that ``turns`` back or does not, and changes Λ by √``moved``."""
+        return 0.0 if turns else self._momentum
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -66,12 +70,13 @@ def _extrapolate(array, before, change, momentum):  # type: ignore[no-untyped-de
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
 def _turn(array, before, change, momentum, n_impulses):  # type: ignore[no-untyped-def]
-    """Renew ``change``; return whether (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, y being where the sweep began."""
-    total = 0.0
+    """Renew ``change``; return whether (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, y being where the sweep began, and ‖ΔΛ‖²."""
+    total, moved = 0.0, 0.0
     for k in range(n_impulses):
         step = array[k] - before[k]
         total += (momentum * change[k] - step) * step
+        moved += step * step
         change[k] = step
     for k in range(n_impulses, len(array)):
         change[k] = array[k] - before[k]
-    return total > 0.0
+    return total > 0.0, moved

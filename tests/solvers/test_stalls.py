@@ -22,6 +22,7 @@ SOLVERS = (
     "SORprox(relaxation=1.5)",
     "SafeguardedSORprox",
     "AdaptiveSORprox",
+    "NesterovSORprox",
     "AndersonSORprox",
     "NSGS",
     "APGD",
