@@ -5,15 +5,16 @@ method often has what they lack, once they have found which contacts stick and s
 is left, redundant piles and stacks above all. So
 
     sweeps          while every window of them gains a digit
+    mixed sweeps    for a tenth of a window, and while each gains a digit
     Newton steps    a few from the last swept impulses
     InteriorNewton  interior points, their path, Newton's method, and sweeps with it to the end
 
 A window is as many sweeps as take about a fifth of the time of an interior point method, measured from 2 to 2400
 contacts. So what slow sweeps have wasted is little beside what follows, and a solve to 1e-8 that sweeps finish takes at
-most about 1.6 times as long as the other would have. On few rows Newton steps take no longer than a hundred sweeps,
-and where there are joints, of which an impulse passes one a sweep, they lead further: there they are tried after a
-first short window too, and sweeps go on where they are of no use. No decision depends on the tolerance, or on the clock
-but for its limits.
+most about 1.6 times as long as the other would have. Mixing often gains in a few sweeps what momentum does not in all
+of them. On few rows Newton steps take no longer than a hundred sweeps, and where there are joints, of which an impulse
+passes one a sweep, they lead further: there they are tried after a first short window too, and sweeps go on where they
+are of no use. No decision depends on the tolerance, or on the clock but for its limits.
 """
 
 from dataclasses import dataclass, field, replace
@@ -28,16 +29,20 @@ from ..iteration.method import Method
 from ..iteration.stopping import Monitor
 from ..newton.linearised import DENSE, Equations
 from ..newton.steps import SEARCHING
+from ..prox.anderson_sorprox import AndersonSORprox
 from .attempts import Attempts
 from .interior_newton import taken_in_turn
 from .relay import Relay
-from .sweeping import sweeps_for
+from .sweeping import ONE_BODY, UNCOUPLED, density, sweeps_for
 
 WINDOW, WINDOW_A_CONTACT = 400, 3
 """Sweeps of a window: the first, and the second for each contact."""
 
 SHORT_WINDOW = 90
 """Sweeps of the first window where the systems of Newton steps are dense or there are joints."""
+
+MIXED, MIXED_PART = AndersonSORprox(), 10
+"""The sweeps that go on where the others are slow, and what part of their window is one of these."""
 
 FEW_STEPS = replace(SEARCHING, most_steps=8)
 """Newton steps from the last swept impulses, which know the states even where the residual has not fallen yet."""
@@ -65,7 +70,7 @@ class PreparedRobust:
 
     problem: ContactProblem
     name: str
-    sweeps: PreparedIteration
+    sweeps: PreparedIteration = field(repr=False)
     prepared: dict[str, Prepared] = field(default_factory=dict, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -77,32 +82,59 @@ class PreparedRobust:
         monitor = Monitor(stop)
         advance = Advance(self.sweeps.begin(first), self.sweeps.begin, monitor, observe)
         relay = Relay(problem, residual, self.prepared, stop, observe, monitor.clock)
-        attempts: Attempts | None = None
-        for length in _windows(problem):
-            latest, present, ended = self._swept(advance, length)
-            relay.best, relay.lowest, relay.used = _best(monitor, first), monitor.best_residual, advance.iteration
-            if ended is not None and ended[0] in OVER:
-                return relay.ended(ended[0], *self._said(*ended))
-            relay.ran.append(f"{self.name}: {ended[0] if ended else 'slow'}")
-            attempts = attempts or Attempts(problem, residual, Equations(problem, residual), advance)
-            over = _stepped(relay, attempts, latest, present)
+        equations: Equations | None = None
+        windows = _windows(problem)
+        for length in windows:
+            swept = _swept(relay, advance, self.name, length, first)
+            is_last = swept.has_ended or length == windows[-1]
+            if swept.over is None and is_last and may_mix(problem):
+                mixed = MIXED.prepare(problem)
+                advance = Advance(mixed.begin(swept.best.copy()), mixed.begin, monitor, observe, relay.used)
+                swept = _swept(relay, advance, MIXED.name, windows[-1] // MIXED_PART, first)
+            if swept.over is not None:
+                return swept.over
+            equations = equations or Equations(problem, residual)
+            over = _stepped(relay, Attempts(problem, residual, equations, advance), swept.latest, swept.present)
             if over is not None:
                 return over
-            if ended is not None:
+            if is_last:
                 break
         return taken_in_turn(relay, None)
 
-    def _swept(self, advance: Advance, length: int) -> tuple[FloatArray, float, tuple[Status, str] | None]:
-        """Sweep while each ``length`` of sweeps gains a digit; return Λ, its residual, and how sweeps ended, if so."""
-        window = Window(length, advance.iteration)
-        while True:
-            latest, present, ended = looked(self.problem, self.sweeps.residual, advance)
-            if ended is not None or window.is_lost(advance.iteration, advance.monitor.best_residual):
-                return latest, present, ended
-            advance.to_next_look()
 
-    def _said(self, status: Status, reason: str) -> list[str]:
-        return [f"{self.name}: {status}", *([reason] if reason else [])]
+@dataclass(frozen=True)
+class Swept:
+    """Where sweeps have come to.
+
+    Attributes:
+        best: the best Λ so far [N s], shape (n_rows,).
+        latest: the last Λ [N s], shape (n_rows,).
+        present: its residual.
+        has_ended: whether they go no further.
+        over: the solution where that is the end of the solve.
+    """
+
+    best: FloatArray
+    latest: FloatArray
+    present: float
+    has_ended: bool
+    over: Solution | None
+
+
+def _swept(relay: Relay, advance: Advance, name: str, length: int, first: FloatArray) -> Swept:
+    """Sweep while each ``length`` of sweeps gains a digit; ``first`` is the best Λ where none has a finite residual."""
+    window, monitor = Window(length, advance.iteration), advance.monitor
+    while True:
+        latest, present, ended = looked(relay.problem, relay.residual, advance)
+        if ended is not None or window.is_lost(advance.iteration, monitor.best_residual):
+            break
+        advance.to_next_look()
+    best, over = first if monitor.best_impulses is None else monitor.best_impulses, None
+    relay.used, relay.best, relay.lowest = advance.iteration, best, monitor.best_residual
+    if ended is not None and ended[0] in OVER:
+        over = relay.ended(ended[0], f"{name}: {ended[0]}", *([ended[1]] if ended[1] else []))
+    relay.ran.append(f"{name}: {ended[0] if ended else 'slow'}")
+    return Swept(best, latest, present, ended is not None, over)
 
 
 class Window:
@@ -128,6 +160,11 @@ def _windows(problem: ContactProblem) -> list[int]:
     return [SHORT_WINDOW, whole] if is_short else [whole]
 
 
+def may_mix(problem: ContactProblem) -> bool:
+    """Whether contacts act on each other, and G is not many times as large as its factors."""
+    return UNCOUPLED < density(problem) <= ONE_BODY
+
+
 def _stepped(relay: Relay, attempts: Attempts, latest: FloatArray, present: float) -> Solution | None:
     """Try Newton's method from Λ = ``latest`` of the residual ``present``; return the solution if that is the end."""
     found, reached = attempts.tried(FEW_STEPS, latest, present)
@@ -139,7 +176,3 @@ def _stepped(relay: Relay, attempts: Attempts, latest: FloatArray, present: floa
         return relay.ended(Status.SOLVED)
     limit = attempts.limit_met
     return relay.ended(limit, f"residual {relay.lowest:.1e}") if limit else None
-
-
-def _best(monitor: Monitor, first: FloatArray) -> FloatArray:
-    return first if monitor.best_impulses is None else monitor.best_impulses

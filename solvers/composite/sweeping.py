@@ -43,17 +43,17 @@ ALONE, SAFEGUARDED = NSGS(), SafeguardedSORprox(RELAXATION)
 
 def sweeps_for(problem: ContactProblem) -> Sweeps:
     """Return the sweeps that are fast on problems like this one, by its size and couplings."""
-    density = _density(problem)
-    if density == UNCOUPLED:
+    numbers = density(problem)
+    if numbers == UNCOUPLED:
         return ALONE
-    is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and density <= ONE_BODY
+    is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and numbers <= ONE_BODY
     relaxation, momentum = FIRST if is_many else (RELAXATION, 0.0)
-    if density > DENSE:
+    if numbers > DENSE:
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
     return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED
 
 
-def _density(problem: ContactProblem) -> float:
+def density(problem: ContactProblem) -> float:
     """Return the numbers that a sweep reads over the assembled matrix, relative to one over the factors.
 
     It is ``UNCOUPLED`` where each contact has bodies, or a block of the matrix, of its own.

@@ -1,13 +1,15 @@
 """Robust: sweeps solve what is easy, other methods the rest, and the message says which parts ran."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.composite.robust import WINDOW, Window
+from proxbench.solvers.composite.robust import WINDOW, PreparedRobust, Window, may_mix
 from proxbench.solvers.composite.sweeping import sweeps_for
+from proxbench.solvers.iteration.loop import iterate
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-100-late", "hard-sticking-box", "woodpecker-upper-impact"])
@@ -48,6 +50,41 @@ def test_where_newton_steps_lead_no_further_sweeps_go_on() -> None:
     assert solution.message.count(f"{sweeps_for(problem).name}: ") == 2
 
 
+@pytest.mark.parametrize(
+    ("name", "tolerance"),
+    [("hard-random-sparse-300", 1e-8), pytest.param("pile-1000", 1e-4, marks=pytest.mark.slow)],
+)
+def test_where_sweeps_are_slow_mixed_ones_go_on_from_the_best(name: str, tolerance: float) -> None:
+    problem = load(name)
+    solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= tolerance
+    assert solution.message == f"{sweeps_for(problem).name}: slow; AndersonSORprox: solved"
+
+
+def test_sweeps_that_diverge_are_not_gone_on_with() -> None:
+    """Within the first window: mixed sweeps begin at the best impulses, and after them the others take their turns."""
+    problem = load("funnel-30-late")
+
+    def growing(start: np.ndarray) -> Iterator[np.ndarray]:
+        while True:
+            start = 10.0 * start + 1.0
+            yield start
+
+    prepared = PreparedRobust(problem, "Growing", iterate(problem, growing))
+    parts = prepared.solve(Stop(1e-8)).message.split("; ")
+    assert [part.split(": ")[0] for part in parts[:3]] == ["Growing", "AndersonSORprox", "Newton steps"]
+    assert sum(part.startswith("Growing: ") for part in parts) == 1
+    assert parts[-1].endswith(": solved")
+
+
+def test_sweeps_are_not_mixed_where_g_is_many_times_as_large_as_its_factors_or_no_contact_acts_on_another() -> None:
+    """512 contacts of one slab, and balls that touch nothing but the ground."""
+    assert not may_mix(load("hard-sliding-block-512"))
+    assert not may_mix(ContactProblem.from_delassus(np.eye(6), -np.ones(6), 0.5, dim=3))
+    assert may_mix(load("funnel-30"))
+
+
 def test_a_problem_without_a_solution_is_proven_to_have_none() -> None:
     """Two walls closer than the body between them: sweeps go on for ever, interior points find the proof."""
     assert solve(load("hard-squeezed"), tolerance=1e-8).status is Status.INFEASIBLE
@@ -81,7 +118,7 @@ def test_the_best_impulses_of_all_parts_are_returned() -> None:
     """At a limit in the middle of the path, whose iterates are far from the cones, the swept impulses are the best."""
     problem = load("pile-100")
     sweeps = sweeps_for(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
-    solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2310, math.inf))
+    solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2430, math.inf))
     assert "InteriorPoint" in solution.message
     assert judge(problem, solution.impulses).residual <= judge(problem, sweeps.impulses).residual * (1 + 1e-9)
 
