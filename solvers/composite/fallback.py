@@ -100,8 +100,8 @@ class PreparedFallback:
     """The parts that take one problem, and those of them that have been prepared."""
 
     problem: ContactProblem
-    fallback: Fallback
-    parts: tuple[Solver, ...]
+    fallback: Fallback = field(repr=False)
+    parts: tuple[Solver, ...] = field(repr=False)
     prepared: list[Prepared] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:

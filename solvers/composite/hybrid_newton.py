@@ -12,7 +12,7 @@ depends on the speed of the machine either, but near the deadline, where no Newt
 time (``linear_solver``).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -78,9 +78,9 @@ class PreparedHybrid:
     """Sweeps and Newton's equations of one problem."""
 
     problem: ContactProblem
-    residual: Residual
-    sweep: DelassusSweep
-    equations: Equations
+    residual: Residual = field(repr=False)
+    sweep: DelassusSweep = field(repr=False)
+    equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep, and try Newton's method where that is slow; see ``Prepared.solve``."""

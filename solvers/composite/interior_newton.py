@@ -65,7 +65,7 @@ class PreparedInteriorNewton:
     """The methods for one problem that have been prepared, by name."""
 
     problem: ContactProblem
-    residual: Residual
+    residual: Residual = field(repr=False)
     prepared: dict[str, Prepared] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:

@@ -8,7 +8,7 @@ to a looser residual runs, and ends no worse.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -54,8 +54,8 @@ class PreparedConvex:
     """The cone program of one problem."""
 
     problem: ContactProblem
-    residual: ModelResidual
-    program: ConicProgram
+    residual: ModelResidual = field(repr=False)
+    program: ConicProgram = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve to the judge's residual of the convex model; a start has no use here, and no iterates are shown."""

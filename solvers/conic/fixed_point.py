@@ -107,8 +107,8 @@ class PreparedFixedPoint:
     """The outer iteration over the cone program of one problem."""
 
     problem: ContactProblem
-    residual: Residual
-    program: ConicProgram
+    residual: Residual = field(repr=False)
+    program: ConicProgram = field(repr=False)
     memory: int
     correction: BeginCorrection = NoCorrection
 

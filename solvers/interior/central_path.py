@@ -16,7 +16,7 @@ Where the answer is strictly complementary the path is analytic at τ = 0 and it
 residual goes down like √τ.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -114,9 +114,9 @@ class PreparedPath(PreparedRuns):
     """The scaled problem and its ordered factorisation."""
 
     problem: ContactProblem
-    residual: Residual
-    scaled: ScaledProblem
-    system: NewtonSystem
+    residual: Residual = field(repr=False)
+    scaled: ScaledProblem = field(repr=False)
+    system: NewtonSystem = field(repr=False)
     order: int
 
     @property

@@ -14,7 +14,7 @@ path of a convex cone program. One factorisation of Ĝ + D, D block diagonal (``
 and where ‖R_s‖ > ‖r∘û‖ the step is one towards σ₀τ alone. One length holds for all contacts.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol, get_args
 
 import numpy as np
@@ -135,9 +135,9 @@ class PreparedInteriorPoint(PreparedRuns):
     """The scaled problem and its ordered factorisation."""
 
     problem: ContactProblem
-    residual: Residual
-    scaled: ScaledProblem
-    system: NewtonSystem
+    residual: Residual = field(repr=False)
+    scaled: ScaledProblem = field(repr=False)
+    system: NewtonSystem = field(repr=False)
     method: InteriorPoint
 
     @property

@@ -1,7 +1,7 @@
 """The loop that all projected iterations share: sweep, look at the judge's residual, stop or go on."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -75,8 +75,8 @@ class PreparedIteration:
     """
 
     problem: ContactProblem
-    residual: Residual
-    begin: Callable[[FloatArray], Iterates]
+    residual: Residual = field(repr=False)
+    begin: Callable[[FloatArray], Iterates] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep until the residual reaches the tolerance; see ``Prepared.solve``."""

@@ -7,7 +7,7 @@ solution obeys the inequalities as well. Without fixed bounds these are at most 
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -62,8 +62,8 @@ class PreparedEnumeration:
     """The combinations of one problem."""
 
     problem: ContactProblem
-    matrix: FloatArray
-    residual: Residual
+    matrix: FloatArray = field(repr=False)
+    residual: Residual = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Return the first solution; INFEASIBLE if all combinations are regular and none comes near one.

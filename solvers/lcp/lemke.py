@@ -4,7 +4,7 @@ Contacts that influence each other only within groups make the matrix fall into 
 work grows with the cube of the largest group, not of the problem.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -85,9 +85,9 @@ class PreparedLemke:
     """The linear complementarity problem of one contact problem, in groups."""
 
     problem: ContactProblem
-    residual: ModelResidual
-    formulated: Complementarity
-    groups: list[IntArray]
+    residual: ModelResidual = field(repr=False)
+    formulated: Complementarity = field(repr=False)
+    groups: list[IntArray] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Pivot through every group; ``iterations`` counts pivots, and neither start nor observer has a use here."""

@@ -9,7 +9,7 @@ that takes few Newton steps divides it, one that does not converge multiplies it
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -59,8 +59,8 @@ class PreparedProximalPoint:
     """Newton's equations of one problem."""
 
     problem: ContactProblem
-    residual: Residual
-    equations: Equations
+    residual: Residual = field(repr=False)
+    equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Follow the chain to the judge's residual; see ``Prepared.solve``."""

@@ -6,7 +6,7 @@ to the limits, unless its iterates repeat or diverge. Newton's method converges 
 circle through states for ever, which is why it serves best as a part of a ``Fallback``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -44,8 +44,8 @@ class PreparedNewton:
     """Newton's equations of one problem."""
 
     problem: ContactProblem
-    residual: Residual
-    equations: Equations
+    residual: Residual = field(repr=False)
+    equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Follow Newton's method to the judge's residual; see ``Prepared.solve``."""

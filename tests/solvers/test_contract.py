@@ -21,6 +21,7 @@ VARIANTS = [
     "SORprox(momentum=0.8)",
     "SafeguardedSORprox",
     "AdaptiveSORprox",
+    "NesterovSORprox",
     "AndersonSORprox",
     "NSGS",
     "SemismoothNewton",
@@ -124,6 +125,11 @@ def test_the_problem_and_the_start_are_left_as_they_were(name: str) -> None:
     create(name).prepare(problem).solve(Stop(1e-6, 50), start=start)
     assert problem.fresh().digest == digest
     assert np.array_equal(start, np.full(problem.n_rows, 0.1))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_what_is_prepared_is_shown_in_a_few_lines(name: str) -> None:
+    assert len(repr(create(name).prepare(sample_for(name)))) <= 400
 
 
 @pytest.mark.parametrize("name", VARIANTS)
