@@ -293,7 +293,8 @@ def _iterations(frames: RunFrames, problem: str) -> _Curves:
     largest = min(2.0 * float(curves["residual"].max()), LARGEST_RESIDUAL)
     smallest = min(float(curves["residual"].min()), LARGEST_RESIDUAL) / 2.0
     last = max(float(curves["iteration"].max()), 2.0)
-    return _Curves(curves, "iteration", "residual", [1.0, 1.05 * last], [smallest, largest])
+    # a little before the first one, whose mark would be cut
+    return _Curves(curves, "iteration", "residual", [0.9, 1.05 * last], [smallest, largest])
 
 
 def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:

@@ -153,7 +153,7 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any) -> Any:
 def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
     """Return ticks of single problems and a mark at their geometric mean, one row a solver; a line where both tie."""
     rows = alt.Y("solver:N", sort=list(named), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
-    across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=False)
+    across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=True)
     across = across.axis(format="~g", tickCount=6, labelOverlap=True)
     colour = by_name(alt.Color, "solver", named, "colour")
     base = alt.Chart(data).encode(y=rows, color=colour)

@@ -96,7 +96,7 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
         )
         title = f"to a {frames.residual} residual of {exponent(accuracy)}"
         panels.append(_family_panel(frames, cells, title, first=not panels))
-    note = "how many of a family each solves of those it supports; below, the mean time over those that all support"
+    note = "solved of those of a family that each supports (white: none); mean time over those that all support"
     return _of_run("Success by family", note, panels, frames, tried)
 
 
