@@ -48,6 +48,7 @@ def test_a_recipe_that_adds_a_law_remakes_what_it_is_added_to(monkeypatch: pytes
         assert other.digest == with_rolling_friction(one, 0.002).digest
 
 
+@pytest.mark.slow
 def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:
     """Steps are solved to 1e-12; impacts amplify the rounding of another machine or solver, but not beyond 1e-6 yet."""
     for problem in remade(SMALL):
@@ -67,6 +68,7 @@ def test_two_fresh_processes_generate_equal_digests(tmp_path: Path) -> None:
     assert digests[0] == digests[1]
 
 
+@pytest.mark.slow
 def test_problems_of_one_simulation_are_captured_at_their_own_steps(tmp_path: Path) -> None:
     files = generate(SMALL[:2], tmp_path)
     assert [file.name for file in files] == ["funnel-30-early.npz", "funnel-30.npz"]

@@ -33,6 +33,7 @@ def texts(tree: ast.AST) -> Iterator[str]:
             yield from texts(node)
 
 
+@pytest.mark.slow
 def test_no_message_that_python_may_raise_spells_an_option_for_the_command_line_alone() -> None:
     for file in sorted(BENCH.rglob("*.py")):
         if not file.relative_to(BENCH).as_posix().startswith(OF_THE_COMMAND_LINE):
@@ -40,6 +41,7 @@ def test_no_message_that_python_may_raise_spells_an_option_for_the_command_line_
             assert found == [], file
 
 
+@pytest.mark.slow
 def test_what_is_spelt_for_python_names_no_option_of_the_command_line() -> None:
     spelt = 0
     for file in sorted(BENCH.rglob("*.py")):

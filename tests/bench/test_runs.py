@@ -54,6 +54,7 @@ def test_a_printed_run_says_how_its_cases_ended_and_where_it_is(finished_run: Pa
     assert second == f"stored in {finished_run}"
 
 
+@pytest.mark.slow
 def test_limits_are_given_by_name_and_keep_the_others(tmp_path: Path) -> None:
     made = run(
         falling(),
@@ -70,6 +71,7 @@ def test_limits_are_given_by_name_and_keep_the_others(tmp_path: Path) -> None:
         run(falling(), "SORprox", results=tmp_path, memory=0)
 
 
+@pytest.mark.slow
 def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_path: Path) -> None:
     save_problem(falling(), tmp_path / "p.npz")
     for given in (tmp_path / "p.npz", str(tmp_path / "p.npz")):
@@ -78,6 +80,7 @@ def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_pa
         assert made.cases["problem"].tolist() == ["mine"]
 
 
+@pytest.mark.slow
 def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path: Path) -> None:
     mine, same = falling(), falling("other name")
     made = run([mine, same, "hard-no-motion", "funnel-30"], "SORprox", results=tmp_path, tolerances=1e-1)
@@ -91,6 +94,7 @@ def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path:
         made.problem("mime")
 
 
+@pytest.mark.slow
 def test_going_on_with_a_finished_run_changes_nothing(tmp_path: Path) -> None:
     made = run("hard-groove", ["NSGS", "SORprox"], results=tmp_path, run_id="one", tolerances=1e-2, passes=1)
     before = {file: file.read_bytes() for file in made.folder.rglob("*.json")}
@@ -98,6 +102,7 @@ def test_going_on_with_a_finished_run_changes_nothing(tmp_path: Path) -> None:
     assert {file: file.read_bytes() for file in made.folder.rglob("*.json")} == before
 
 
+@pytest.mark.slow
 def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_them(
     finished: Run, tmp_path: Path
 ) -> None:
@@ -112,6 +117,7 @@ def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_the
     assert [bool(session.finished) for session in again.info.sessions] == [True, True]
 
 
+@pytest.mark.slow
 def test_a_problem_of_a_plugin_needs_the_plugin_no_more(tmp_path: Path) -> None:
     plugin = tmp_path / "points.py"
     plugin.write_text(
@@ -130,6 +136,7 @@ def test_a_problem_of_a_plugin_needs_the_plugin_no_more(tmp_path: Path) -> None:
     assert again.problem("plugged").provenance["plugin"] == f"plugin file {plugin}"
 
 
+@pytest.mark.slow
 def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_for_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -147,6 +154,7 @@ def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_f
     assert made.problem("late").digest == made.info.carried["late"]
 
 
+@pytest.mark.slow
 def test_a_carried_problem_that_is_damaged_stops_the_run_by_name(tmp_path: Path) -> None:
     made = run(falling(), "SORprox", results=tmp_path, tolerances=1e-1)
     (file,) = (made.folder / "problems").iterdir()
@@ -155,6 +163,7 @@ def test_a_carried_problem_that_is_damaged_stops_the_run_by_name(tmp_path: Path)
         resume(made)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hard-no-motion", "funnel-30"])
 def test_a_name_of_the_library_stands_for_its_numbers_only(name: str, tmp_path: Path) -> None:
     assert name in SUITES["all"]
@@ -165,6 +174,7 @@ def test_a_name_of_the_library_stands_for_its_numbers_only(name: str, tmp_path: 
     assert made.info.carried == {}
 
 
+@pytest.mark.slow
 def test_a_report_writes_what_it_names(finished: Run) -> None:
     made = finished.report()
     assert made.results["outcome"].tolist() == [Outcome.SOLVED]

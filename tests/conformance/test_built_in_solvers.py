@@ -19,6 +19,7 @@ VARIANTS = [
     "SORprox(relaxation=1.5, form='factors')",
     "SafeguardedSORprox",
     "AdaptiveSORprox",
+    "NesterovSORprox",
     "AndersonSORprox",
     "NSGS",
     "SemismoothNewton",
@@ -69,17 +70,26 @@ SLOW = (
     "JORprox(step",
     "InteriorPoint(damping",
     "InteriorPoint(form",
-    "CentralPath(",
+    "InteriorPoint(scaling",
+    "InteriorPoint(formulation",
+    "InteriorNewton",
+    "MomentumFallback",
+    "CentralPath",
+    "AdaptiveSORprox",
+    "NesterovSORprox",
     *COMPARED,
 )
 """Solvers that take minutes for those, or variants of others that do; only the full profile runs them there."""
 
-DAILY = {"SORprox", "PyramidPGS"}
-"""Solvers that run the long checks daily: one of Coulomb friction, one of a model of its own."""
+PATIENT = ("CentralPath", "InteriorPoint(", "InteriorNewton", "Refined", "ClarabelCoulomb", "MomentumFallback")
+"""Solvers that take seconds for all checks, or are made of those that are checked daily."""
+
+DAILY = {"SORprox"}
+"""The solver that runs the long checks daily."""
 
 
 def pairs() -> list[Any]:
-    """Return each variant with each check; what takes long is slow but for a few solvers."""
+    """Return each variant with each check; what takes long is slow but for one solver."""
     return [
         pytest.param(name, check, marks=[pytest.mark.slow] if is_slow(name, check) else [], id=f"{name}-{check}")
         for name, check in product(VARIANTS, SOLVER_CHECKS)
@@ -87,7 +97,7 @@ def pairs() -> list[Any]:
 
 
 def is_slow(name: str, check: Check[Solver]) -> bool:
-    return name not in DAILY if check.name in LONG else name.startswith(SLOW)
+    return name not in DAILY if check.name in LONG else name.startswith((*SLOW, *PATIENT))
 
 
 @pytest.mark.parametrize(("name", "check"), pairs())

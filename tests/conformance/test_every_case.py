@@ -1,7 +1,8 @@
 """What solvers promise on a few small problems holds on the hard cases one by one.
 
-Daily one small case of each kind is solved by every built-in solver; the slow tests take all of the smallest, but for
-the solvers that are there for comparison, and with PROXBENCH_PROFILE=full all solvers take all of at most 400 rows.
+Daily one small case of each kind is solved by every built-in solver but those that are there for comparison or as
+parts of others; the slow tests add these, and take all of the smallest cases with the others; with
+PROXBENCH_PROFILE=full all solvers take all of at most 400 rows.
 """
 
 import os
@@ -55,7 +56,11 @@ rounding decides on which side."""
 
 SHORT = Stop(1e-6, max_iterations=500, max_seconds=10.0)
 
-FOR_COMPARISON = {"FBF", "ProximalADMM", "ProximalPoint", "TrescaFixedPoint", "APGD", "SAP"}
+FOR_COMPARISON = {
+    *("FBF", "ProximalADMM", "ProximalPoint", "TrescaFixedPoint", "APGD", "SAP"),
+    *("AdaptiveSORprox", "NesterovSORprox", "CentralPath"),
+}
+"""Solvers that are there for comparison or as parts of others; the full profile alone takes all cases with them."""
 
 DAILY = {
     "hard-stack-2-top-1e4",
@@ -84,7 +89,14 @@ def case(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     return str(request.param)
 
 
-@pytest.mark.parametrize("name", [name for name in available() if IS_FULL or not name.startswith("Cvxpy")])
+SOLVERS = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in FOR_COMPARISON else [])
+    for name in available()
+    if IS_FULL or not name.startswith("Cvxpy")
+]
+
+
+@pytest.mark.parametrize("name", SOLVERS)
 def test_a_case_is_met_as_the_small_problems_are(name: str, case: str) -> None:
     solver = create(name)
     if name in FOR_COMPARISON and case not in DAILY and not IS_FULL:

@@ -86,6 +86,7 @@ def test_a_solver_is_true_to_its_status_and_to_the_known_answer(problem: Contact
         meet_answer(problem, trial.solution.impulses)
 
 
+@pytest.mark.slow
 @given(problem=problems, solver=solvers)
 def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: ContactProblem, solver: Solver) -> None:
     trial = trial_of(solver, problem)
@@ -100,6 +101,7 @@ def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: Co
         assert warm.solution.iterations <= 1
 
 
+@pytest.mark.slow
 @given(problem=problems, solver=solvers, tolerances=st.lists(st.sampled_from([1e-1, 1e-3, 1e-5, 1e-7]), min_size=2))
 def test_a_tighter_tolerance_ends_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float]) -> None:
     end_no_worse(problem, solver, tolerances, STOP.max_seconds)
@@ -131,6 +133,7 @@ def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
         assert trial.residual <= (1.0 + 1e-9) * own_residual(solver, problem, start) + 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", available())
 def test_a_tighter_tolerance_ends_no_worse_where_five_contacts_slide_and_the_convex_model_has_no_solution(
     name: str,
@@ -162,6 +165,7 @@ def without_factors(problem: ContactProblem) -> Transformed:
     return Transformed(bare, sp.csr_array(sp.eye_array(problem.n_rows)))
 
 
+@pytest.mark.slow
 @given(case=transformed_problems(), solver=solvers)
 def test_a_solution_of_a_transformed_problem_solves_the_original(
     case: tuple[ContactProblem, Transformed, str], solver: Solver

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from proxbench.bench.conformance import SOLVER_CHECKS
 
 CONFTEST = 'pytest_plugins = ["proxbench.bench.conformance.pytest_plugin"]\n'
@@ -43,6 +44,7 @@ def session(folder: Path, test: str, *options: str) -> subprocess.CompletedProce
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=600)
 
 
+@pytest.mark.slow
 def test_each_promise_of_each_solver_is_a_test_that_says_what_is_broken(tmp_path: Path) -> None:
     ran = session(tmp_path, GIVES_UP, "-k", "finite or observed", "-v", "-rs")
     assert ran.returncode == 1
@@ -55,6 +57,7 @@ def test_each_promise_of_each_solver_is_a_test_that_says_what_is_broken(tmp_path
     assert "Traceback" not in ran.stdout
 
 
+@pytest.mark.slow
 def test_a_test_without_a_solver_fails_with_what_to_write(tmp_path: Path) -> None:
     ran = session(tmp_path, "def test_nothing(proxbench_check):\n    proxbench_check()\n")
     assert ran.returncode != 0

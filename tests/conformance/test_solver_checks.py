@@ -202,6 +202,7 @@ def the_violation(check: str, fault: str) -> str:
     return ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "words"),
     [

@@ -145,6 +145,7 @@ def test_examples_fit_on_the_page(page: str) -> None:
     assert [line for block in blocks for line in block.splitlines() if len(line) > WIDEST_LINE] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "noticed"),
     [

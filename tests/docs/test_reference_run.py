@@ -4,6 +4,7 @@ import io
 import re
 from pathlib import Path
 
+import pytest
 from proxbench.bench import load
 from proxbench.bench.report.tables import print_tables
 from rich.console import Console
@@ -18,6 +19,7 @@ def lines_in_words(text: str) -> list[str]:
     return [line for line in lines if line]
 
 
+@pytest.mark.slow
 def test_rows_in_the_readme_are_those_of_the_reference_run() -> None:
     (block,) = re.findall(r"^```text\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
     title, head, *rows = lines_in_words(block)

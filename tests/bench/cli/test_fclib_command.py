@@ -68,6 +68,7 @@ def test_import_keeps_the_places_of_a_folder_and_lists_what_is_broken(
         assert f"{load(out / file).digest[:16]}  {out / file}" in printed.out
 
 
+@pytest.mark.slow
 def test_export_and_import_go_round_and_a_run_takes_the_file(tmp_path: Path, capsys: Capture) -> None:
     there, back = tmp_path / "there.hdf5", tmp_path / "back.npz"
     assert run_command(["fclib", "export", "hard-sticking-box", "--output", str(there)]) == 0

@@ -52,6 +52,7 @@ def check_run(folder: Path, results: Path, captured: pytest.CaptureFixture[str],
     assert (made.cases["outcome"] == "measured").all()
 
 
+@pytest.mark.slow
 def test_broken_files_of_a_folder_are_listed_and_the_others_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -67,6 +68,7 @@ def test_of_two_hundred_files_with_three_broken_ones_the_others_are_measured(
     check_run(collection(tmp_path / "mine", 120, 77), tmp_path / "results", capsys, 197)
 
 
+@pytest.mark.slow
 def test_a_run_of_a_folder_is_finished_where_the_folder_is_gone(tmp_path: Path) -> None:
     folder = collection(tmp_path / "mine", 2, 1)
     made = run(suite=folder, solvers="SORprox", results=tmp_path, tolerances=1e-2, passes=1, sample=3, seed=1)
@@ -78,6 +80,7 @@ def test_a_run_of_a_folder_is_finished_where_the_folder_is_gone(tmp_path: Path) 
     assert again.problem("boxes-1").digest == box(2.0).digest
 
 
+@pytest.mark.slow
 def test_one_problem_of_a_run_can_be_printed(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["report", str(finished_run), "--problem", "hard-immovable"]) == 1
     printed = capsys.readouterr().out
@@ -89,6 +92,7 @@ def test_one_problem_of_a_run_can_be_printed(finished_run: Path, capsys: pytest.
     assert {row["solver"] for row in document["results"]} == set(load(finished_run).info.plan.solvers)
 
 
+@pytest.mark.slow
 def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = collection(tmp_path / "mine", 1, 1)
     assert run_command(f"matrix --suite {folder} --solver SORprox --no-progress".split()) == 1

@@ -52,6 +52,7 @@ def test_examples_are_accepted(command: tuple[str, ...]) -> None:
         parsed.make_context(words[size - 1], words[size:])  # raises an error for an unknown option or a missing value
 
 
+@pytest.mark.slow
 def test_every_option_of_every_command_has_one_topic_and_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     for name, command in COMMANDS.items():
         words = page(name, "-h", capsys).partition("Examples:")[0].split()

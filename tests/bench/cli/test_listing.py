@@ -22,6 +22,7 @@ def hard() -> list[dict[str, Any]]:
     return listed("problems", "hard")["problems"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -42,12 +43,14 @@ def test_a_problem_is_described_by_its_sizes_friction_and_form(
     assert line.index(words.split()[-1]) == head.index("form")  # in the column that the head names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["solvers", "suites", "problems", "scenes", ""])
 def test_every_listing_fits_eighty_columns(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     print_listing(listed(what))
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "name", "words"),
     [
@@ -88,6 +91,7 @@ def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFi
         assert {name.strip() for name in shown.split(",")} - {"…"} <= set(members)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suite", SUITES)
 def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_families(
     suite: str, capsys: pytest.CaptureFixture[str]

@@ -76,6 +76,7 @@ def test_a_run_prints_its_tables_and_says_where_the_files_are(
     assert f"page     {tmp_path / 'one' / 'report.html'}" in printed
 
 
+@pytest.mark.slow
 def test_a_quiet_run_without_a_page_prints_where_its_files_are_and_draws_none(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -145,6 +146,7 @@ def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytes
     assert document["damaged"] == []
 
 
+@pytest.mark.slow
 def test_a_report_by_local_residuals_says_so_and_leaves_the_judged_tables_alone(
     finished_run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -157,6 +159,7 @@ def test_a_report_by_local_residuals_says_so_and_leaves_the_judged_tables_alone(
     assert (finished_run / "tables" / "results.csv").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_table_that_goes_to_a_pipe_keeps_names_and_commands_in_one_piece(
     finished_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,6 +171,7 @@ def test_a_table_that_goes_to_a_pipe_keeps_names_and_commands_in_one_piece(
     assert any(line.startswith("says: ") and line.endswith("time limit.") for line in lines)
 
 
+@pytest.mark.slow
 def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)

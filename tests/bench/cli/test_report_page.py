@@ -19,6 +19,7 @@ def copied(tmp_path: Path, finished_run: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_page_of_a_run_is_written_and_nothing_else(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["report", str(copied), "--html"]) == 1  # the run has faults
     assert capsys.readouterr().out == f"page     {copied / 'report.html'}\n"
@@ -27,6 +28,7 @@ def test_the_page_of_a_run_is_written_and_nothing_else(copied: Path, capsys: pyt
     assert json.loads(capsys.readouterr().out)["page"] == str(copied / "local/report.html")
 
 
+@pytest.mark.slow
 def test_charts_and_page_take_the_baseline_that_is_named(copied: Path) -> None:
     assert run_command(["report", str(copied), "--quiet", "--baseline", "SORprox"]) == 1
     lines = (copied / "charts/profile-speedup.csv").read_text().splitlines()
@@ -34,11 +36,13 @@ def test_charts_and_page_take_the_baseline_that_is_named(copied: Path) -> None:
     assert {line.rsplit(",", 1)[1] for line in lines[1:]} == {"SORprox"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("switch", ["--html", "--quiet"])
 def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mistake: Callable[[str], str]) -> None:
     assert "did you mean 'NSGS'?" in mistake(f"report {REFERENCE} {switch} --baseline NSG")
 
 
+@pytest.mark.slow
 def test_a_run_without_cases_has_no_page(
     finished_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -77,6 +77,7 @@ def test_a_study_is_a_run_in_a_folder_with_tables_and_charts(
     assert {path.name for path in folder.iterdir()} == {"run.json", "cases", "tables", "charts"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["report {}", "run --resume {} --no-progress", "simulate --resume {} --no-progress"])
 def test_a_study_is_shown_again_by_whatever_shows_a_run(
     line: str, folder: Path, capsys: pytest.CaptureFixture[str]
@@ -92,12 +93,14 @@ def test_a_study_is_shown_again_by_whatever_shows_a_run(
     assert {file: file.read_bytes() for file in (folder / "cases").iterdir()} == before
 
 
+@pytest.mark.slow
 def test_what_is_stored_with_a_study_cannot_be_changed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for given in ("--duration 3", "--solver NSGS", "--case-seconds 9", "woodpecker"):
         assert run_command(f"simulate --resume {folder} {given}".split()) == 2
         assert "is stored with the study and cannot be changed" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_damaged_curve_is_measured_again(folder: Path) -> None:
     (file,) = (folder / "cases").iterdir()
     file.write_bytes(file.read_bytes()[:-40])

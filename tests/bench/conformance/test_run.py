@@ -73,6 +73,7 @@ def test_a_fault_fails_its_own_check_and_the_others_go_on(
     assert not subject["passed"]
 
 
+@pytest.mark.slow
 def test_failures_are_in_the_table_and_make_the_exit_code_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_mistake_gets_one_sentence_and_exit_code_two(
     assert words in printed.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "seconds", "words"),
     [("import os; os._exit(9)", 60.0, "exit code 9"), ("while True: pass", 3.0, "it does not end within 3 s")],

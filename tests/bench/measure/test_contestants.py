@@ -58,6 +58,7 @@ def test_a_class_of_a_script_or_of_standard_input_is_measured_and_the_script_not
     assert done.stdout.splitlines() == ["begun", "['measured']"], done.stderr
 
 
+@pytest.mark.slow
 def test_a_class_of_a_module_that_cases_cannot_import_is_measured(tmp_path: Path) -> None:
     module: Any = module_from(CLASS, "made_in_memory")
     folder = run(["hard-groove"], [module.Mine()], results=tmp_path, tolerances=[1e-3])

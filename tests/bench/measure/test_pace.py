@@ -19,6 +19,7 @@ def share(seconds: float, work: float, slow: float) -> float:
     return float(free_share(np.array([seconds]), np.array([work]), np.array([slow]))[0])
 
 
+@pytest.mark.slow
 @given(SLOW, SLOW, SECONDS)
 def test_slowness_lies_between_that_around_a_solve_and_the_mean(around: float, mean: float, seconds: float) -> None:
     low, high = sorted((around, mean))

@@ -123,6 +123,7 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
     assert [plan.has_finished(case_record(points=[one, rest])) for one in found] == [False, True]
 
 
+@pytest.mark.slow
 def test_a_case_that_fails_gets_no_more_rounds_and_stays_failed(tmp_path_factory: pytest.TempPathFactory) -> None:
     made = run(
         "hard-sticking-box",
@@ -135,6 +136,7 @@ def test_a_case_that_fails_gets_no_more_rounds_and_stays_failed(tmp_path_factory
     assert "fine" in failed["reason"]
 
 
+@pytest.mark.slow
 def test_another_source_is_refused_or_mixed_and_marked(tmp_path_factory: pytest.TempPathFactory) -> None:
     made = run("hard-no-motion", ["SORprox", "NSGS"], results=tmp_path_factory.mktemp("r"), tolerances=1e-2, passes=1)
     store = Store.open(made.folder)

@@ -68,6 +68,7 @@ def written(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
+@pytest.mark.slow
 def test_a_file_s_names_can_be_measured(written: Callable[..., Path], tmp_path: Path) -> None:
     use_plugin_files([written(GOOD)])
     assert "Filed" in available()
@@ -84,6 +85,7 @@ def test_a_file_s_names_can_be_measured(written: Callable[..., Path], tmp_path: 
     assert (frames.points["outcome"] == Outcome.SOLVED).all()
 
 
+@pytest.mark.slow
 def test_a_case_runs_what_was_read_even_if_the_file_is_edited_meanwhile(
     written: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -224,6 +226,7 @@ def test_a_solver_that_breaks_the_contract_costs_its_own_case(
     assert words in cases.loc["Filed", "reason"]
 
 
+@pytest.mark.slow
 def test_a_solver_of_a_file_may_hold_what_cannot_be_pickled(written: Callable[..., Path], tmp_path: Path) -> None:
     text = GOOD.replace(
         "    relaxation: float = 1.0\n", "    def __post_init__(self): self.__dict__['f'] = lambda: 0\n"
@@ -233,6 +236,7 @@ def test_a_solver_of_a_file_may_hold_what_cannot_be_pickled(written: Callable[..
     assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
 
 
+@pytest.mark.slow
 def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -245,6 +249,7 @@ def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
         assert not results.exists()
 
 
+@pytest.mark.slow
 def test_resume_requires_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
     path = written(GOOD)
     folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path]).folder
@@ -272,6 +277,7 @@ def test_resume_requires_the_file_and_refuses_another_version(written: Callable[
         resume(folder)
 
 
+@pytest.mark.slow
 def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

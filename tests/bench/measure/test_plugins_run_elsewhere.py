@@ -8,6 +8,8 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.problems.catalog.plugins import forget, registered
 
+pytestmark = pytest.mark.slow
+
 PLUGIN = """
 import os
 from dataclasses import dataclass

@@ -81,6 +81,7 @@ def test_a_solver_that_hangs_is_ended_in_time() -> None:
     assert raised.value.outcome is Outcome.TIMEOUT
 
 
+@pytest.mark.slow
 def test_a_solve_has_its_own_seconds_beyond_those_of_a_request() -> None:
     with RemoteSolver(contestant(Misbehaving("sleep")), seconds=0.5) as solver:
         prepared = solver.prepare(load("hard-groove"))

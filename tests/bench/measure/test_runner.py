@@ -131,6 +131,7 @@ def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Pat
     assert events == []
 
 
+@pytest.mark.slow
 def test_a_problem_and_a_solver_can_be_objects(tmp_path: Path) -> None:
     problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
     folder = run([problem], [create("SORprox"), Misbehaving("exit")], results=tmp_path, tolerances=[1e-6])
@@ -195,6 +196,7 @@ def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
     assert not os.path.exists(f"/proc/{process.pid}")
 
 
+@pytest.mark.slow
 def test_limits_are_those_of_the_plan(tmp_path: Path) -> None:
     folder = run(
         ["funnel-30"],

@@ -35,6 +35,7 @@ def broken(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_of_two_hundred_files_three_broken_ones_are_left_out_with_their_reasons(tmp_path: Path) -> None:
     chosen = select(None, str(broken(filled(tmp_path / "mine", {"boxes": 120, "rocks": 77}))))
     assert chosen.suite == "mine"

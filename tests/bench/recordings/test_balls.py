@@ -34,6 +34,7 @@ def rolling_ball(dimension: int) -> tuple[BallSystem, State]:
     return system, State(0.0, centre, velocity)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_rolling_ball_turns_by_its_path_over_its_radius(
     dimension: int, tmp_path: Path, read_back: Callable[[Path], Any]

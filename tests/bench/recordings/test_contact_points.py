@@ -128,6 +128,7 @@ def test_contacts_on_a_grid_stand_apart() -> None:
     assert len({tuple(position) for position in positions}) == 10
 
 
+@pytest.mark.slow
 def test_heaps_that_do_not_touch_stand_apart() -> None:
     places = find_places(load("funnel-1000"))
     distances = np.linalg.norm(places.positions[:, None] - places.positions[None], axis=2)

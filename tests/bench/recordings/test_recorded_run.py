@@ -12,6 +12,7 @@ from proxbench.bench.recordings.solves import record_run
 from proxbench.solvers import create
 
 
+@pytest.mark.slow
 def test_every_problem_of_the_run_gets_a_recording(
     tmp_path: Path, read_back: Callable[[Path], Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -24,6 +25,7 @@ def test_every_problem_of_the_run_gets_a_recording(
             assert min(recording.curve(f"/curves/residual/{solver}").values()) <= -8.0
 
 
+@pytest.mark.slow
 def test_a_solver_that_crashes_is_left_out_and_takes_nothing_with_it(
     tmp_path: Path, read_back: Callable[[Path], Any]
 ) -> None:

@@ -56,6 +56,7 @@ def test_a_still_that_cannot_be_written_is_refused_before_any_work(
     assert [(path.name, path.read_text()) for path in Path().iterdir()] == [("old.png", "precious")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["false", None])
 def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
     program: str | None, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

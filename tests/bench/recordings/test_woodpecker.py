@@ -36,6 +36,7 @@ def test_sleeve_and_bird_move_as_computed(period: tuple[Path, list[Step]], read_
     assert length[0] if isinstance(length, list) else length > abs(last[0])
 
 
+@pytest.mark.slow
 def test_the_beak_meets_the_pole_when_it_pecks(
     period: tuple[Path, list[Step]], read_back: Callable[[Path], Any]
 ) -> None:
@@ -54,6 +55,7 @@ def test_the_beak_meets_the_pole_when_it_pecks(
     assert arrows[0][0] > 0.0
 
 
+@pytest.mark.slow
 def test_energy_is_kept_in_flight_and_lost_at_contacts(
     period: tuple[Path, list[Step]], read_back: Callable[[Path], Any]
 ) -> None:
@@ -65,6 +67,7 @@ def test_energy_is_kept_in_flight_and_lost_at_contacts(
     assert np.abs(np.diff(energy)[flight]).max() < 1e-4 * lost
 
 
+@pytest.mark.slow
 def test_without_friction_impulses_are_normal_to_the_pole(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     stepper = Moreau(woodpecker(friction=None), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
     steps = list(stepper.steps(section_start(), 200))
@@ -79,6 +82,7 @@ def test_without_friction_impulses_are_normal_to_the_pole(tmp_path: Path, read_b
     np.testing.assert_array_equal(arrows[:, 1:], 0.0)
 
 
+@pytest.mark.slow
 def test_every_angle_has_a_curve(period: tuple[Path, list[Step]], read_back: Callable[[Path], Any]) -> None:
     content = read_back(period[0])
     assert content.curve("/curves/angles/sleeve")[1000] == period[1][-1].state.position[1]

@@ -49,6 +49,7 @@ def test_the_summary_of_a_family_is_that_of_a_run_over_it_alone(grouped: RunFram
         assert solved == pytest.approx(over_all["correct_1e-04"] * over_all["problems"])
 
 
+@pytest.mark.slow
 def test_families_are_shown_where_they_say_more_than_the_problems(grouped: RunFrames) -> None:
     assert families(grouped) == ["algebraic", "flow"]
     assert families(grouped.only(["hard-counterexample", "hard-immovable"])) == []
@@ -59,6 +60,7 @@ def test_families_are_shown_where_they_say_more_than_the_problems(grouped: RunFr
     assert "summary-families" not in summary_charts(grouped.only(["funnel-30"]))
 
 
+@pytest.mark.slow
 def test_a_cell_of_a_family_has_what_is_solved_and_the_mean_time(grouped: RunFrames) -> None:
     row = families_table(grouped).set_index(["solver", "family"]).loc[("SORprox(relaxation=0.5)", "algebraic")]
     cell = f"1/2 {duration(row['mean_time_1e-04'])}"
@@ -66,6 +68,7 @@ def test_a_cell_of_a_family_has_what_is_solved_and_the_mean_time(grouped: RunFra
     assert cell in next(line for line in shown if "=0.5)" in line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [60, 80])
 def test_families_that_do_not_fit_side_by_side_have_tables_of_their_own(grouped: RunFrames, width: int) -> None:
     long = {"algebraic": "algebraic problems with known answers", "flow": "what flows in a funnel of thirty balls"}
@@ -90,6 +93,7 @@ def test_a_row_of_a_problem_counts_who_solves_it_and_names_the_fastest(grouped: 
         assert (table.loc[str(problem), "residual"], table.loc[str(problem), "best"]) == (best.min(), best.idxmin())
 
 
+@pytest.mark.slow
 def test_many_problems_have_a_row_each_and_faults_are_still_spelled_out(
     grouped: RunFrames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -106,6 +110,7 @@ def test_many_problems_have_a_row_each_and_faults_are_still_spelled_out(
     assert "all 3 problems" in text
 
 
+@pytest.mark.slow
 def test_tables_by_family_and_problem_are_written(grouped: RunFrames, tmp_path: Path) -> None:
     write_tables(grouped, tmp_path)
     for name, table in (("families", families_table(grouped)), ("problems", problems_table(grouped))):
@@ -116,6 +121,7 @@ def test_tables_by_family_and_problem_are_written(grouped: RunFrames, tmp_path: 
     assert pd.read_csv(tmp_path / "results.csv")["family"].map(set(FAMILIES.values()).__contains__).all()
 
 
+@pytest.mark.slow
 def test_the_chart_by_family_shows_the_shares_of_the_table(grouped: RunFrames) -> None:
     chart = summary_charts(grouped)["summary-families"].to_dict()
     cells = [row for data in chart["datasets"].values() for row in data if "solved" in row]

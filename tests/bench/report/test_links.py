@@ -60,6 +60,7 @@ LINKS: dict[str, tuple[str, str, str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "target", "line"), LINKS.values(), ids=LINKS)
 def test_links_out_of_a_run_are_refused_when_its_tables_are_printed_and_nothing_is_written(
     place: str, target: str, line: str, run: Path, outside: Path, capsys: pytest.CaptureFixture[str]
@@ -75,6 +76,7 @@ def test_links_out_of_a_run_are_refused_when_its_tables_are_printed_and_nothing_
     assert content(run) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "option"), [("tables", "--no-charts"), ("charts", ""), ("recordings", "--record")])
 def test_links_out_are_refused_at_the_end_of_a_run_too(
     place: str, option: str, outside: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -88,6 +90,7 @@ def test_links_out_are_refused_at_the_end_of_a_run_too(
     assert untouched(outside)
 
 
+@pytest.mark.slow
 def test_links_that_stay_inside_and_hard_links_are_replaced_or_followed_and_lead_nowhere_else(
     run: Path, outside: Path
 ) -> None:
@@ -100,12 +103,14 @@ def test_links_that_stay_inside_and_hard_links_are_replaced_or_followed_and_lead
     assert untouched(outside)
 
 
+@pytest.mark.slow
 def test_a_run_may_itself_be_reached_over_a_link(run: Path, tmp_path: Path) -> None:
     (tmp_path / "latest").symlink_to(run)
     assert load(tmp_path / "latest").report(charts=False).tables
     assert (run / "tables" / "summary.csv").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("charts", ["", " --no-charts"])
 def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
     charts: str, run: Path, capsys: pytest.CaptureFixture[str]
@@ -125,6 +130,7 @@ def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_written_fail_no_run_of_which_nothing_failed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -138,6 +144,7 @@ def test_files_that_cannot_be_written_fail_no_run_of_which_nothing_failed(
     assert f"cannot write {tmp_path}/it/charts/" in printed.err
 
 
+@pytest.mark.slow
 def test_a_simulation_whose_chart_cannot_be_written_is_printed_and_says_why(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

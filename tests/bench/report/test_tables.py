@@ -57,6 +57,7 @@ def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> Non
     assert table.loc[("hard-counterexample", "SORprox"), "outcome"] == Outcome.OSCILLATING
 
 
+@pytest.mark.slow
 def test_what_an_interrupted_run_has_left_counts_among_no_failures(finished_run: Path) -> None:
     """A case without the last point of its ladder, and one without any, are neither tried nor failed."""
     whole = load(finished_run)
@@ -86,6 +87,7 @@ def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run:
     assert np.isnan(float(table.loc[("funnel-30", "ClarabelSOCP"), "time_to_1e-02"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tolerances", "columns", "summed"),
     [
@@ -160,6 +162,7 @@ def test_a_second_mean_over_all_its_own_is_shown_where_it_is_another_one(finishe
         assert duration(seconds[f"{kind}_1e-04"]) in line
 
 
+@pytest.mark.slow
 def test_tables_by_the_local_residual_hold_those_reached_by_it(finished_run: Path, tmp_path: Path) -> None:
     judged, local = load(finished_run), load(finished_run).judged_by("local")
     key = ["problem", "solver"]
@@ -198,6 +201,7 @@ def test_without_a_common_problem_there_is_no_mean(finished_run: Path) -> None:
     assert summary["own_mean_time_1e-04"].notna().all()
 
 
+@pytest.mark.slow
 def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:
     files = write_tables(load(finished_run), tmp_path)
     assert {file.suffix for file in files} == {".csv", ".parquet", ".md"}

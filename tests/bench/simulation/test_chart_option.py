@@ -37,6 +37,7 @@ def test_a_chart_that_cannot_be_written_is_refused_before_the_simulation(
     assert {path.name for path in tmp_path.iterdir()} == {"plain", "folder.png"}
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("taken", ["mine.svg", "mine.png"])
 def test_a_chart_that_exists_is_replaced_only_by_force(
@@ -53,6 +54,7 @@ def test_a_chart_that_exists_is_replaced_only_by_force(
     assert (tmp_path / taken).read_bytes() != b"mine"
 
 
+@pytest.mark.slow
 def test_a_picture_beside_a_new_result_is_replaced_only_by_force(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -65,11 +67,13 @@ def test_a_picture_beside_a_new_result_is_replaced_only_by_force(
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_result_may_be_called_like_another_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command([*VARIABLE.split(), "--output", f"{tmp_path}/a.pdf.npz"]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"a.pdf.npz", "a.pdf.svg", "a.pdf.png"}
 
 
+@pytest.mark.slow
 @both
 def test_a_resumed_simulation_replaces_no_chart_of_another_name(
     line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -87,6 +91,7 @@ def test_a_resumed_simulation_replaces_no_chart_of_another_name(
     assert "<svg" in other.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.usefixtures("broken_drawing")
 def test_a_drawing_that_fails_comes_after_the_table_and_loses_nothing(

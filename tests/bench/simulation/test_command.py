@@ -163,6 +163,7 @@ def test_a_killed_simulation_leaves_a_whole_file_from_its_last_checkpoint(tmp_pa
     assert read_simulation(file).n_steps == kept + 3
 
 
+@pytest.mark.slow
 def test_a_simulation_that_goes_on_renews_its_recording_and_replaces_no_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -57,6 +57,7 @@ def test_balls_have_energies_and_numbers_of_switching_points_instead_of_coordina
     assert not any("layer" in panel for panel in drawn.values())  # no dots
 
 
+@pytest.mark.slow
 def test_switching_points_are_counted_per_part_of_the_time() -> None:
     switches = ((0.051, 0), (0.355, 0), (0.355, 1), (0.356, 1), (1.0, 0))
     drawing = simulation_chart(made("pile", switches=switches)).to_dict()
@@ -65,6 +66,7 @@ def test_switching_points_are_counted_per_part_of_the_time() -> None:
     assert counted == [(0.05, "cont", 1), (0.35, "cont", 1), (0.35, "slip", 2), (0.99, "cont", 1)]
 
 
+@pytest.mark.slow
 def test_the_figure_is_drawn_without_any_switching_point() -> None:
     assert "no switching points" in subtitle(made("pile"))
     assert "no switching points" in subtitle(made("woodpecker"))
@@ -88,6 +90,7 @@ def test_an_axis_follows_what_moves() -> None:
     assert "domain" not in vertical(panels(made("woodpecker", 1e-3))["sleeve angle [rad]"])["scale"]
 
 
+@pytest.mark.slow
 def test_switching_points_are_laws_that_switch_and_instants_are_listed_beside() -> None:
     simulation = made("woodpecker", switches=((0.35, 0), (0.35, 1), (0.85, 0)))
     assert "10 steps" in subtitle(simulation)

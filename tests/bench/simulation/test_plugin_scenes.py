@@ -30,6 +30,7 @@ def in_use() -> Iterator[None]:
     forget(PluginFile.read(PLUGIN))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stepper", ["Moreau(step=1e-3)", "Extrapolated(tolerance=1e-4, min_step=1e-6)"])
 def test_a_scene_of_a_plugin_moves_in_the_bits_of_the_same_scene_here(stepper: str) -> None:
     def state(scene: str) -> bytes:
@@ -72,6 +73,7 @@ def test_no_code_of_the_scene_runs_here() -> None:
     assert PluginFile.read(PLUGIN).module_name not in sys.modules
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "seconds", "words"),
     [
@@ -115,6 +117,7 @@ def test_a_scene_that_cannot_be_built_is_named(name: str, words: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_listing_has_the_scenes_of_plugins_with_their_options_or_what_is_wrong() -> None:
     rows = {row["name"]: row for row in listed("scenes")["scenes"]}
     assert rows["tower"]["options"] == ["balls=4", "friction=0.3"]
@@ -136,6 +139,7 @@ def test_the_process_of_a_scene_ends_with_it() -> None:
     assert not running
 
 
+@pytest.mark.slow
 def test_the_command_simulates_reports_and_resumes_scenes_of_plugins(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -111,6 +111,7 @@ def test_without_projection_they_do() -> None:
     assert simulation.steps["penetration"][-1] > 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{"friction": None}, {"restitution": None}])
 def test_energy_never_grows_where_the_law_forbids_it(options: dict[str, object]) -> None:
     """Equal ε without friction, or friction without ε; contacts that part while weight closes them give O(m g²Δt²)."""
@@ -152,6 +153,7 @@ def test_the_chart_shows_every_column(flow: Simulation) -> None:
     assert titles == ["balls through", "contacts", "iterations", "depth / r", "energy [J]"]
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_chart_beside_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = f"simulate funnel(balls=5) --duration 0.02 --output {tmp_path}/a.npz --chart {tmp_path}/b.svg --no-progress"
     assert run_command(line.split()) == 0

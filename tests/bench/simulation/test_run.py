@@ -45,6 +45,7 @@ def stop_after(steps: int) -> Callable[[], bool]:
     return lambda: next(checks) == steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "step"), [("pile(balls=30)", 1e-3), ("woodpecker", 1e-4)])
 def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: str, step: float, tmp_path: Path) -> None:
     plan = make_simulation_plan(scene, stepper=Moreau(step), duration=200 * step, states=7)
@@ -182,6 +183,7 @@ def test_another_solver_goes_on_from_where_the_first_one_was_stopped(pour: Pour,
     assert (stored.steps["residual"][21:] <= 1.1e-6).all()
 
 
+@pytest.mark.slow
 def test_an_interruption_in_a_recorder_leaves_whole_steps_in_the_file(pour: Pour, tmp_path: Path) -> None:
     def interrupt(number: int, step: AcceptedStep) -> None:
         if number == 7:

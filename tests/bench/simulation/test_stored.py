@@ -56,6 +56,7 @@ def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     return monkeypatch
 
 
+@pytest.mark.slow
 @both
 def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solver(
     line: str, failing: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -93,6 +94,7 @@ def test_a_report_prints_what_the_simulation_printed(
     assert capsys.readouterr().out == printed
 
 
+@pytest.mark.slow
 @both
 def test_a_quiet_report_without_charts_prints_the_place_of_the_result_and_draws_nothing(
     line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
@@ -116,6 +118,7 @@ def test_a_report_of_steps_that_are_not_solved_is_a_failure(capsys: pytest.Captu
     assert "not solved to 1e-10" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @both
 def test_a_recording_is_made_of_the_result_alone(line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "a.npz"

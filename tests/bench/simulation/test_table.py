@@ -82,6 +82,7 @@ def test_a_single_step_is_in_the_singular() -> None:
     assert "1 of 1 step is not solved" in printed(made(np.array([0.1]), residual=1e-3))
 
 
+@pytest.mark.slow
 def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
     text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
     assert "of another law: it solves the convex model, not Coulomb friction" in text

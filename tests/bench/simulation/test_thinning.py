@@ -27,6 +27,7 @@ def kept_times(thinning: Thinning) -> list[float]:
     return [state.time for state in thinning.states]
 
 
+@pytest.mark.slow
 @given(lengths, st.integers(1, 20))
 def test_at_most_twice_as_many_are_held_with_the_first_and_the_last(steps: list[float], number: int) -> None:
     thinning = Thinning(number, state_at(0.0), 1.0)
@@ -47,6 +48,7 @@ def test_equal_steps_leave_equal_distances_and_enough_of_them(number: int, steps
     assert len(kept) >= min(number, steps + 1)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.01, 1.0), min_size=50, max_size=300), st.integers(2, 9))
 def test_steps_of_a_third_of_the_spacing_leave_distances_within_a_factor_of_two(
     steps: list[float], number: int

@@ -12,6 +12,7 @@ from proxbench.bench.simulation.trajectory import Simulation
 TOY = "simulate woodpecker(start='cycle') --no-progress"
 
 
+@pytest.mark.slow
 def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -28,6 +29,7 @@ def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
     assert "step size [s]" in drawing
 
 
+@pytest.mark.slow
 def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command(f"{TOY} --duration 0.01 --json --output {tmp_path}/toy.npz".split()) == 0
     document = json.loads(capsys.readouterr().out)
@@ -37,6 +39,7 @@ def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str], tmp_pat
     assert incident["begin"] < incident["time"] < incident["end"]
 
 
+@pytest.mark.slow
 def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     assert run_command(f"{TOY} --duration 0.005 --output {file}".split()) == 0
@@ -44,6 +47,7 @@ def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.Captu
     assert read_simulation(file).state.time == pytest.approx(0.01)
 
 
+@pytest.mark.slow
 def test_balls_can_have_a_variable_step_too(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     stepper = "Extrapolated(tolerance=1e-4,min_step=1e-6)"
     line = f"simulate pile(balls=2) --duration 0.25 --no-progress --output {tmp_path}/balls.npz --stepper {stepper}"
@@ -51,11 +55,13 @@ def test_balls_can_have_a_variable_step_too(capsys: pytest.CaptureFixture[str], 
     assert "unilateral" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_fixed_step_is_taken_where_its_size_is_given(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command(f"{TOY} --duration 0.01 --stepper Moreau(step=1e-4) --output {tmp_path}/toy.npz".split()) == 0
     assert "Moreau(step=0.0001)" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_figure_of_many_short_steps_is_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     stepper = "StepDoubling(tolerance=1e-4,min_step=1e-6,max_step=2e-5)"
     assert run_command(f"{TOY} --duration 0.02 --stepper {stepper} --output {tmp_path}/toy.npz".split()) == 0
@@ -63,6 +69,7 @@ def test_the_figure_of_many_short_steps_is_drawn(capsys: pytest.CaptureFixture[s
     assert (tmp_path / "toy.png").is_file()
 
 
+@pytest.mark.slow
 def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     assert run_command(f"{TOY} --duration 0.01 --stepper Moreau(step=1e-4) --output {file}".split()) == 0
@@ -107,6 +114,7 @@ def test_a_folder_that_is_no_run_is_not_resumed(name: str, capsys: pytest.Captur
     assert f"{name} is no stored run (it has no run.json); name the folder of a run." in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     assert run_command(f"{TOY} --duration 0.005 --output {file}".split()) == 0

@@ -41,6 +41,7 @@ def rounds(seconds: "np.typing.ArrayLike", session: int = 0, is_marred: bool = F
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [quiet, disturbed])
 @pytest.mark.parametrize("pairs", [LEAST_PAIRS, 6, 10, 20])
 def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs: int) -> None:
@@ -52,6 +53,7 @@ def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs:
     assert np.median([one.value for one in found]) == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("passes", [LEAST_PAIRS, 7])
 def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_rounds(passes: int) -> None:
     chance = default_rng(passes)
@@ -97,6 +99,7 @@ def test_rounds_of_other_moments_make_no_pairs() -> None:
         assert found.high > 1.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [quiet, disturbed])
 @pytest.mark.parametrize(("mine", "others"), [(3, 3), (3, 6), (5, 4), (10, 10)])
 def test_intervals_without_pairs_hold_the_true_ratio_too(noise: Noise, mine: int, others: int) -> None:

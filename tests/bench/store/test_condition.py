@@ -49,6 +49,7 @@ def test_drift_is_the_spread_over_all_sessions_and_does_not_depend_on_the_unit(s
     assert "load 0.5 to 4.0" in steadiness(timed(stored, ([2.0, 3.0], [0.5, 1.0]), ([6.0], [4.0])).info)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slowest", "warned"), [(1.4, False), (1.6, True)])
 def test_every_report_states_drift_and_load_and_warns_above_a_limit(
     stored: Run, slowest: float, warned: bool, tmp_path: Path
@@ -60,6 +61,7 @@ def test_every_report_states_drift_and_load_and_warns_above_a_limit(
         assert ("UNSTEADY" in page) == warned
 
 
+@pytest.mark.slow
 def test_a_run_without_some_of_its_cases_says_so_first_in_every_report(stored: Run, tmp_path: Path) -> None:
     run = timed(dataclasses.replace(stored, cases=stored.cases.iloc[1:]), ([1.0, 1.0], [0.0, 0.0]))
     assert not run.is_finished
@@ -79,6 +81,7 @@ def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Ru
     assert sentence.startswith(f"UNFINISHED: {whole} of 15 cases are measured, {15 - whole} more in part; go on with: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("problems", "empty"), [(["hard-empty"], True), (["hard-empty", "hard-groove"], False)])
 def test_a_run_without_a_contact_says_that_nothing_was_solved(problems: list[str], empty: bool, tmp_path: Path) -> None:
     made = timed(bench.run(problems, "SORprox", results=tmp_path, tolerances=1e-2), ([1.0, 1.0], [0.0, 0.0]))

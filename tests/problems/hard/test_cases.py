@@ -64,6 +64,7 @@ UNSOUGHT = {
 """Cases that none of the three solves to 1e-9: no double is as accurate as that, or there is no solution."""
 
 
+@pytest.mark.slow
 def test_enumeration_finds_no_other_answer() -> None:
     enumerated = 0
     for problem in map(hard_case, HARD_CASES):

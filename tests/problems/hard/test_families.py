@@ -46,6 +46,7 @@ def test_the_chosen_solution_solves_exactly(family: Family, seed: int, is_braced
         assert np.array_equal(velocity, answer.velocity)
 
 
+@pytest.mark.slow
 @given(
     family=families(),
     joints=st.integers(0, 5),

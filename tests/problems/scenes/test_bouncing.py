@@ -28,6 +28,7 @@ def test_the_closed_form_is_free_flight_between_impacts_that_obey_newtons_law() 
     assert ball.rest_time == pytest.approx(np.sqrt(2.0 / 9.81) * 1.6 / 0.4, rel=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("finest", "error"), [(900, 3e-3), pytest.param(2700, 1e-3, marks=pytest.mark.slow)])
 def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
     step_errors: StepErrors, order: Order, finest: int, error: float

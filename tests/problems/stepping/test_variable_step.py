@@ -108,6 +108,7 @@ def test_incidents_that_are_not_anticipated_are_located_all_the_same() -> None:
     assert [0.5 * (switch.begin + switch.end) for switch in found] == pytest.approx(TIMES, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_every_search_finds_the_same_incidents() -> None:
     found = [
         [(switch.law, switch.contact, switch.after) for switch in switches(cycle(1.01, search=search))]
@@ -236,6 +237,7 @@ def test_colliding_balls_switch_alike_under_both_searches() -> None:
     assert [s.begin for s in found[0]] == pytest.approx([s.begin for s in found[1]], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_it_costs_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
     """5000 fixed steps cost eight times as much and are a thousand times less accurate; they are of first order.
 

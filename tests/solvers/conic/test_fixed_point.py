@@ -61,6 +61,7 @@ def test_impulses_that_go_on_moving_are_no_stall() -> None:
     assert solution.iterations == 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Refined(ClarabelCoulomb)", "Refined(CvxpyCoulomb)", "ClarabelCoulomb"])
 def test_a_limit_of_outer_iterations_leaves_the_cone_programs_as_they_are(name: str) -> None:
     """The first iterates do not depend on how many are allowed."""

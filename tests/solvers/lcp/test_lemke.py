@@ -19,6 +19,7 @@ def speed_difference(problem: ContactProblem, one: np.ndarray, other: np.ndarray
     return float(np.abs(difference).max() / np.abs(problem.free_velocity).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [3, pytest.param(5, marks=pytest.mark.slow)])
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), seed=st.integers(0, 2**31), friction=st.floats(0.0, 1.5))

@@ -49,6 +49,7 @@ def test_outside_solvers_are_none_of_those_that_are_always_there() -> None:
     assert not set(peers()) & set(available())
 
 
+@pytest.mark.slow
 def test_making_and_listing_them_imports_no_library() -> None:
     code = (
         "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "

@@ -31,6 +31,7 @@ def test_the_exit_code_is_that_of_the_conditions(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_pages_and_json(runs: tuple[str, str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.md"
     assert run_command(["compare", runs[0], runs[2], "--markdown", str(page), "--quiet"]) == 0

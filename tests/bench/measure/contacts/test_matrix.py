@@ -28,6 +28,7 @@ def test_every_registered_solver_takes_part() -> None:
     assert {name.partition("(")[0] for name in default_solvers()} >= set(available())
 
 
+@pytest.mark.slow
 def test_each_cell_says_how_it_ended_and_why(cells: list[Cell]) -> None:
     assert len(cells) == len(PROBLEMS) * len(SOLVERS)
     solved = cell(cells, "hard-groove", "SORprox")

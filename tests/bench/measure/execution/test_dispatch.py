@@ -67,6 +67,7 @@ def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine(workers: str, her
     assert rejudge(bundle(made, tmp_path / "it.bundle")).disagreements == []
 
 
+@pytest.mark.slow
 def test_a_machine_has_one_session_with_its_reference_workload(tmp_path: Path) -> None:
     made = measured(Inline(), tmp_path)
     (session,) = made.info.sessions
@@ -86,6 +87,7 @@ def elsewhere(host: str) -> Callable[[part.Part], part.MeasuredPart]:
     return measure
 
 
+@pytest.mark.slow
 def test_every_problem_is_of_one_machine_and_rounds_name_its_session(tmp_path: Path) -> None:
     made = measured(Inline(elsewhere("one"), elsewhere("two"), elsewhere("one")), tmp_path)
     assert hosts(made) == {"one": 2, "two": 1}
@@ -93,11 +95,13 @@ def test_every_problem_is_of_one_machine_and_rounds_name_its_session(tmp_path: P
     assert any(sentence.startswith("MACHINES: measured on 2 machines") for sentence in warnings(made))
 
 
+@pytest.mark.slow
 def test_a_task_that_is_lost_is_done_by_another_worker(here: Run, tmp_path: Path) -> None:
     made = measured(Inline(lost, elsewhere("it"), lost), tmp_path)
     assert made.points["residual"].equals(here.points["residual"])
 
 
+@pytest.mark.slow
 def test_what_is_lost_too_often_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
     executor = Inline(*[lost] * (len(PROBLEMS) * dispatch.ATTEMPTS - 2))
     with pytest.raises(BenchError, match=r"of 3 problems could not be measured \(ConnectionError: the worker"):
@@ -118,6 +122,7 @@ class Broken(Inline):
         return super().submit(function, *arguments, **options)
 
 
+@pytest.mark.slow
 def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(RuntimeError: no new tasks"):
         measured(Broken(), tmp_path, run_id="it")
@@ -126,6 +131,7 @@ def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) 
     assert len(made.info.sessions) == 2
 
 
+@pytest.mark.slow
 def test_a_problem_of_another_machine_gets_no_more_rounds_here(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match="2 of 3 problems could not be measured"):
         measured(Broken(elsewhere("away")), tmp_path, run_id="it")
@@ -147,6 +153,7 @@ def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
         measured(Cancelling(), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def other(given: part.Part) -> part.MeasuredPart:
         machine = replace(given.run.machine, source="0" * 64)
@@ -157,6 +164,7 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
     assert measured(Inline(other), tmp_path).is_finished
 
 
+@pytest.mark.slow
 def test_a_worker_needs_nothing_but_its_task(tmp_path: Path) -> None:
     mine = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
@@ -165,6 +173,7 @@ def test_a_worker_needs_nothing_but_its_task(tmp_path: Path) -> None:
     assert made.info.carried == {"mine": mine.digest}
 
 
+@pytest.mark.slow
 def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     inside: list[int] = []
 
@@ -190,6 +199,7 @@ def begun_elsewhere(results: Path) -> Path:
     return made.folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", [None, Inline()])
 def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
     executor: Executor | None, tmp_path: Path
@@ -200,6 +210,7 @@ def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
     assert hosts(made)["away"] == 2
 
 
+@pytest.mark.slow
 def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path: Path) -> None:
     def crashing(given: part.Part) -> part.MeasuredPart:
         found = part.measure_part(given)
@@ -211,6 +222,7 @@ def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path:
     assert set(own["outcome"]) == {Outcome.CRASHED}
 
 
+@pytest.mark.slow
 def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(tmp_path: Path) -> None:
     made = resume(begun_elsewhere(tmp_path), executor=Inline(), mix=True)
     assert made.rounds[made.rounds["problem"] == "hard-groove"]["session"].nunique() == 2

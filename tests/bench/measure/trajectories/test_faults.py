@@ -18,6 +18,8 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits
 from proxbench.problems.catalog.plugins import forget, registered
 
+pytestmark = pytest.mark.slow
+
 GOOD = "Moreau with SORprox"
 
 

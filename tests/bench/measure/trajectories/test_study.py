@@ -18,6 +18,8 @@ from proxbench.problems.trajectories.pour import ENERGY, FLOW, HEIGHT
 from proxbench.problems.trajectories.problem import Aggregates, TrajectoryProblem
 from proxbench.solvers import create
 
+pytestmark = pytest.mark.slow
+
 SLIDING: dict[str, Any] = {
     "scene": "sliding_sphere",
     "duration": 0.02,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pytest
 from proxbench.bench import load
 from proxbench.bench.report.charts.problems import (
     LARGEST_RESIDUAL,
@@ -51,6 +52,7 @@ def test_a_solver_is_named_at_its_curve_or_in_the_key(finished_run: Path) -> Non
     assert "Misbehaving(raise)" not in names  # it has nothing to show
 
 
+@pytest.mark.slow
 def test_no_key_stands_below_curves_that_are_all_named(finished_run: Path) -> None:
     frames = load(finished_run)
     one = replace(
@@ -63,6 +65,7 @@ def test_no_key_stands_below_curves_that_are_all_named(finished_run: Path) -> No
     assert named(chart) == {"SORprox"}
 
 
+@pytest.mark.slow
 def test_who_is_not_shown_is_named_with_the_reason(finished_run: Path) -> None:
     frames = load(finished_run)
     chart = json.loads(problem_chart(frames, "funnel-30").to_json())
@@ -104,6 +107,7 @@ def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished_ru
     assert layer["mark"]["clip"]
 
 
+@pytest.mark.slow
 def test_one_chart_of_every_problem_and_those_of_the_run_are_written(finished_run: Path, tmp_path: Path) -> None:
     files = write_charts(load(finished_run), tmp_path)
     names = {file.name for file in files}

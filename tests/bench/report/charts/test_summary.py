@@ -18,6 +18,7 @@ def rows(chart: Any, field: str) -> list[dict[str, Any]]:
     return list({json.dumps(row): row for row in found}.values())
 
 
+@pytest.mark.slow
 def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> None:
     frames = load(finished_run)
     means = {(row["solver"], row["accuracy"]): row for row in rows(time_chart(frames), "reached")}
@@ -29,6 +30,7 @@ def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> 
             assert int(reached) / int(number) == pytest.approx(row[f"correct_{accuracy:.0e}"])
 
 
+@pytest.mark.slow
 def test_counts_are_what_the_judge_and_the_solver_say(finished_run: Path) -> None:
     frames = load(finished_run)
     counts = {(row["solver"], row["tolerance"]): row for row in rows(success_chart(frames), "claimed")}
@@ -38,6 +40,7 @@ def test_counts_are_what_the_judge_and_the_solver_say(finished_run: Path) -> Non
         assert cell["confirmed"] / cell["n"] == pytest.approx(row["correct_1e-04"])
 
 
+@pytest.mark.slow
 def test_who_supports_nothing_is_named(finished_run: Path) -> None:
     frames = load(finished_run)
     cases = frames.cases.copy()
@@ -46,6 +49,7 @@ def test_who_supports_nothing_is_named(finished_run: Path) -> None:
         assert "not shown: SORprox (no supported problem)" in " ".join(chart.to_dict()["title"]["subtitle"])
 
 
+@pytest.mark.slow
 def test_a_run_without_a_common_problem_has_times_and_no_means(finished_run: Path) -> None:
     frames = load(finished_run)
     kept = frames.cases["solver"].map({"SORprox": "funnel-30", "ClarabelSOCP": "hard-immovable"})

@@ -19,6 +19,7 @@ def comparison(tmp_path: Path) -> Comparison:
     return compare(before, store_run(tmp_path / "after", simulated_cases(1, {NAME: 2.0}, solvers=solvers)))
 
 
+@pytest.mark.slow
 def test_markdown_begins_with_the_verdict_and_has_all_cases(comparison: Comparison) -> None:
     failures = comparison.failures("time>10%")
     page = markdown_page(comparison, failures)

@@ -17,6 +17,7 @@ def before(tmp_path: Path) -> Path:
     return store_run(tmp_path / "before", simulated_cases(0))
 
 
+@pytest.mark.slow
 def test_times_of_another_machine_are_not_compared_but_what_is_solved_is(tmp_path: Path, before: Path) -> None:
     slower = [case for case in simulated_cases(1, {"A": 9.0}) if case.solver != "B"]
     crashed = {"outcome": Outcome.CRASHED, "points": []}
@@ -30,6 +31,7 @@ def test_times_of_another_machine_are_not_compared_but_what_is_solved_is(tmp_pat
     assert found.failures(["time>10%", "solved<"])[0].startswith("time>10% cannot be decided: the machines differ")
 
 
+@pytest.mark.slow
 def test_problems_of_other_numbers_are_left_out_and_named(tmp_path: Path, before: Path) -> None:
     cases = simulated_cases(1, {"A on p-2": 9.0})
     changed = [msgspec.structs.replace(case, digest="1" * 64) if case.problem == "p-2" else case for case in cases]
@@ -39,6 +41,7 @@ def test_problems_of_other_numbers_are_left_out_and_named(tmp_path: Path, before
     assert not found.slower()
 
 
+@pytest.mark.slow
 def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Path) -> None:
     machine = msgspec.structs.replace(MACHINE, versions={"numpy": "3"})
     found = compare(before, store_run(tmp_path / "after", simulated_cases(1), machine))
@@ -46,6 +49,7 @@ def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Pat
     assert not found.obstacle
 
 
+@pytest.mark.slow
 def test_a_run_that_took_a_shared_core_for_a_free_one_has_no_times(tmp_path: Path, before: Path) -> None:
     def with_slowness(slowness: float) -> Path:
         cases = msgspec.to_builtins(simulated_cases(1))
@@ -68,6 +72,7 @@ def test_runs_without_anything_in_common_are_refused(tmp_path: Path, before: Pat
         compare(before, store_run(tmp_path / "coarse", coarse, plan=plan))
 
 
+@pytest.mark.slow
 def test_runs_of_another_judge_or_without_cases_and_folders_that_are_none_are_refused(
     tmp_path: Path, before: Path
 ) -> None:

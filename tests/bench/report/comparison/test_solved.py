@@ -45,6 +45,7 @@ def test_a_case_that_fails_is_unsolved(tmp_path: Path, outcome: Outcome) -> None
     assert changes(tmp_path, case_of(solved()), case_of(outcome=outcome, reason="why")) == ["unsolved"]
 
 
+@pytest.mark.slow
 def test_a_limit_of_time_that_a_shared_core_explains_decides_nothing(tmp_path: Path) -> None:
     late = unsolved(Outcome.TIME_LIMIT)
     waited = unsolved(Outcome.TIME_LIMIT, cpu=0.5)

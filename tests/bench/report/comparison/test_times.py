@@ -43,17 +43,20 @@ def test_of_twenty_slowdowns_by_a_fifth_nineteen_are_found(tmp_path: Path, passe
     assert sum(any(not name.startswith("A") for name in names) for names in found) <= 1
 
 
+@pytest.mark.slow
 def test_a_slowdown_on_one_problem_is_found_there(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 1, {"A on p-3": 1.8})
     assert [name.partition(" (")[0] for name in found.slower()] == ["A on p-3"]
 
 
+@pytest.mark.slow
 def test_what_all_times_of_the_same_program_have_in_common_is_the_machines(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 2, dict.fromkeys(SOLVERS, 1.5), is_same=True)
     assert found.scale == pytest.approx(1.5, rel=0.1)
     assert not found.slower()
 
 
+@pytest.mark.slow
 def test_a_change_of_most_solvers_is_no_change_of_the_others(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 3, dict.fromkeys(SOLVERS[1:], 0.6))
     assert found.scale == 1.0
@@ -61,11 +64,13 @@ def test_a_change_of_most_solvers_is_no_change_of_the_others(tmp_path: Path) -> 
     assert sorted(name.partition(" (")[0] for name in found.faster()) == list(SOLVERS[1:])
 
 
+@pytest.mark.slow
 def test_a_slowdown_of_all_solvers_of_another_program_is_theirs(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 4, dict.fromkeys(SOLVERS, 1.4), passes=5)
     assert [name.partition(" (")[0] for name in found.slower()] == list(SOLVERS)
 
 
+@pytest.mark.slow
 def test_the_other_way_round_ratios_are_reciprocal(tmp_path: Path) -> None:
     there = pair_of_runs(tmp_path, 5, {"B": 2.0})
     back = compare(there.after.folder, there.before.folder)
@@ -76,6 +81,7 @@ def test_the_other_way_round_ratios_are_reciprocal(tmp_path: Path) -> None:
     assert back.faster()[0].startswith("B (0.5")
 
 
+@pytest.mark.slow
 def test_points_have_their_own_ratios_and_intervals(tmp_path: Path) -> None:
     points = pair_of_runs(tmp_path, 6, {"A": 3.0}, passes=5).points
     assert len(points) == 2 * len(PROBLEMS) * len(SOLVERS)
@@ -106,6 +112,7 @@ def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path)
     assert found.failures("time>10%") == ["time>10% cannot be decided: no accuracy is reached by both runs"]
 
 
+@pytest.mark.slow
 def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) -> None:
     """The machine of the record is where a run was begun; its rounds may be of a worker elsewhere."""
     elsewhere = msgspec.structs.replace(MACHINE, processor="Q", cores=64, host="far")
@@ -115,6 +122,7 @@ def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) ->
     assert "the machines differ: processor P, now Q" in compare(before, after).obstacle
 
 
+@pytest.mark.slow
 def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_path: Path) -> None:
     use = PluginUse(kind="solver", name="Newton", source="plugin.py", sha256="0" * 64)
     names = ("Newton", "HybridNewton", "SORprox", "NSGS", "Lemke")

@@ -53,6 +53,7 @@ def enlarged(frames: RunFrames, problems: int, solvers: int) -> RunFrames:
     return replace(frames, info=msgspec.structs.replace(frames.info, plan=kept), **tables)
 
 
+@pytest.mark.slow
 def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
     frames = load(REFERENCE)
     draw = np.random.default_rng(0)
@@ -86,6 +87,7 @@ def test_the_page_of_many_problems_and_solvers_is_not_large() -> None:
     assert len(page(frames, "NSGS").encode()) < 15e6
 
 
+@pytest.mark.slow
 def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None:
     frames = load(REFERENCE)
     nothing = {name: getattr(frames, name).iloc[:0] for name in ("points", "rounds", "iterations")}
@@ -97,6 +99,7 @@ def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None
     assert len(write_profiles(failed, "NSGS", tmp_path)) == 15
 
 
+@pytest.mark.slow
 def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
     frames = load(REFERENCE)
     tables = {name: getattr(frames, name) for name in ("cases", "points", "rounds", "iterations")}
@@ -107,6 +110,7 @@ def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
     assert len(write_profiles(single, "NSGS", tmp_path)) == 15
 
 
+@pytest.mark.slow
 def test_nothing_of_a_run_ends_its_element() -> None:
     frames = load(REFERENCE)
     hostile = "</script><script>alert(1)</script><!-- <img src=x onerror=alert(1)> & \u2028"
@@ -136,6 +140,7 @@ def test_the_page_refers_to_nothing_outside(quick: str) -> None:
     assert "default-src 'none'" in own
 
 
+@pytest.mark.slow
 def test_the_command_of_a_run_names_all_that_it_measured() -> None:
     info = load(REFERENCE).info
     words = shlex.split(run_command(info).replace("\\\n", ""))
@@ -152,6 +157,7 @@ def test_a_name_is_one_word_of_a_command(name: str) -> None:
     assert shlex.split(option("solver", name)) == ["--solver", name]
 
 
+@pytest.mark.slow
 def test_a_study_has_no_page() -> None:
     class Study(Run):
         is_study = property(lambda self: True)
@@ -160,6 +166,7 @@ def test_a_study_has_no_page() -> None:
         Study(**vars(load(REFERENCE))).page()
 
 
+@pytest.mark.slow
 def test_a_page_is_written_into_the_folder_of_its_run_and_residual(tmp_path: Path) -> None:
     frames = replace(load(REFERENCE), folder=tmp_path)
     assert write_page(frames) == tmp_path / "report.html"

@@ -93,6 +93,7 @@ def test_it_opens_without_errors_and_without_requests(browser: Chromium, referen
     assert browser.evaluate("document.title") == "Proxbench: reference"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solvers", "families"),
     [
@@ -131,6 +132,7 @@ def test_filters_give_what_the_tables_compute(
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     uncheck(browser, ["planar friction (2 rows)", "convex", "pyramid(4)"])
@@ -155,6 +157,7 @@ def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_profiles_by_family_are_those_of_each_family(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     uncheck(browser, ["profiles by family"])
@@ -167,6 +170,7 @@ def test_profiles_by_family_are_those_of_each_family(browser: Chromium, referenc
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
@@ -179,6 +183,7 @@ def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, refer
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_heads_sort_tables_by_their_numbers(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     head = "[...document.querySelectorAll('#problems-table th button')].find((one) => one.textContent === 'contacts')"
@@ -189,6 +194,7 @@ def test_heads_sort_tables_by_their_numbers(browser: Chromium, reference: Path) 
         assert browser.evaluate(f"{head}.parentElement.getAttribute('aria-sort')") == order
 
 
+@pytest.mark.slow
 def test_an_address_opens_a_case_with_all_that_is_known_of_it(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     frames = load(REFERENCE)
@@ -208,6 +214,7 @@ def renamed(table: pd.DataFrame, names: dict[str, dict[str, str]]) -> pd.DataFra
     return table.replace({column: own for column, own in names.items() if column in table})
 
 
+@pytest.mark.slow
 def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path) -> None:
     frames = load(REFERENCE)
     attack = (
@@ -249,6 +256,7 @@ def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path
     assert browser.requests == [file.as_uri()]
 
 
+@pytest.mark.slow
 def test_the_policy_of_the_page_stops_other_scripts_and_requests(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     script = """(() => { const one = document.createElement('script'); one.textContent = 'window.hacked = 1';
@@ -258,6 +266,7 @@ def test_the_policy_of_the_page_stops_other_scripts_and_requests(browser: Chromi
     assert browser.evaluate("(() => { try { return eval('1'); } catch { return 'stopped'; } })()") == "stopped"
 
 
+@pytest.mark.slow
 def test_the_numbers_of_a_chart_are_saved_as_csv(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     save = """new Promise((done) => { URL.createObjectURL = (blob) => { blob.text().then(done); return '#summary'; };

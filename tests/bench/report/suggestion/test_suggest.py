@@ -129,6 +129,7 @@ def test_a_table_is_read_as_it_was_written(run: Path, tmp_path: Path, monkeypatc
     )
 
 
+@pytest.mark.slow
 def test_nothing_to_go_by_is_said_in_one_sentence(
     run: Path, tmp_path_factory: pytest.TempPathFactory, mistake: Callable[[str], str]
 ) -> None:

@@ -143,6 +143,7 @@ def test_a_run_that_is_not_whole_is_not_packed(made: Run, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["it"]
 
 
+@pytest.mark.slow
 def test_reading_and_judging_a_bundle_runs_no_plugin_that_it_names(honest: Bundle, tmp_path: Path) -> None:
     trap, sprung = tmp_path / "trap.py", tmp_path / "sprung"
     trap.write_text(f"open({str(sprung)!r}, 'w')\nSOLVERS = []\n")

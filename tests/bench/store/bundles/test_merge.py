@@ -13,6 +13,8 @@ from proxbench.bench.store.bundles.bundle import Bundle, bundle_of_run, write_bu
 from proxbench.bench.store.condition import drift, hosts, mixtures, warnings
 from proxbench.bench.store.records import CaseRecord, Session
 
+pytestmark = pytest.mark.slow
+
 
 def part(packed: Bundle, path: Path, problems: list[str], host: str = "", **plan: Any) -> Path:
     """Write the part of a bundle that some problems are, as measured on a machine of that name."""
