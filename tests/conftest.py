@@ -1,12 +1,16 @@
 """How much is tested: property tests try the same few examples every day, and what takes long is marked as slow.
 
-PROXBENCH_PROFILE=full or hunt lets property tests try more.
+PROXBENCH_PROFILE=full or hunt lets property tests try more. Numerical libraries work in one thread, as in measurements:
+tests share the cores already.
 """
 
 import os
 
 import pytest
 from hypothesis import settings
+
+ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+os.environ.update(ONE_THREAD)  # before any test file imports numpy
 
 settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True)  # a failure comes back
 settings.register_profile("full", max_examples=500, deadline=None)

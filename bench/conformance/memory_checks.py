@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.hard import hard_case
@@ -26,13 +27,14 @@ def solves_each_time(solver: Solver) -> None:
     """The first and later solves of a problem end in the same bits and take the same time, but for caches."""
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
     problem = supported(solver, problems, "it supports none of the problems that are large enough to be timed")[0]
-    solution_of(solver, another(problem), STOP)
     found: list[tuple[float, float]] = []
-    for number in range(ATTEMPTS):
-        first, repeated = _first_and_repeated(solver, problem, number)
-        if explains(repeated, first):
-            return
-        found.append((first, repeated))
+    with threadpool_limits(1):  # threads of a library that wait for each other work too, most in a first solve
+        solution_of(solver, another(problem), STOP)
+        for number in range(ATTEMPTS):
+            first, repeated = _first_and_repeated(solver, problem, number)
+            if explains(repeated, first):
+                return
+            found.append((first, repeated))
     first, repeated = min(found)
     raise Violation(
         f"a first solve of {problem.name} takes {first:.2g} s of processor time and the same again {repeated:.2g} s; "
