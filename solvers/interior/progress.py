@@ -25,7 +25,7 @@ PATIENCE = 20
 """Steps without a better residual after which rounding is looked at."""
 
 LEAST_STEPS, FRUITLESS = 200, 0.75
-"""A solve of so many steps ends when this last share of them has brought no gain."""
+"""A run of so many steps ends when this last share of them has brought no gain."""
 
 LARGE = 1e6
 """Scaled impulses beyond this may grow without bound."""
@@ -58,7 +58,7 @@ class Progress:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
         self._shortest = shortest
-        self._marked, self._gained = np.inf, 0
+        self._marked, self._gained, self._run_began = np.inf, 0, 0
         self.best, self._latest, self._iteration = first, first, 0
         self.best_residual = self._began_at = judged(problem, residual, first)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_A_SECOND, 0.0, 0, 0
@@ -108,11 +108,13 @@ class Progress:
         if self.ended[0] is not Status.STALLED or not self.best_residual < MARK * self._began_at:
             return False
         self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
+        self._gained = self._run_began = self._iteration
         return True
 
     def look_for_gain(self) -> None:
-        """End where most of the steps have brought no gain: those that move the last bits alone go on to any limit."""
-        if self._iteration >= LEAST_STEPS and self._gained <= (1.0 - FRUITLESS) * self._iteration:
+        """End where most steps of a run have brought no gain: those that move the last bits alone go on to any limit."""
+        steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
+        if steps >= LEAST_STEPS and fruitful <= (1.0 - FRUITLESS) * steps:
             self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")
 
     def look_for_proof(self, r: FloatArray) -> None:
