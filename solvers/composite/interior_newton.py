@@ -1,16 +1,19 @@
 """InteriorNewton: interior points for what happens to each contact, Newton's method for how much.
 
 An interior point method finds from anywhere, in a few dozen factorisations, which contacts open, stick and slip. Its
-last digits are slow where an answer is not strictly complementary, and its path may turn. So four methods take turns,
-each from what the others have found:
+last digits are slow where an answer is not strictly complementary, and its path may turn. Sweeps with momentum find
+these digits mostly in a few hundred sweeps, which take less time than two factorisations. So these take turns:
 
-    InteriorPoint       fast where the path goes straight down
-    CentralPath         from the beginning, through the turns of the path
-    SemismoothNewton    from where that ended: the last digits, least squares by its damping
-    HybridNewton        sweeps from the best impulses, which rearrange contacts one by one where no path led
+    InteriorPoint      fast where the path goes straight down
+    NesterovSORprox    from where that ended, the last digits
+    CentralPath        from the beginning, through the turns of the path
+    NesterovSORprox    from where that ended
+    ProximalPoint      from there too: Newton's method, regular however many contacts are redundant
+    HybridNewton       sweeps from the best impulses, which rearrange contacts one by one where no path led
 
-The last three come three times, each time with budgets of iterations for the path and the sweeps that are three times
-as large and more. So no method keeps the others waiting for long, and what is done does not depend on the machine.
+The last four come four times, with budgets of iterations for the path and the sweeps that grow; the third path is of
+another order, which leads on where the first one goes in circles. So no method keeps the others waiting for long, and
+what is done does not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -20,6 +23,7 @@ from typing import Literal
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Prepared, Solution, Stop
@@ -28,26 +32,28 @@ from ..interior.interior_point import InteriorPoint
 from ..interior.runs import SingleRun
 from ..iteration.clock import Clock
 from ..iteration.method import Method
-from ..newton.semismooth_newton import SemismoothNewton
+from ..newton.proximal_point import ProximalPoint
 from .hybrid_newton import HybridNewton
 from .relay import Relay, Turn
+from .sweeping import last_digits_for
 
-STRAIGHT, LAST_DIGITS = 80, 90
-"""Most iterations of ``InteriorPoint`` and of ``SemismoothNewton``."""
+STRAIGHT, LAST_SWEEPS, LAST_STEPS = 80, 500, 40
+"""Most iterations of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
 
-THROUGH_TURNS, REARRANGING = (100, 300, 1000), (500, 2000)
-"""Most iterations of ``CentralPath``, and of ``HybridNewton`` before the last time, in their turns."""
+THROUGH_TURNS, REARRANGING = ((10, 100), (10, 300), (6, 1000), (10, 1000)), (500, 2000, 2000)
+"""Orders and most iterations of ``CentralPath``, and most of ``HybridNewton`` before the last time, in their turns."""
 
-FEW_BODIES = 8
-"""Rows for each degree of freedom from which on interior points factorise over bodies."""
+REDUNDANT = 2
+"""Rows for each degree of freedom from which on interior points factorise over bodies, if pairs are held more than once
+too."""
 
 
 @dataclass(frozen=True)
 class InteriorNewton(Method):
-    """Interior points, their path through its turns, Newton's method on the states found, and sweeps where all fail.
+    """Interior points, their path through its turns, sweeps and Newton's method for the last digits, in turn.
 
     One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies where
-    there are far fewer of these than contacts, else over contacts.
+    several contacts of the same two over-determine how these move, else over contacts.
     """
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -84,24 +90,40 @@ def taken_in_turn(relay: Relay, start: FloatArray | None) -> Solution:
 
 
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
-    """Return the form of interior points: over bodies where these are far fewer, else over contacts.
+    """Return the form of interior points: over bodies where contacts of the same two over-determine how these move.
 
-    Over bodies a step ends at a larger residual on redundant piles, because the contacts' velocities are differences
-    of the bodies'.
+    The contacts of a pair of bodies, or of a body and the ground, then say the same several times, in a dense block of
+    G for each two of them. Elsewhere a step over bodies ends at a larger residual, because the contacts' velocities are
+    differences of the bodies', and saves little.
     """
-    factors = problem.factors
-    return "factors" if factors is not None and FEW_BODIES * factors.n_dofs < problem.n_rows else "delassus"
+    if problem.factors is None or problem.n_rows <= REDUNDANT * problem.factors.n_dofs:
+        return "delassus"
+    pieces = problem.factor_pieces()
+    return "factors" if problem.n_rows > pieces.length * _n_pairs(pieces) else "delassus"
+
+
+def _n_pairs(pieces: Pieces) -> int:
+    """Return how many different sets of bodies contacts touch, each counted by its first and last one."""
+    block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
+    first, last = np.full(pieces.n_blocks, pieces.n_chunks), np.full(pieces.n_blocks, -1)
+    is_body = pieces.chunks < pieces.n_chunks
+    np.minimum.at(first, block[is_body], pieces.chunks[is_body])
+    np.maximum.at(last, block[is_body], pieces.chunks[is_body])
+    return len(np.unique(first * (pieces.n_chunks + 1) + last))
 
 
 def _turns(relay: Relay, start: FloatArray | None) -> Iterator[Turn]:
     problem, most = relay.problem, relay.stop.max_iterations
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
-    if InteriorPoint(form=form).supports(problem) is None:
-        yield Turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
-    path = SingleRun(CentralPath(form=form)) if CentralPath(form=form).supports(problem) is None else None
-    for factorisations, sweeps in zip(THROUGH_TURNS, (*REARRANGING, most), strict=True):
-        if path is not None:
-            yield Turn(path, zeros, factorisations)
+    yield Turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
+    sweeps, end = last_digits_for(problem), relay.latest
+    yield Turn(sweeps, end, LAST_SWEEPS)
+    for (order, factorisations), rearranging in zip(THROUGH_TURNS, (*REARRANGING, most), strict=True):
+        path = CentralPath(order, form)
+        if path.supports(problem) is None:
+            yield Turn(SingleRun(path), zeros, factorisations)
+            end = relay.latest
+            yield Turn(sweeps, end, LAST_SWEEPS)
         # swept impulses may be better than the path's end, and know less of what happens to the contacts
-        yield Turn(SemismoothNewton(), relay.latest, LAST_DIGITS)
-        yield Turn(HybridNewton(), None, sweeps)
+        yield Turn(ProximalPoint(), end, LAST_STEPS)
+        yield Turn(HybridNewton(), None, rearranging)

@@ -33,7 +33,7 @@ from ..prox.anderson_sorprox import AndersonSORprox
 from .attempts import Attempts
 from .interior_newton import taken_in_turn
 from .relay import Relay
-from .sweeping import ONE_BODY, UNCOUPLED, density, sweeps_for
+from .sweeping import may_mix, sweeps_for
 
 WINDOW, WINDOW_A_CONTACT = 400, 3
 """Sweeps of a window: the first, and the second for each contact."""
@@ -158,11 +158,6 @@ def _windows(problem: ContactProblem) -> list[int]:
     whole = WINDOW + WINDOW_A_CONTACT * problem.n_contacts
     is_short = problem.n_rows <= DENSE or problem.laws.is_bilateral.any()
     return [SHORT_WINDOW, whole] if is_short else [whole]
-
-
-def may_mix(problem: ContactProblem) -> bool:
-    """Whether contacts act on each other, and G is not many times as large as its factors."""
-    return UNCOUPLED < density(problem) <= ONE_BODY
 
 
 def _stepped(relay: Relay, attempts: Attempts, latest: FloatArray, present: float) -> Solution | None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.problem import ContactProblem
+from ..prox.nesterov_sorprox import NesterovSORprox
 from ..prox.nsgs import NSGS
 from ..prox.safeguarded_sorprox import SafeguardedSORprox
 from ..prox.sorprox import SORprox
@@ -51,6 +52,16 @@ def sweeps_for(problem: ContactProblem) -> Sweeps:
     if numbers > DENSE:
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
     return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED
+
+
+def may_mix(problem: ContactProblem) -> bool:
+    """Whether contacts act on each other, and G is not many times as large as its factors."""
+    return UNCOUPLED < density(problem) <= ONE_BODY
+
+
+def last_digits_for(problem: ContactProblem) -> Sweeps | NesterovSORprox:
+    """Return the sweeps that go on from where other methods have come near the answer."""
+    return NesterovSORprox() if may_mix(problem) else sweeps_for(problem)
 
 
 def density(problem: ContactProblem) -> float:

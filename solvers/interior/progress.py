@@ -112,7 +112,7 @@ class Progress:
         return True
 
     def look_for_gain(self) -> None:
-        """End where most steps of a run have brought no gain: those that move the last bits alone go on to any limit."""
+        """End where most of a run has brought no gain: steps that move the last bits alone go on to any limit."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
         if steps >= LEAST_STEPS and fruitful <= (1.0 - FRUITLESS) * steps:
             self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")

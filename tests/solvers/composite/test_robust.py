@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.composite.robust import WINDOW, PreparedRobust, Window, may_mix
-from proxbench.solvers.composite.sweeping import sweeps_for
+from proxbench.solvers.composite.robust import WINDOW, PreparedRobust, Window
+from proxbench.solvers.composite.sweeping import may_mix, sweeps_for
 from proxbench.solvers.iteration.loop import iterate
 
 
