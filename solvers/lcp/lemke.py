@@ -12,9 +12,10 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ...problems.arrays import FloatArray, IntArray
+from ...problems.contact.coupling import components
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import ModelResidual, Residual
+from ...problems.contact.residual import ModelResidual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted
@@ -57,10 +58,12 @@ class Lemke(Method):
         reason = beyond_contacts(problem)
         if reason:
             return reason
-        if unknowns_of_laws(problem.laws, self.sides).sum() <= LARGEST_GROUP:
+        unknowns = unknowns_of_laws(problem.laws, self.sides)
+        if unknowns.sum() <= LARGEST_GROUP:
             return None
-        matrix = complementarity(problem, Residual(problem), self.sides).matrix
-        largest = max(map(len, _groups(matrix)))
+        layout = problem.layout
+        of_contact = np.bincount(layout.contact_of_row[problem.laws.first_row], unknowns, layout.n_blocks)
+        largest = int(np.bincount(components(problem), of_contact).max())
         if largest > LARGEST_GROUP:
             return f"{largest} of its unknowns hang together, and pivoting takes hours beyond {LARGEST_GROUP}"
         return None
