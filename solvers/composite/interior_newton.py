@@ -1,4 +1,4 @@
-"""InteriorNewton: interior points for what happens to each contact, Newton's method for how much.
+"""InteriorNewton: interior points for what happens to each contact, sweeps and Newton's method for how much.
 
 An interior point method finds from anywhere, in a few dozen factorisations, which contacts open, stick and slip. Its
 last digits are slow where an answer is not strictly complementary, and its path may turn. Sweeps with momentum find
@@ -11,9 +11,10 @@ these digits mostly in a few hundred sweeps, which take less time than two facto
     ProximalPoint      from there too: Newton's method, regular however many contacts are redundant
     HybridNewton       sweeps from the best impulses, which rearrange contacts one by one where no path led
 
-The last four come four times, with budgets of iterations for the path and the sweeps that grow; the third path is of
-another order, which leads on where the first one goes in circles. So no method keeps the others waiting for long, and
-what is done does not depend on the speed of the machine.
+The last four come five times, with budgets of iterations for the path and the sweeps that grow. The path goes on where
+it was left. Where it has ended, and in the fourth turn, it is followed from the beginning with series of another order,
+which lead on where the first ones go in circles. So no method keeps the others waiting for long, and what is done does
+not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -27,7 +28,7 @@ from ...problems.contact.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Prepared, Solution, Stop
-from ..interior.central_path import CentralPath
+from ..interior.central_path import CentralPath, PathInTurns
 from ..interior.interior_point import InteriorPoint
 from ..interior.runs import SingleRun
 from ..iteration.clock import Clock
@@ -40,8 +41,11 @@ from .sweeping import last_digits_for
 STRAIGHT, LAST_SWEEPS, LAST_STEPS = 80, 500, 40
 """Most iterations of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
 
-THROUGH_TURNS, REARRANGING = ((10, 100), (10, 300), (6, 1000), (10, 1000)), (500, 2000, 2000)
-"""Orders and most iterations of ``CentralPath``, and most of ``HybridNewton`` before the last time, in their turns."""
+THROUGH_TURNS = ((10, 100), (10, 200), (10, 400), (6, 1000), (10, 1000))
+"""Orders and most iterations of ``CentralPath`` in its turns."""
+
+REARRANGING = (500, 1000, 2000, 2000)
+"""Most iterations of ``HybridNewton`` in its turns before the last."""
 
 REDUNDANT = 2
 """Rows for each degree of freedom from which on interior points factorise over bodies, if pairs are held more than once
@@ -115,15 +119,19 @@ def _n_pairs(pieces: Pieces) -> int:
 def _turns(relay: Relay, start: FloatArray | None) -> Iterator[Turn]:
     problem, most = relay.problem, relay.stop.max_iterations
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
-    yield Turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
+    yield relay.turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
     sweeps, end = last_digits_for(problem), relay.latest
-    yield Turn(sweeps, end, LAST_SWEEPS)
+    yield relay.turn(sweeps, end, LAST_SWEEPS)
+    methods = [CentralPath(order, form) for order, _ in THROUGH_TURNS]
+    paths = {path.order: PathInTurns(path, problem) for path in methods if path.supports(problem) is None}
     for (order, factorisations), rearranging in zip(THROUGH_TURNS, (*REARRANGING, most), strict=True):
-        path = CentralPath(order, form)
-        if path.supports(problem) is None:
-            yield Turn(SingleRun(path), zeros, factorisations)
+        path = paths.get(order) or next(iter(paths.values()), None)
+        if path is not None:
+            yield Turn(path.method.name, path, zeros, factorisations)
             end = relay.latest
-            yield Turn(sweeps, end, LAST_SWEEPS)
+            if path.has_ended:
+                del paths[path.method.order]
+            yield relay.turn(sweeps, end, LAST_SWEEPS)
         # swept impulses may be better than the path's end, and know less of what happens to the contacts
-        yield Turn(ProximalPoint(), end, LAST_STEPS)
-        yield Turn(HybridNewton(), None, rearranging)
+        yield relay.turn(ProximalPoint(), end, LAST_STEPS)
+        yield relay.turn(HybridNewton(), None, rearranging)

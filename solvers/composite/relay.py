@@ -17,12 +17,14 @@ class Turn:
     """What one solver does in a relay.
 
     Attributes:
-        solver: the solver.
+        name: of the solver.
+        prepared: the solver made ready.
         start: the Λ it begins with [N s], shape (n_rows,); None for the best so far.
         most: its limit of iterations.
     """
 
-    solver: Solver
+    name: str
+    prepared: Prepared
     start: FloatArray | None
     most: int
 
@@ -59,15 +61,25 @@ class Relay:
     latest: FloatArray | None = None
     status: Status = Status.STALLED
 
+    def ready(self, solver: Solver) -> Prepared:
+        """Return a solver made ready, the same whenever its turn comes."""
+        if solver.name not in self.prepared:
+            self.prepared[solver.name] = solver.prepare(self.problem)
+        return self.prepared[solver.name]
+
+    def turn(self, solver: Solver, start: FloatArray | None, most: int) -> Turn:
+        """Return a turn of a solver; see ``Turn``."""
+        return Turn(solver.name, self.ready(solver), start, most)
+
     def take(self, turn: Turn) -> Solution | None:
         """Let one solver run; return the solution if the relay is over, else None."""
         left = self.stop.max_iterations - self.used
         limits = Stop(self.stop.tolerance, min(turn.most, left), max(self.clock.left, 1e-9))
         origin = self.best if turn.start is None else turn.start
-        last = self._ready(turn.solver).solve(limits, origin, self._shown())
+        last = turn.prepared.solve(limits, origin, self._shown())
         self.used += last.iterations
         self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
-        self.ran.append(f"{turn.solver.name}: {last.status}")
+        self.ran.append(f"{turn.name}: {last.status}")
         self.latest = last.impulses
         residual = judged(self.problem, self.residual, last.impulses)
         self.keep(last.impulses, residual)
@@ -85,11 +97,6 @@ class Relay:
         """Return the best Λ with the status the relay ended in, and why."""
         assert self.best is not None
         return Solution(self.best, status, self.used, "; ".join([*self.ran, *reasons]))
-
-    def _ready(self, solver: Solver) -> Prepared:
-        if solver.name not in self.prepared:
-            self.prepared[solver.name] = solver.prepare(self.problem)
-        return self.prepared[solver.name]
 
     def _shown(self) -> Observer | None:
         """Return an observer of one turn that counts the iterations of those before."""

@@ -24,13 +24,14 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Status
+from ..interface import Observer, Solution, Status, Stop
+from ..iteration.loop import refuted
 from ..iteration.method import check_form, check_option
 from . import cones
 from .interior_point import NewtonSystem, form_obstacle, newton_system
 from .power_series import Direction, Series, local_product, products, write_right
 from .progress import Progress
-from .runs import InRuns, PreparedRuns
+from .runs import HARDLY, InRuns, PreparedRuns
 from .scaled_problem import ScaledProblem
 from .smoothing import on_manifold
 
@@ -128,8 +129,36 @@ class PreparedPath(PreparedRuns):
         """Follow the path until the progress has ended."""
         path = _Path(self, progress)
         path.begin(progress.best)
-        while progress.ended is None:
-            path.advance()
+        path.follow()
+
+
+@dataclass(eq=False)
+class PathInTurns:
+    """One path that several solves follow, each on from where the one before was left, once it has been found.
+
+    Attributes:
+        method: whose path it is.
+        problem: the problem, which is prepared when the first solve begins.
+        has_ended: whether it leads no further.
+    """
+
+    method: CentralPath
+    problem: ContactProblem
+    has_ended: bool = False
+    _prepared: PreparedPath | None = field(default=None, repr=False)
+    _path: "_Path | None" = field(default=None, repr=False)
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Go on along the path; it is looked for from ``start`` until it is found; see ``Prepared.solve``."""
+        self._prepared = self._prepared or self.method.prepare(self.problem)
+        progress = self._prepared.begun(stop, start, observe, HARDLY)
+        if progress is None:
+            self.has_ended = True
+            return refuted(self.problem)
+        self._path = self._path or _Path(self._prepared, progress)
+        self._path.go_on(progress)
+        self.has_ended = progress.ended is None or progress.ended[0] is not Status.ITERATION_LIMIT
+        return progress.solution()
 
 
 class _Point:
@@ -165,6 +194,20 @@ class _Path:
         self._p, self._q = np.empty((n, width)), np.empty((n, width))
         self._tangent: Direction | None = None
 
+    def go_on(self, progress: Progress) -> None:
+        """Follow the path until ``progress`` has ended, from where it was left or else is found."""
+        self._progress = progress
+        if self._tangent is None:
+            self.begin(progress.best)
+        else:
+            self._point = self._corrected_across(self._point)
+        self.follow()
+
+    def follow(self) -> None:
+        """Go on until the progress has ended."""
+        while self._progress.ended is None:
+            self.advance()
+
     def begin(self, first: FloatArray) -> None:
         """Find a point of the path from Λ = ``first``, shape (n_rows,)."""
         starts: tuple[float, ...] = STARTS
@@ -198,8 +241,10 @@ class _Path:
             if following is None:
                 break
             self._arrive(following[0])
-            self._point = self._corrected_across(following[0])
-            if self._point.is_within(LOOSE) or self._progress.ended is not None:
+            found = self._corrected_across(following[0])
+            if found.is_within(LOOSE):
+                self._point = found
+            if self._point is found or self._progress.ended is not None:
                 return
             reach = RETURN_SHARE * following[1]
         self._progress.end(Status.STALLED, f"the path cannot be followed further, best residual {self._reached}")

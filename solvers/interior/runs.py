@@ -42,22 +42,23 @@ class PreparedRuns(ABC):
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run until the residual reaches the tolerance, or a run brings nothing; see ``Prepared.solve``."""
-        progress = self._begun(stop, start, observe, 0.0)
+        progress = self.begun(stop, start, observe, 0.0)
         while progress is not None and progress.goes_on():
             self.run(progress)
         return refuted(self.problem) if progress is None else progress.solution()
 
     def solve_in_one(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Do the same in one run."""
-        progress = self._begun(stop, start, observe, HARDLY)
+        progress = self.begun(stop, start, observe, HARDLY)
         if progress is not None and progress.ended is None:
             self.run(progress)
         return refuted(self.problem) if progress is None else progress.solution()
 
-    def _begun(
-        self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float
-    ) -> Progress | None:
-        """Return the progress of a solve that begins, None if the problem is infeasible."""
+    def begun(self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float) -> Progress | None:
+        """Return the progress of a solve that begins, None if the problem is infeasible.
+
+        Steps below the fraction ``shortest`` of a Newton step hardly move.
+        """
         first = first_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return None

@@ -7,7 +7,7 @@ import pytest
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Model, Solution, Status, Stop
-from proxbench.solvers.composite.relay import Relay, Turn
+from proxbench.solvers.composite.relay import Relay
 from proxbench.solvers.iteration.clock import Clock
 
 ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
@@ -46,5 +46,5 @@ def test_how_it_ends(ends: tuple[Status, ...], status: Status) -> None:
     stop = Stop(1e-8)
     relay = Relay(ONE, Residual(ONE), {}, stop, None, Clock(stop.max_seconds))
     for number, end in enumerate(ends):
-        assert relay.take(Turn(Scripted(f"part {number}", end), None, 10)) is None
+        assert relay.take(relay.turn(Scripted(f"part {number}", end), None, 10)) is None
     assert relay.ended(relay.status, "").status is status

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from proxbench.problems import judge, load
+from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.interior.central_path import CentralPath, _Path, _Point
+from proxbench.solvers.interior.central_path import CentralPath, PathInTurns, _Path, _Point
 from proxbench.solvers.interior.power_series import Direction, Series
 from proxbench.solvers.interior.progress import Progress
+from proxbench.solvers.interior.runs import SingleRun
 
 
 @pytest.mark.parametrize("name", ["hard-supports-32", "hard-tresca-joint", "hard-mixed-laws", "funnel-planar-30"])
@@ -25,6 +26,28 @@ def test_it_goes_through_turns_where_newton_s_method_towards_zero_stands_still()
     assert damped.status is not Status.SOLVED
     assert followed.status is Status.SOLVED
     assert judge(problem, followed.impulses).residual <= 1e-8
+
+
+@pytest.mark.parametrize("length", [10, 20, 40])
+def test_in_turns_it_is_the_same_path(length: int) -> None:
+    """The path of pile-100 has two turns, and is followed from the beginning where a turn forgets the one before."""
+    problem = load("pile-100")
+    whole = SingleRun(CentralPath()).prepare(problem).solve(Stop(1e-8))
+    path, zeros, iterations = PathInTurns(CentralPath(), problem), np.zeros(problem.n_rows), 0
+    while not path.has_ended:
+        part = path.solve(Stop(1e-8, length), zeros)
+        iterations += part.iterations
+        assert part.iterations <= length
+        assert iterations <= 1.1 * whole.iterations
+    assert part.status is whole.status is Status.SOLVED
+    assert judge(problem, part.impulses).residual <= 1e-8
+
+
+def test_a_path_whose_problem_is_refuted_has_ended() -> None:
+    problem = ContactProblem.from_delassus([[0.0]], [-1.0], dim=1)
+    path = PathInTurns(CentralPath(), problem)
+    assert path.solve(Stop(1e-8)).status is Status.INFEASIBLE
+    assert path.has_ended
 
 
 @pytest.mark.slow
