@@ -16,6 +16,7 @@ from ....problems.contact.problem import ContactProblem
 from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
 from .delassus_system import REFINEMENTS
+from .small_blocks import invert, times
 
 CORRECTIONS = 1
 """Of products with inverses in the factorisation: D⁻¹ of contacts that stick and of joints leaves blocks stiff."""
@@ -36,7 +37,7 @@ class BodySystem:
         self._blocks = np.empty((len(columns), self._length, self._length))
         self._factors = BlockLU(rows, columns, self._length, CORRECTIONS)
         self._coupled: FloatArray = np.zeros((0, width, width))
-        self._inverse = self._coupled
+        self._inverse, self._sign = self._coupled, 0.0
 
     @property
     def flops(self) -> float:
@@ -50,11 +51,9 @@ class BodySystem:
     def factorise(self, coupled: FloatArray) -> bool:
         """Factorise; False if D or the sum is singular; see ``NewtonSystem``."""
         self._coupled = self._lanes.matrices_to_block(coupled)
-        try:
-            self._inverse = np.asarray(np.linalg.inv(self._coupled), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            return False
-        if not np.isfinite(self._inverse).all():
+        self._inverse = np.empty_like(self._coupled)
+        self._sign = invert(self._coupled, self._inverse)
+        if self._sign == 0.0:
             return False
         _assemble(
             self._starts,
@@ -70,22 +69,18 @@ class BodySystem:
 
     def determinant_sign(self) -> float:
         """Return the sign of det (Ĝ + D) = det D · det (M + W D⁻¹ Wᵀ) / det M; see ``NewtonSystem``."""
-        return float(np.prod(np.linalg.slogdet(self._coupled).sign)) * self._factors.determinant_sign()
+        return self._sign * self._factors.determinant_sign()
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
         """Return dr for a right side; see ``NewtonSystem``."""
         given = self._lanes.sum_to_block(right)
         found, left = np.zeros_like(given), given
         for refinement in range(refinements + 1):
-            moved = self._factors.solve(self._push(self._from_inverse(left)))
-            found += self._from_inverse(left - self._pull(moved))
+            moved = self._factors.solve(self._push(times(self._inverse, left)))
+            found += times(self._inverse, left - self._pull(moved))
             if refinement < refinements:
-                left = given - self._pull(self._push(found)) - (self._coupled @ found[:, :, None])[:, :, 0]
+                left = given - self._pull(self._push(found)) - times(self._coupled, found)
         return self._lanes.from_block(found)
-
-    def _from_inverse(self, lanes: FloatArray) -> FloatArray:
-        product: FloatArray = (self._inverse @ lanes[:, :, None])[:, :, 0]
-        return product
 
     def _push(self, lanes: FloatArray) -> FloatArray:
         """Return L x over degrees of freedom."""
