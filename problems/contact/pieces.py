@@ -119,10 +119,15 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
     The chunk length is the one that makes them cheapest, counting the numbers to read plus four for each piece; it is
     chosen by the first rows, because a problem's contacts are alike.
     """
-    pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
-    length = _cheapest_length(*pattern, columns.shape[0])
-    n_chunks = -(-columns.shape[0] // length)
-    starts, chunks, values = _cut(*pattern, length, n_chunks, columns.data, root)
+    return pieces_of_arrays(columns.indptr, columns.indices, columns.data, root, layout)
+
+
+def pieces_of_arrays(
+    indptr: IntArray, indices: IntArray, data: FloatArray, root: FloatArray, layout: BlockLayout
+) -> Pieces:
+    """Do the same for a matrix given by the arrays of a CSC matrix, which has a row for each entry of ``root``."""
+    pattern = (indptr, indices, layout.slot, layout.n_blocks, layout.width)
+    starts, chunks, values, n_chunks = _cut(*pattern, data, root)
     return Pieces(starts, chunks, values, n_chunks)
 
 
@@ -227,11 +232,13 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # 
 
 
 @njit(cache=True)
-def _cut(indptr, indices, slot, n_blocks, width, length, n_chunks, data, root):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and values of the pieces for one chunk length, entries scaled by ``root`` of their row.
+def _cut(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
+    """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.
 
     They come in pairs where a block has two pieces and none has more.
     """
+    length = _cheapest_length(indptr, indices, slot, n_blocks, width, len(root))
+    n_chunks = -(-len(root) // length)
     starts = _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks)
     most = 0
     for block in range(n_blocks):
@@ -253,4 +260,4 @@ def _cut(indptr, indices, slot, n_blocks, width, length, n_chunks, data, root): 
                 chunks[piece] = chunk
                 filled[block] += 1
             values[piece, lane, indices[p] - chunk * length] = root[indices[p]] * data[p]
-    return starts, chunks, values
+    return starts, chunks, values, n_chunks

@@ -33,7 +33,7 @@ from ..prox.anderson_sorprox import AndersonSORprox
 from .attempts import Attempts
 from .interior_newton import taken_in_turn
 from .relay import Relay
-from .sweeping import may_mix, sweeps_for
+from .sweeping import may_mix, sweeps_between_looks, sweeps_for
 
 WINDOW, WINDOW_A_CONTACT = 400, 3
 """Sweeps of a window: the first, and the second for each contact."""
@@ -61,16 +61,17 @@ class Robust(Method):
     def prepare(self, problem: ContactProblem) -> "PreparedRobust":
         """Prepare the sweeps; the others are prepared when their turn comes."""
         sweeps = sweeps_for(problem)
-        return PreparedRobust(problem, sweeps.name, sweeps.prepare(problem))
+        return PreparedRobust(problem, sweeps.name, sweeps.prepare(problem), sweeps_between_looks(problem, sweeps))
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedRobust:
-    """The sweeps of one problem, and the further parts that have been prepared, by name."""
+    """The sweeps of one problem, how many come between looks, and the further parts that are prepared, by name."""
 
     problem: ContactProblem
     name: str
     sweeps: PreparedIteration = field(repr=False)
+    between_looks: int = 1
     prepared: dict[str, Prepared] = field(default_factory=dict, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -85,7 +86,7 @@ class PreparedRobust:
         equations: Equations | None = None
         windows = _windows(problem)
         for length in windows:
-            swept = _swept(relay, advance, self.name, length, first)
+            swept = _swept(relay, advance, self.name, length, first, self.between_looks)
             is_last = swept.has_ended or length == windows[-1]
             if swept.over is None and is_last and may_mix(problem):
                 mixed = MIXED.prepare(problem)
@@ -121,14 +122,17 @@ class Swept:
     over: Solution | None
 
 
-def _swept(relay: Relay, advance: Advance, name: str, length: int, first: FloatArray) -> Swept:
-    """Sweep while each ``length`` of sweeps gains a digit; ``first`` is the best Λ where none has a finite residual."""
+def _swept(relay: Relay, advance: Advance, name: str, length: int, first: FloatArray, least: int = 1) -> Swept:
+    """Sweep while each ``length`` of sweeps gains a digit; ``first`` is the best Λ where none has a finite residual.
+
+    The residual is looked at after ``least`` sweeps or more.
+    """
     window, monitor = Window(length, advance.iteration), advance.monitor
     while True:
         latest, present, ended = looked(relay.problem, relay.residual, advance)
         if ended is not None or window.is_lost(advance.iteration, monitor.best_residual):
             break
-        advance.to_next_look()
+        advance.to_next_look(least)
     best, over = first if monitor.best_impulses is None else monitor.best_impulses, None
     relay.used, relay.best, relay.lowest = advance.iteration, best, monitor.best_residual
     if ended is not None and ended[0] in OVER:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.problem import ContactProblem
+from ..iteration.stopping import LONGEST_INTERVAL
 from ..prox.nesterov_sorprox import NesterovSORprox
 from ..prox.nsgs import NSGS
 from ..prox.safeguarded_sorprox import SafeguardedSORprox
@@ -37,6 +38,9 @@ UNCOUPLED = 0.0
 DENSE, ONE_BODY = 1.5, 10.0
 """Sweeps go over the factors where the Delassus matrix has the first times their numbers, without momentum where it has
 the second times."""
+
+ROWS_OF_A_LOOK = 100
+"""Rows that are swept in the time of one look at the residual, which on few rows is that of its calls."""
 
 ALONE, SAFEGUARDED = NSGS(), SafeguardedSORprox(RELAXATION)
 """The sweeps of small problems, made once: making them takes as long as some of their sweeps."""
@@ -62,6 +66,14 @@ def may_mix(problem: ContactProblem) -> bool:
 def last_digits_for(problem: ContactProblem) -> Sweeps | NesterovSORprox:
     """Return the sweeps that go on from where other methods have come near the answer."""
     return NesterovSORprox() if may_mix(problem) else sweeps_for(problem)
+
+
+def sweeps_between_looks(problem: ContactProblem, sweeps: Sweeps) -> int:
+    """Return how many sweeps take about as long as a look at the residual does, 1 to ``LONGEST_INTERVAL``.
+
+    It is 1 where the first sweep may be exact.
+    """
+    return 1 if sweeps is ALONE else max(1, min(LONGEST_INTERVAL, ROWS_OF_A_LOOK // problem.n_rows))
 
 
 def density(problem: ContactProblem) -> float:

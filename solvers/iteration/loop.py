@@ -266,10 +266,10 @@ class Advance:
             self.iterates.sweep(1)
             self.arrive(self.iterates.impulses())
 
-    def to_next_look(self) -> int:
-        """Do the sweeps until the residual is looked at again, within the limit; return how many they are."""
+    def to_next_look(self, least: int = 1) -> int:
+        """Do the sweeps until the residual is looked at again, ``least`` or the limit; return how many they are."""
         left = self.monitor.stop.max_iterations - self.iteration
-        count = min(left, sweeps_to_next_look(self.iteration))
+        count = min(left, max(least, sweeps_to_next_look(self.iteration)))
         self.by(count)
         return count
 

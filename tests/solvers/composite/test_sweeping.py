@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Stop
-from proxbench.solvers.composite.sweeping import sweeps_for
+from proxbench.solvers.composite.sweeping import sweeps_between_looks, sweeps_for
 from proxbench.solvers.prox.nsgs import NSGS
 from scipy.linalg import block_diag
 
@@ -37,3 +37,11 @@ def test_one_sweep_over_contacts_of_their_own_is_exact(name: str) -> None:
     problem = load(name)
     solution = sweeps_for(problem).prepare(problem).solve(Stop(1e-10, max_iterations=1))
     assert judge(problem, solution.impulses).residual <= 1e-10
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("hard-sticking-box", 8), ("hard-touching", 1), ("hard-stack-10", 10), ("funnel-100", 1)]
+)
+def test_looks_are_as_far_apart_as_they_take_sweeps(name: str, least: int) -> None:
+    problem = load(name)
+    assert sweeps_between_looks(problem, sweeps_for(problem)) == least
