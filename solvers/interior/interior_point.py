@@ -31,7 +31,7 @@ from .runs import InRuns, PreparedRuns
 from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
 from .smoothing import on_manifold
 from .systems.body_system import BodySystem
-from .systems.delassus_system import DelassusSystem
+from .systems.delassus_system import REFINEMENTS, DelassusSystem
 
 Scaling = Literal["plain", "nesterov_todd"]
 
@@ -49,6 +49,9 @@ SECOND_ORDER = 0.25
 
 LEAST_FRACTION, FURTHER_FRACTION = 0.9, 0.09
 """The fraction of the way to the boundary that a step goes is the first, plus the second times the last length."""
+
+NEAR = 1e-5
+"""The residual from which on directions are refined: before, they need no more digits than a factorisation has."""
 
 WARM_SHARE, LEAST_WARM, LARGEST_WARM = 0.1, 1e-8, 0.5
 """A warm start begins at τ = share × its residual, at least and at most the others."""
@@ -162,7 +165,7 @@ class _Iterate:
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
         self._share: Share = SHARES[prepared.method.damping](n)
-        self._part = 1.0
+        self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))
         self._p, self._q, self._right = np.empty((n, width)), np.empty((n, width)), np.empty((n, width))
@@ -202,6 +205,7 @@ class _Iterate:
         self._primal = self._u - self._system.times(self._r) - scaled.free_velocity
         self._primal[:, 0] += np.where(scaled.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
         self._values = np.where(scaled.is_remote, 0.0, self._share.values)
+        self._refinements = REFINEMENTS if progress.best_residual <= NEAR else 0
         found = self._combined(tau, bool(np.linalg.norm(self._lag) > norm), progress)
         if found is None:
             return
@@ -256,7 +260,8 @@ class _Iterate:
     def _solved(self) -> FloatArray:
         """Return dr of the linearised equations, and leave dû and ds behind."""
         uses = self._scaled.uses
-        found = np.where(uses, self._system.solve(np.where(uses, self._right + self._primal, 0.0)), 0.0)
+        right = np.where(uses, self._right + self._primal, 0.0)
+        found = np.where(uses, self._system.solve(right, self._refinements), 0.0)
         cones.follow(
             self._kind,
             self._friction,

@@ -9,7 +9,7 @@ from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.composite.interior_newton import form_for
 
 
-@pytest.mark.parametrize("name", ["hard-duplicated-slider-mu10", "hard-scaled-tower-10", "hard-remote-brakes-3"])
+@pytest.mark.parametrize("name", ["hard-duplicated-slider-mu10", "hard-scaled-tower-10", "hard-linked-redundant"])
 def test_it_solves_what_interior_points_alone_leave_unsolved(name: str) -> None:
     """Rounding and answers that are not strictly complementary keep an interior point from these digits."""
     problem = load(name)

@@ -16,7 +16,6 @@ from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
     ("method", "name", "tolerance"),
     [
         (InteriorPoint(), "hard-slider-in-km-t", 1e-12),
-        (InteriorPoint(), "hard-disconnected-parts-twice", 1e-12),
         (InteriorPoint(), "hard-duplicated-slider-100", 1e-8),
         (CentralPath(), "hard-scaled-rows", 1e-12),
     ],
