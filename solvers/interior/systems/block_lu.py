@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
-from .elimination import elimination
+from .elimination import MOST_COLUMNS, elimination
 
 
 class BlockLU:
@@ -27,9 +27,11 @@ class BlockLU:
         flops: multiplications and additions of one factorisation.
     """
 
-    def __init__(self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0) -> None:
+    def __init__(
+        self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, most_columns: int = MOST_COLUMNS
+    ) -> None:
         """Order a pattern in compressed block rows, symmetric, its diagonal stored, of blocks (width, width)."""
-        found = elimination(starts, columns)
+        found = elimination(starts, columns, most_columns)
         self._width, self._order = width, found.order
         self._fronts = (
             found.nodes,

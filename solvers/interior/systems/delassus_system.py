@@ -11,6 +11,7 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
+from .elimination import MOST_COLUMNS
 
 REFINEMENTS = 2
 """Refinements of each solution."""
@@ -29,7 +30,9 @@ class DelassusSystem:
         size = (len(starts) - 1) * self._width
         self._matrix = sp.bsr_array((self._values, columns, starts), shape=(size, size))
         self._summed = self._values.copy()
-        self._factors = BlockLU(starts, columns, self._width)
+        # redundant joints, which D hardly softens, need all rows of their front to choose pivots from
+        most = len(starts) if problem.layout.is_bilateral.any() else MOST_COLUMNS
+        self._factors = BlockLU(starts, columns, self._width, most_columns=most)
         self._coupled: FloatArray = np.zeros((0, self._width, self._width))
 
     @property

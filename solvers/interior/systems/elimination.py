@@ -19,6 +19,9 @@ from ....problems.arrays import IntArray
 MOST_ZEROS = 0.2
 """Share of zeros that a supernode may gain by taking in its neighbour."""
 
+MOST_COLUMNS = 40
+"""Most blocks of columns of a supernode: inverting larger ones takes more operations than passing updates on."""
+
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
@@ -59,12 +62,13 @@ class Elimination:
         return float((pivots**3 + 2.0 * pivots**2 * below + pivots * below**2).sum())
 
 
-def elimination(starts: IntArray, columns: IntArray) -> Elimination:
+def elimination(starts: IntArray, columns: IntArray, most_columns: int = MOST_COLUMNS) -> Elimination:
     """Return how to eliminate a matrix with the pattern of compressed block rows, symmetric, its diagonal stored.
 
     Args:
         starts: first stored block of each block row, shape (n + 1,).
         columns: block column of each stored block.
+        most_columns: most columns of a supernode.
     """
     starts, columns = np.asarray(starts, dtype=np.int64), np.asarray(columns, dtype=np.int64)
     order = _minimum_degree(starts, columns)
@@ -72,7 +76,7 @@ def elimination(starts: IntArray, columns: IntArray) -> Elimination:
     position = np.argsort(order)
     parent = _tree(starts, columns, position, order)
     column_starts, column_rows = _structures(starts, columns, position, order, parent)
-    nodes = _supernodes(column_starts, parent, MOST_ZEROS)
+    nodes = _supernodes(column_starts, parent, MOST_ZEROS, most_columns)
     row_starts, rows, node_of, child_starts, children = _fronts(column_starts, column_rows, nodes, parent)
     entry_starts, entries, row_of = _entries(starts, columns, position, node_of, len(nodes) - 1)
     local = _local_places(
@@ -181,12 +185,12 @@ def _structures(starts, columns, position, order, parent):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _supernodes(column_starts, parent, most_zeros):  # type: ignore[no-untyped-def]
+def _supernodes(column_starts, parent, most_zeros, most_columns):  # type: ignore[no-untyped-def]
     """Return the first place of each supernode; a column joins the one before it where few zeros come in."""
     n = len(parent)
     nodes, count, zeros = np.empty(n + 1, dtype=np.int64), 0, 0.0
     for j in range(n):
-        if j > 0 and parent[j - 1] == j:
+        if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < most_columns:
             width, below = j - nodes[count - 1], column_starts[j + 1] - column_starts[j]
             gained = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
             if zeros + gained <= most_zeros * (width + 1) * (below + 1 + 0.5 * width):

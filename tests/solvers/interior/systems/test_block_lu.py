@@ -94,7 +94,21 @@ def test_every_block_is_eliminated_once_and_children_come_before_their_parents()
         assert (children < node).all()
 
 
+def test_divided_supernodes_take_less_work_and_have_the_same_solution() -> None:
+    pattern = grid(60)
+    whole, divided = (elimination(pattern.indptr, pattern.indices, most) for most in (3600, 40))
+    assert np.diff(whole.nodes).max() > 40 == np.diff(divided.nodes).max()
+    assert divided.multiplications < whole.multiplications
+    rng = np.random.default_rng(0)
+    blocks, right = rng.normal(size=(pattern.nnz, 1, 1)), rng.normal(size=3600)
+    blocks[pattern.indices == np.repeat(np.arange(3600), np.diff(pattern.indptr))] += 10.0
+    factors = [BlockLU(pattern.indptr, pattern.indices, 1, most_columns=most) for most in (3600, 40)]
+    assert all(factor.factorise(blocks) for factor in factors)
+    found = [factor.solve(right) for factor in factors]
+    assert np.abs(found[0] - found[1]).max() <= 1e-12 * np.abs(found[0]).max()
+
+
 def test_work_on_a_grid_grows_more_slowly_than_that_of_a_band() -> None:
     """A band of half width k over k² rows takes about k⁴, sixteen times as much at twice the side; 2³ is the least."""
-    work = [elimination(grid(side).indptr, grid(side).indices).multiplications for side in (20, 40)]
+    work = [elimination(grid(side).indptr, grid(side).indices, side**2).multiplications for side in (20, 40)]
     assert 8.0 <= work[1] / work[0] < 12.0
