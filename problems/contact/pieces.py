@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numba import njit, uint64
+from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
 from .blocks import BlockLayout
@@ -123,7 +124,7 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
 
 
 def pieces_of_arrays(
-    indptr: IntArray, indices: IntArray, data: FloatArray, root: FloatArray, layout: BlockLayout
+    indptr: NDArray[Any], indices: NDArray[Any], data: FloatArray, root: FloatArray, layout: BlockLayout
 ) -> Pieces:
     """Do the same for a matrix given by the arrays of a CSC matrix, which has a row for each entry of ``root``."""
     pattern = (indptr, indices, layout.slot, layout.n_blocks, layout.width)

@@ -192,6 +192,7 @@ class _Path:
         self._shifts, self._right = np.zeros((n, width)), np.zeros((n, width))
         self._heads, self._lifts = np.zeros((n, width + 1)), np.zeros(n)
         self._p, self._q = np.empty((n, width)), np.empty((n, width))
+        self._point: _Point
         self._tangent: Direction | None = None
 
     def go_on(self, progress: Progress) -> None:
