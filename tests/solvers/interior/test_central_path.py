@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.interior.central_path import CentralPath, PathInTurns, _Path, _Point
+from proxbench.solvers.interior.central_path import CentralPath, PathInTurns
 from proxbench.solvers.interior.power_series import Direction, Series
-from proxbench.solvers.interior.progress import Progress
 from proxbench.solvers.interior.runs import SingleRun
 
 
@@ -65,26 +64,6 @@ def test_velocities_agree_with_those_of_sweeps() -> None:
     assert followed.status is swept.status is Status.SOLVED
     difference = problem.relative_velocity(followed.impulses) - problem.relative_velocity(swept.impulses)
     assert np.abs(difference).max() <= 1e-8 * np.abs(problem.free_velocity).max()
-
-
-@pytest.mark.parametrize("order", [2, 3, 5])
-def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order: int) -> None:
-    """What is left of the equations at a is O(aᴺ⁺¹): half of a leaves 2⁻⁽ᴺ⁺¹⁾ of it."""
-    problem = load("funnel-30")
-    prepared = CentralPath(order=order).prepare(problem)
-    zeros = np.zeros(problem.n_rows)
-    path = _Path(prepared, Progress(problem, prepared.residual, Stop(1e-15), None, prepared.system.flops, zeros))
-    path.begin(zeros)
-    point = path._point
-    assert path._factorised(point)
-    series = path._series(point, path._oriented(point))
-
-    def left(a: float) -> float:
-        end = _Point(prepared.scaled, prepared.system, series.manifold_vector(a), series.tau_at(a) * point.tau)
-        return float(np.abs(end.primal - point.primal).max())
-
-    reach = 0.05 * path._range(series)
-    assert np.log2(left(reach) / left(0.5 * reach)) == pytest.approx(order + 1, abs=0.35)
 
 
 def test_a_series_is_its_polynomial() -> None:

@@ -1,0 +1,29 @@
+"""Between two corrections the path is as accurate as its power series."""
+
+import numpy as np
+import pytest
+from proxbench.problems import load
+from proxbench.solvers import Stop
+from proxbench.solvers.interior.central_path import CentralPath
+from proxbench.solvers.interior.followed_path import Point
+from proxbench.solvers.interior.progress import Progress
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order: int) -> None:
+    """What is left of the equations at a is O(aᴺ⁺¹): half of a leaves 2⁻⁽ᴺ⁺¹⁾ of it."""
+    problem = load("funnel-30")
+    prepared = CentralPath(order=order).prepare(problem)
+    zeros = np.zeros(problem.n_rows)
+    path = prepared.path(Progress(problem, prepared.residual, Stop(1e-15), None, prepared.system.flops, zeros))
+    path.begin(zeros)
+    point = path._point
+    assert path._factorised(point)
+    series = path._series(point, path._oriented(point))
+
+    def left(a: float) -> float:
+        end = Point(prepared.scaled, prepared.system, series.manifold_vector(a), series.tau_at(a) * point.tau)
+        return float(np.abs(end.primal - point.primal).max())
+
+    reach = 0.05 * path._range(series)
+    assert np.log2(left(reach) / left(0.5 * reach)) == pytest.approx(order + 1, abs=0.35)
