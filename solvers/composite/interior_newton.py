@@ -41,7 +41,7 @@ from .sweeping import last_digits_for
 STRAIGHT, LAST_SWEEPS, LAST_STEPS = 80, 500, 40
 """Most iterations of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
 
-THROUGH_TURNS = ((10, 100), (10, 200), (10, 400), (6, 1000), (10, 1000))
+THROUGH_TURNS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
 """Orders and most iterations of ``CentralPath`` in its turns."""
 
 REARRANGING = (500, 1000, 2000, 2000)
