@@ -39,6 +39,9 @@ DENSE, ONE_BODY = 1.5, 10.0
 """Sweeps go over the factors where the Delassus matrix has the first times their numbers, without momentum where it has
 the second times."""
 
+FEW_ROWS, DENSE_ON_FEW = 150, 6.0
+"""Up to so many rows they do so where it has this many times: before, the safeguard is worth more than the numbers."""
+
 ROWS_OF_A_LOOK = 100
 """Rows that are swept in the time of one look at the residual, which on few rows is that of its calls."""
 
@@ -53,7 +56,7 @@ def sweeps_for(problem: ContactProblem) -> Sweeps:
         return ALONE
     is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and numbers <= ONE_BODY
     relaxation, momentum = FIRST if is_many else (RELAXATION, 0.0)
-    if numbers > DENSE:
+    if numbers > (DENSE_ON_FEW if problem.n_rows <= FEW_ROWS else DENSE):
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
     return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED
 

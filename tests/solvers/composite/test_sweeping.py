@@ -5,9 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.solvers import Stop
+from proxbench.solvers import Solver, Stop
 from proxbench.solvers.composite.sweeping import sweeps_between_looks, sweeps_for
 from proxbench.solvers.prox.nsgs import NSGS
+from proxbench.solvers.prox.safeguarded_sorprox import SafeguardedSORprox
+from proxbench.solvers.prox.sorprox import SORprox
 from scipy.linalg import block_diag
 
 
@@ -45,3 +47,15 @@ def test_one_sweep_over_contacts_of_their_own_is_exact(name: str) -> None:
 def test_looks_are_as_far_apart_as_they_take_sweeps(name: str, least: int) -> None:
     problem = load(name)
     assert sweeps_between_looks(problem, sweeps_for(problem)) == least
+
+
+@pytest.mark.parametrize(
+    ("name", "sweeps"),
+    [
+        ("hard-random-mu8", SafeguardedSORprox(1.5)),  # 60 rows, over the factors it never ends
+        ("hard-supports-128", SORprox(relaxation=1.5, form="factors")),
+        ("hard-sticking-box-256", SORprox(relaxation=1.5, form="factors")),
+    ],
+)
+def test_few_rows_have_the_safeguard_and_one_body_its_factors(name: str, sweeps: Solver) -> None:
+    assert sweeps_for(load(name)) == sweeps
