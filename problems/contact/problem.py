@@ -194,7 +194,7 @@ class ContactProblem:
         if self.matrix is not None:
             diagonal = diagonal_of(self.matrix)
         else:
-            diagonal = self.layout.unpad(self.factor_pieces().square_sums())
+            diagonal = self.layout.rows_of(self.factor_pieces().square_sums().reshape(-1))
         read_only(diagonal)
         return diagonal
 

@@ -55,12 +55,11 @@ class Residual:
         self.scale: float
         self.alpha, self.lengths, self.speeds, self.ratios, self._squares = np.empty((5, laws.n_laws))
         self._diagonal = problem.delassus_diagonal
-        given = laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity
-        self.stuck_law, self.scale = _write_scales(*given, self.alpha, self.lengths, self.speeds)
         self._contacts, self._layout = components(problem), problem.layout
-        _write_ratios(
-            self._contacts, self._layout.slot, self._layout.width, laws.first_row, self.speeds, self.scale, self.ratios
-        )
+        given = laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity
+        of_contacts = self._contacts, self._layout.slot, self._layout.width
+        written = self.alpha, self.lengths, self.speeds, self.ratios
+        self.stuck_law, self.scale = _write_scales_and_ratios(*given, *of_contacts, *written)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale
@@ -139,21 +138,6 @@ def _unit(scale: float) -> float:
     if scale == 0.0 or LEAST_SQUARED <= scale <= LARGEST_SQUARED:
         return 1.0
     return float(np.ldexp(1.0, int(np.clip(-np.frexp(scale)[1], -1021, 1021))))
-
-
-@njit(cache=True)
-def _write_ratios(component, slot, width, first_row, speeds, scale, ratios):  # type: ignore[no-untyped-def]
-    """Write ``scale`` over the largest speed in the component of each law; 1 where that is rounding of ``scale``.
-
-    ``component`` is that of each contact.
-    """
-    largest = np.zeros(len(component))
-    for law in range(len(speeds)):
-        own = component[slot[first_row[law]] // width]
-        largest[own] = max(largest[own], speeds[law])
-    for law in range(len(speeds)):
-        own = largest[component[slot[first_row[law]] // width]]
-        ratios[law] = scale / own if own > ROUNDING * scale else 1.0
 
 
 @njit(cache=True)
@@ -394,3 +378,22 @@ def _write_scales(  # type: ignore[no-untyped-def]
             speeds[law] *= lengths[law]
         largest = max(largest, speeds[law])
     return stuck, largest
+
+
+@njit(cache=True)
+def _write_scales_and_ratios(  # type: ignore[no-untyped-def]
+    kind, first_row, partner, diagonal, free_velocity, component, slot, width, alpha, lengths, speeds, ratios
+):
+    """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
+
+    ``component`` is that of each contact.
+    """
+    stuck, scale = _write_scales(kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds)
+    largest = np.zeros(len(component))
+    for law in range(len(kind)):
+        own = component[slot[first_row[law]] // width]
+        largest[own] = max(largest[own], speeds[law])
+    for law in range(len(kind)):
+        own = largest[component[slot[first_row[law]] // width]]
+        ratios[law] = scale / own if own > ROUNDING * scale else 1.0
+    return stuck, scale

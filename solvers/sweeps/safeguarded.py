@@ -46,8 +46,9 @@ class SafeguardedIterates:
 
     def __init__(self, iterates: ScalableIterates) -> None:
         self._iterates, self.padded = iterates, iterates.padded
-        self._fraction = np.ones(iterates.layout.n_blocks)  # what is left of each contact's step
-        self._before, self._previous = np.empty_like(iterates.padded), np.empty_like(iterates.padded)
+        self._fraction = np.empty(iterates.layout.n_blocks)  # what is left of each contact's step
+        self._fraction.fill(1.0)
+        self._before, self._previous = np.empty((2, len(iterates.padded)))
         self._since_look, self._looks_since_cut = 0, 0
 
     def sweep(self, count: int) -> None:
