@@ -40,7 +40,7 @@ DENSE, ONE_BODY = 1.5, 10.0
 the second times."""
 
 FEW_ROWS, DENSE_ON_FEW = 150, 6.0
-"""Up to so many rows they do so where it has this many times: before, the safeguard is worth more than the numbers."""
+"""Up to so many rows they do so only where it has this many times: below, the safeguard saves more than the numbers."""
 
 ROWS_OF_A_LOOK = 100
 """Rows that are swept in the time of one look at the residual, which on few rows is that of its calls."""

@@ -52,7 +52,7 @@ def test_looks_are_as_far_apart_as_they_take_sweeps(name: str, least: int) -> No
 @pytest.mark.parametrize(
     ("name", "sweeps"),
     [
-        ("hard-random-mu8", SafeguardedSORprox(1.5)),  # 60 rows, over the factors it never ends
+        ("hard-random-mu8", SafeguardedSORprox(1.5)),  # 60 rows; sweeps over the factors do not solve it
         ("hard-supports-128", SORprox(relaxation=1.5, form="factors")),
         ("hard-sticking-box-256", SORprox(relaxation=1.5, form="factors")),
     ],
