@@ -226,7 +226,7 @@ class _Iterate:
         if not progress.factorised(lambda: self._system.factorise(self._coupled)):
             return None
         found = self._solved()
-        if not lags:
+        if not lags and np.isfinite(found).all():
             part = min(1.0, self._longest_step(found))
             reached = self._tau_at(found, part)
             share = max(reached / tau, 0.0) if tau > 0.0 else 0.0
