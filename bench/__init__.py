@@ -3,12 +3,11 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .report.suggestion.suggest import suggest
     from .runs import Run, bundle, compare, load, merge, rejudge, resume, run, study
 
     __version__: str
 
-__all__ = ["Run", "bundle", "compare", "load", "merge", "rejudge", "resume", "run", "study", "suggest"]
+__all__ = ["Run", "bundle", "compare", "load", "merge", "rejudge", "resume", "run", "study"]
 
 
 def __getattr__(name: str) -> Any:
@@ -19,10 +18,6 @@ def __getattr__(name: str) -> Any:
         return metadata.version("proxbench")
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if name == "suggest":
-        from .report.suggestion.suggest import suggest
-
-        return suggest
     from . import runs
 
     return getattr(runs, name)

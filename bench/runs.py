@@ -1,5 +1,6 @@
 """Runs in Python: begin one, finish one, load one."""
 
+import itertools
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -15,13 +16,14 @@ from ..problems.spelling import switch
 from ..solvers.interface import Solver
 from .errors import BenchError
 from .measure.execution.events import OnEvent
-from .measure.plan import Plan, make_plan
+from .measure.plan import make_plan
 from .measure.runner import measure, measure_rest
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
 from .report.comparison.comparison import SLOWDOWN, Comparison, compared
 from .report.making import Report, make_report
+from .simulation.starts.registry import DEFAULT_START
 from .store.bundles.bundle import SUFFIX, bundle_of_run, read_bundle, write_bundle
 from .store.bundles.merge import merge as merge_sources
 from .store.bundles.rejudge import Rejudged
@@ -50,7 +52,7 @@ class Run(RunFrames, os.PathLike[str]):
         rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``.
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories: problem, solver, tolerance, quantity, error, low, high.
-        info: plan, machine, plugins, and sessions with drift and load of the machine.
+        info: plan, machine, plugins, and sessions.
         damaged: one sentence for each case file that could not be read.
     """
 
@@ -74,7 +76,13 @@ class Run(RunFrames, os.PathLike[str]):
         return run_page(self)
 
     def report(
-        self, charts: bool = True, residual: str | None = None, baseline: str = "", page: bool = False
+        self,
+        charts: bool = True,
+        residual: str | None = None,
+        baseline: str = "",
+        page: bool = False,
+        *,
+        profiles: str = "common",
     ) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
@@ -86,12 +94,13 @@ class Run(RunFrames, os.PathLike[str]):
                 to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
             baseline: the solver that charts give speed-ups against; the one that solves most if empty.
             page: write the page too, unless the run has none; see ``page``.
+            profiles: problems that charts of profiles are over: "common" to all solvers, or "all".
 
         Raises:
             BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
                 no such residuals, or no such solver.
         """
-        return make_report(self.judged_by(residual or self.residual), charts, baseline, page)
+        return make_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
         """Write one offline HTML page into the folder of the run, as ``proxbench report --html`` does; return its file.
@@ -164,10 +173,8 @@ def run(
         plugins: plugin files whose solvers and problems can be named, or one of them.
         solve_seconds: limit of one solve [s], instead of that of ``limits``.
         case_seconds: limit of everything in a case [s], instead of that of ``limits``.
-        memory: limit of what a case may take beyond what the framework itself needs [MiB], instead of that of
-            ``limits``.
-        passes: passes over all problems, each with two rounds of every point, or one where that takes more than 20 ms;
-            2 if None. With one alone, ratios of times have no intervals.
+        memory: limit of what a case takes beyond the framework [MiB], instead of that of ``limits``.
+        passes: over all problems; 2 if None. With one alone, ratios of times have no intervals.
         seed: of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw, families in proportion; all if None.
         thorough: take ten tolerances, 1e-1 … 1e-10, and five passes, where they are not given.
@@ -198,7 +205,9 @@ def run(
         thorough,
         shard,
     )
-    return _measured(plan, results, run_id, on_event, executor=executor)
+    folder = _new_folder(results, run_id)
+    measure(plan, folder, on_event, executor)
+    return load(folder)
 
 
 def study(
@@ -214,6 +223,7 @@ def study(
     tolerance: float = 1e-12,
     duration: float | None = None,
     members: Sequence[float] | None = None,
+    start: str = DEFAULT_START,
 ) -> Run:
     """Measure what accuracy of a motion costs, over steps, tolerances, steppers and solvers; a run like any other.
 
@@ -231,6 +241,7 @@ def study(
         tolerance: judged residual that solvers of ``methods`` shall reach where it is not what varies.
         duration: simulated time [s]; one that suits the scene if None.
         members: seeds of a scene of balls, else factors on steps and tolerances, over which errors are taken.
+        start: what the solve of each step starts from: "warm" (the last impulses), "cold" (zero) or "warm-then-cold".
 
     Raises:
         ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
@@ -245,30 +256,22 @@ def study(
         duration=duration,
         members=members,
         limits=limits,
+        start=start,
     )
-    return _measured(plan, results, run_id, on_event, prefix=f"{scene.partition('(')[0]}-study-")
-
-
-def _measured(
-    plan: Plan,
-    results: Path | str,
-    run_id: str | None,
-    on_event: OnEvent,
-    prefix: str = "",
-    executor: Executor | None = None,
-) -> Run:
-    """Carry out a plan in a new folder, and return the run."""
-    folder = _new_folder(results, run_id, prefix)
-    measure(plan, folder, on_event, executor)
+    folder = _new_folder(results, run_id, prefix=f"{scene.partition('(')[0]}-study-")
+    measure(plan, folder, on_event)
     return load(folder)
 
 
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
-    """Return the folder of a new run."""
-    identity = run_id or f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
-    if identity != plain_name(identity):
-        raise BenchError(f"run id {identity!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
-    return Path(results) / identity
+    """Return the folder of a new run; one named after the time is numbered where another run has the same second."""
+    if not run_id:
+        first = Path(results) / f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
+        numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
+        return next(folder for folder in itertools.chain([first], numbered) if not folder.exists())
+    if run_id != plain_name(run_id):
+        raise BenchError(f"run id {run_id!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
+    return Path(results) / run_id
 
 
 def resume(

@@ -63,15 +63,12 @@ AT_HOME = {
         "bench/report/comparison/pairing.py",
         "bench/report/comparison/solved.py",
         "bench/report/comparison/times.py",
-        "bench/report/suggestion/measured.py",
-        "bench/report/suggestion/suggest.py",
         "bench/simulation/chart.py",
     },
     "typer": {
         f"bench/cli/{name}.py"
         for name in (
             "comparison/compare",
-            "comparison/suggest",
             "fclib",
             "help",
             "main",

@@ -16,7 +16,6 @@ from typer.exceptions import TyperException
 from . import fclib, options
 from .comparison.compare import compare
 from .comparison.matrix import matrix
-from .comparison.suggest import suggest
 from .help import HelpCommand, HelpGroup
 from .record import record
 from .run import print_problems, report_page, report_run, run
@@ -153,15 +152,6 @@ proxbench compare results/old results/new --markdown comment.md""",
 
 _command(
     COMPARE,
-    "suggest",
-    "Say which solver to take for a problem.",
-    """\
-proxbench suggest my_problem.npz
-proxbench suggest folder --accuracy 1e-6 --run results/RUN""",
-)(suggest)
-
-_command(
-    COMPARE,
     "matrix",
     "Show which solver solves which problem, and why not.",
     """\
@@ -238,6 +228,7 @@ def report(
     ] = None,
     html: Annotated[bool, options.output("--html", help="Write one offline page instead, of a run.")] = False,
     baseline: Annotated[str, options.output(metavar="SOLVER", help="What speed-ups are against.")] = "",
+    profiles: options.Profiles = "common",
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
     charts: options.Charts = True,
@@ -258,6 +249,8 @@ def report(
         raise BenchError("a page has its charts; leave --no-charts out with --html.")
     if (html or baseline) and run_dir.suffix == ".npz" and not run_dir.is_dir():
         raise BenchError(f"{run_dir} is a simulation; --html and --baseline are for runs.")
+    if profiles != "common" and (html or problem or not charts or run_dir.suffix == ".npz"):
+        raise BenchError("--profiles is for the charts of a run; leave it out with --html, whose page has both views.")
     if problem and (quiet or run_dir.suffix == ".npz"):
         raise BenchError("--problem prints problems of a run; leave it out with --quiet, and for a simulation.")
     if run_dir.suffix == ".json" and not run_dir.is_dir():
@@ -274,7 +267,7 @@ def report(
         return print_problems(load(run_dir), problem, as_json, residual)
     if html:
         return report_page(load(run_dir), quiet, as_json, residual, baseline)
-    return report_run(load(run_dir), charts, quiet, as_json, residual, baseline=baseline)
+    return report_run(load(run_dir), charts, quiet, as_json, residual, baseline=baseline, profiles=profiles)
 
 
 _command(

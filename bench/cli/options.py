@@ -88,6 +88,21 @@ Residual = Annotated[
 ]
 """What "reached" is judged by."""
 
+
+def _check_view(name: str) -> str:
+    if name != "common":
+        from ..report.profiles import check_view
+
+        check_view(name)
+    return name
+
+
+Profiles = Annotated[
+    str,
+    output(metavar="common|all", help="Profiles over problems that all solvers support, or all.", callback=_check_view),
+]
+"""Problems that charts of profiles are over."""
+
 Progress = Annotated[bool, output("--progress/--no-progress", help="Show the progress.")]
 """Show on standard error how far the command is."""
 

@@ -76,21 +76,31 @@ class RunProgress(ProgressBar):
     """
 
     _folder = Path()
+    _points = _points_done = 0
 
     def __call__(self, event: Event) -> None:
         """Show one event."""
         if isinstance(event, RunStarted):
             self._folder = event.run_dir
+            self._points, self._points_done = event.points, event.points_done
             if event.done < event.total:
                 self._bar.update(self._task, description=LOADING)
+                if event.points:
+                    self.count(event.points_done, event.points)
+                    self._bar.refresh()
+                if event.work and not self._hidden:
+                    self._console.print(f"to do: {event.work}", soft_wrap=True, highlight=False, markup=False)
         elif isinstance(event, ProblemStarted):
             self.name(f"{event.problem}{_pass(event)}")
         elif isinstance(event, PointFinished):
             self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", again=True)
+            if self._points:
+                self._points_done += 1
+                self.count(min(self._points_done, self._points), self._points)
         elif isinstance(event, VisitFinished):
             if not self._bar.disable:
                 self._bar.above = _first_look(self._folder, event.problem, self._console.width)
-            self.count(event.done, event.total)
+            self.count(self._points or event.done, self._points or event.total)
 
 
 def _first_look(folder: Path, problem: str, width: int) -> Text:

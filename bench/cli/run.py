@@ -37,6 +37,9 @@ _STORED_WITH_THE_RUN = (
 )
 """Options that --resume takes from the stored run."""
 
+MAX_NAMES = 5
+"""Damaged files that one sentence names."""
+
 
 def run(
     context: typer.Context,
@@ -126,8 +129,9 @@ def report_run(
     record: bool = False,
     baseline: str = "",
     page: bool = False,
+    profiles: str = "common",
 ) -> int:
-    """Print what a run has to show, then write it; return 1 if something measured failed or files were left out.
+    """Print what a run has to show, then write it; return 1 if something failed, is damaged or was left out.
 
     Tables are printed before any file is written, so that a folder that takes none still shows them; why files are
     missing is said on standard error then. With ``quiet`` the files are all there is, and not to write them is an
@@ -142,10 +146,11 @@ def report_run(
         record: record the iterations.
         baseline: the solver that speed-ups are against; the one that solves most if empty.
         page: write the page, unless the run has none.
+        profiles: problems that charts of profiles are over, "common" to all solvers or "all".
 
     Raises:
         BenchError: if a link in the folder of the run leads out of it, a recording cannot be written, the run has no
-            such baseline, or nothing is printed and files cannot be written.
+            such baseline, none of its cases can be read, or nothing is printed and files cannot be written.
     """
     from rich.console import Console
 
@@ -155,12 +160,14 @@ def report_run(
     from ..report.profiles import baseline_of
     from ..report.tables import print_tables
 
+    _require_readable(run)
     frames, console = run.judged_by(residual), Console(width=output_width())
     if baseline:
         baseline_of(frames, baseline)
     left_out = [for_command_line(sentence) for sentence in run.info.plan.left_out]
-    for sentence in (*left_out, *run.damaged):
+    for sentence in left_out:
         print(f"proxbench: {sentence}", file=sys.stderr)
+    _print_damage(run)
     if not (quiet or as_json):
         print_tables(frames, console)
         console.print()
@@ -168,7 +175,7 @@ def report_run(
         from ..recordings.solves import record_run
 
         record_run(run.folder)
-    made = run.report(charts, residual, baseline, page)
+    made = run.report(charts, residual, baseline, page, profiles=profiles)
     if made.unwritten and quiet:
         raise BenchError(made.unwritten)
     if as_json:
@@ -177,27 +184,29 @@ def report_run(
         console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
     if made.unwritten:
         print(f"proxbench: {made.unwritten}", file=sys.stderr)
-    return int(_has_failed(run) or bool(left_out))
+    return int(_has_failed(run) or bool(left_out) or bool(run.damaged))
 
 
 def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline: str) -> int:
-    """Write the page of a run and print where it is; return 1 if something measured failed.
+    """Write the page of a run and print where it is; return 1 if something measured failed or is damaged.
 
     Raises:
         BenchError: if it has no case, is over trajectories or has no such baseline, or the page cannot be written.
     """
     from ..report.layout.text import print_json
 
+    _require_readable(run)
+    _print_damage(run)
     file = run.page(residual, baseline)
     if as_json:
         print_json({"run": str(run.folder), "page": str(file)})
     else:
         print(file if quiet else f"page     {file}")
-    return int(_has_failed(run))
+    return int(_has_failed(run) or bool(run.damaged))
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print who solved some problems of a run to what; return 1 if something measured there failed.
+    """Print who solved some problems of a run to what; return 1 if something failed there, or the run is damaged.
 
     Raises:
         BenchError: if one of them is none of its problems.
@@ -208,6 +217,8 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
     from ..report.layout.text import json_records, output_width, print_json
     from ..report.tables import print_tables, results_table
 
+    _require_readable(run)
+    _print_damage(run)
     frames = run.only(problems).judged_by(residual)
     if as_json:
         tables = {"problems": problems_table(frames), "results": results_table(frames)}
@@ -215,7 +226,25 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
         print_json({"run": str(run.folder), "residual": residual, **records})
     else:
         print_tables(frames, Console(width=output_width()))
-    return int(_has_failed(frames))
+    return int(_has_failed(frames) or bool(run.damaged))
+
+
+def _require_readable(run: "Run") -> None:
+    """Raise ``BenchError`` if a run has case files, and none of them can be read."""
+    from ..errors import BenchError
+
+    if run.damaged and run.cases.empty:
+        names = [sentence.partition(" is left out: ")[0] for sentence in run.damaged]
+        more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+        raise BenchError(
+            f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more}; resume the run to measure "
+            "them again."
+        )
+
+
+def _print_damage(run: "Run") -> None:
+    for sentence in run.damaged:
+        print(f"proxbench: {sentence}", file=sys.stderr)
 
 
 def _has_failed(frames: "RunFrames") -> bool:

@@ -3,7 +3,7 @@
 import time
 
 from ...solvers.interface import Solver, Stop
-from ..isolation.process_state import ProcessState
+from ..isolation.process_state import ProcessState, replaced_names
 from .checks import Violation
 from .samples import supported
 
@@ -29,13 +29,6 @@ def leaves_process_alone(solver: Solver) -> None:
         time.sleep(0.01)
     if left := before.left():
         raise Violation(f"it left {_listed(left)} running; end them before solve returns.")
-
-
-def replaced_names(before: ProcessState) -> str:
-    """Say what has been replaced since, or nothing."""
-    replaced = before.replaced()
-    more = " and more" if replaced[1:] else ""
-    return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
 
 
 def _listed(words: list[str]) -> str:

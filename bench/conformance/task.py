@@ -10,10 +10,9 @@ from ...problems.catalog.catalog import load
 from ...problems.errors import ProxbenchError, first_line
 from ...solvers.registry import create
 from ..isolation.child import MisbehaviourError
-from ..isolation.process_state import ProcessState
+from ..isolation.process_state import ProcessState, replaced_names
 from .checks import Check, NotApplicable, Violation
 from .problem_checks import PROBLEM_CHECKS
-from .process_checks import replaced_names
 from .solver_checks import SOLVER_CHECKS
 
 CHECKS: dict[str, tuple[Check[Any], ...]] = {"solver": SOLVER_CHECKS, "problem": PROBLEM_CHECKS}

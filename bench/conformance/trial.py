@@ -14,8 +14,8 @@ from ...solvers.interface import Solution, Solver, Status, Stop
 from ..store.outcome import WRONG_FACTOR
 from .checks import Violation
 
-ROUNDINGS = 8.0
-"""Units of rounding of ξ = GΛ + c that the error against a known answer may have beyond what the residual implies."""
+ROUNDING = 8.0 * float(np.finfo(float).eps)
+"""Relative error of a known answer itself."""
 
 
 @dataclass(frozen=True)
@@ -105,22 +105,14 @@ def meet_answer(problem: ContactProblem, impulses: FloatArray) -> None:
     known = problem.answer
     if known is None:
         return
-    error = known.error(impulses, problem.relative_velocity(impulses), Residual(problem).scale)
+    prepared = Residual(problem)
+    error = known.error(impulses, problem.accurate_velocity(impulses)[0], prepared.scale)
     if error is None:
         return
     residual = judge(problem, impulses).residual
-    allowed = known.sensitivity * (residual + rounding(problem, impulses))
+    allowed = known.sensitivity * (residual + prepared.rounding(impulses) + ROUNDING)
     if not error <= allowed:
         raise Violation(
             f"on {problem.name} it misses the known answer by {error:.1e} where its residual of {residual:.1e} implies "
             f"at most {allowed:.1e}."
         )
-
-
-def rounding(problem: ContactProblem, impulses: FloatArray) -> float:
-    """Return how far rounding alone may move ξ = GΛ + c, relative to the largest free velocity."""
-    scale = Residual(problem).scale
-    if scale == 0.0:
-        return 0.0
-    size = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
-    return ROUNDINGS * float(np.finfo(float).eps) * float(size.max(initial=0.0)) / scale

@@ -33,6 +33,10 @@ LONGEST_TRACEBACK = 20_000
 """Characters of a traceback that are sent, its end."""
 
 
+MAX_CAUSES = 100
+"""Exceptions behind one another that are looked at: a plugin may let them form a circle."""
+
+
 class MisbehaviourError(Exception):
     """A solver broke its contract; the text says how."""
 
@@ -117,7 +121,12 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             limit = assignment.memory_bytes / 2**20
             answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {limit:.0f} MB of memory")
         except BaseException as error:
-            answer = _fault(Outcome.CRASHED, f"it raised {_in_one_line(error)}")
+            reason = f"it raised {_in_one_line(error)}"
+            if _comes_from_memory(error):
+                limit = assignment.memory_bytes / 2**20
+                answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason}, having wanted more than {limit:.0f} MB of memory")
+            else:
+                answer = _fault(Outcome.CRASHED, reason)
         if os.getpid() != own:
             return  # a process that the solver forked and left: the answer is its parent's
         _flush()
@@ -142,6 +151,16 @@ def _is_copy(pipe: int) -> bool:
     if status:
         _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": end_of(status), "traceback": ""})
     return False
+
+
+def _comes_from_memory(error: BaseException) -> bool:
+    """Return whether an exception was raised because of, or while handling, a MemoryError."""
+    earlier: BaseException | None = error
+    for _ in range(MAX_CAUSES):
+        if earlier is None or isinstance(earlier, MemoryError):
+            break
+        earlier = earlier.__cause__ or (None if earlier.__suppress_context__ else earlier.__context__)
+    return isinstance(earlier, MemoryError)
 
 
 def _in_one_line(error: BaseException) -> str:

@@ -18,7 +18,7 @@ from importlib import import_module
 from .child import Assignment
 from .pipe import is_readable, read_message, write_message
 from .process_tree import send
-from .supervisor import NUMBER, keep
+from .supervisor import ENDING, NUMBER, keep
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
@@ -32,6 +32,9 @@ _END_SECONDS = 5.0
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
 """Environment that pins every numerical library to one thread."""
+
+KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMAP")}
+"""Environment in which a process keeps what it frees, so that it does not get the same pages from the system again."""
 
 
 START_SECONDS = 120.0
@@ -67,10 +70,15 @@ class SupervisorLink:
         while not self.is_gone and is_readable(self.orders.fileno(), seconds):
             report = b""
             with contextlib.suppress(OSError):
-                report = self.orders.recv(NUMBER.size)
+                report = self.orders.recv(ENDING.size)
             self._report += report
             self.is_gone = not report
-        return NUMBER.unpack(self._report)[0] if len(self._report) == NUMBER.size else None
+        return ENDING.unpack(self._report)[0] if len(self._report) == ENDING.size else None
+
+    @property
+    def has_filled_memory(self) -> bool:
+        """Whether its report says that a process of its case had nearly all its memory."""
+        return len(self._report) == ENDING.size and bool(ENDING.unpack(self._report)[1])
 
     def kill(self) -> None:
         """Kill it, if it has not gone by itself."""
@@ -94,7 +102,7 @@ class _Server:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],
                 stdin=subprocess.DEVNULL,
-                env={**os.environ, **ONE_THREAD},
+                env={**os.environ, **ONE_THREAD, **KEPT_MEMORY},
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,
             )

@@ -4,16 +4,19 @@ A plugin shares its process with the framework. What it replaces of that, of the
 behind in the process, would otherwise show nowhere but in wrong numbers.
 """
 
+import _thread
 import gc
+import locale
 import os
 import random
 import signal
 import sys
-import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+import tracemalloc
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -44,26 +47,30 @@ class ProcessState:
         modules: the names of the modules that were loaded.
         names: what stood behind each name of the framework, and of what it leans on.
         state: what a process has one of, by what it is called.
-        threads: the threads of Python that ran.
+        n_threads: the number of threads of Python beside the main one, however they were started.
         processes: the descendants of this process.
     """
 
     modules: frozenset[str]
     names: Names
     state: dict[str, Any]
-    threads: frozenset[int]
+    n_threads: int
     processes: frozenset[int]
 
     @staticmethod
     def now() -> "ProcessState":
-        """Look around."""
+        """Return the present state."""
         return ProcessState(
             frozenset(sys.modules),
             _names(),
             {what: _read(reading) for what, reading in _STATE.items()},
-            frozenset(thread.ident or 0 for thread in threading.enumerate()),
+            _thread._count(),
             frozenset(descendants(os.getpid())),
         )
+
+    def after_imports(self) -> Self:
+        """Return this state with the present value of what libraries rightly change when they are imported."""
+        return replace(self, state=self.state | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
 
     def replaced(self) -> list[str]:
         """Return the names that lead elsewhere now, and those added to modules and classes that were there before."""
@@ -74,14 +81,21 @@ class ProcessState:
 
     def changed(self) -> list[str]:
         """Return what of the state is another now."""
-        return [what for what, value in self.state.items() if _read(_STATE[what]) != value]
+        return self._changed(_STATE)
+
+    def changed_for_timing(self) -> list[str]:
+        """Return the same of what can make the clock, or the code between two solves, run differently."""
+        return self._changed(_FOR_TIMING)
+
+    def _changed(self, names: Iterable[str]) -> list[str]:
+        return [what for what in names if _read(_STATE[what]) != self.state[what]]
 
     def left(self) -> list[str]:
         """Return what runs now and did not, in words."""
-        threads = sum(thread.ident not in self.threads for thread in threading.enumerate())
+        threads = _thread._count() - self.n_threads
         processes = len(set(descendants(os.getpid())) - self.processes)
         counts = ((threads, "thread", "threads"), (processes, "process", "processes"))
-        return [f"{count} {one if count == 1 else many}" for count, one, many in counts if count]
+        return [f"{count} {one if count == 1 else many}" for count, one, many in counts if count > 0]
 
     def _knew(self, name: str) -> bool:
         """Whether a name of the framework belongs to a module that was loaded then."""
@@ -140,9 +154,38 @@ def _numpy_random() -> tuple[Any, ...]:
     return kind, np.asarray(key).tobytes(), *rest
 
 
+def _monitoring_tools() -> list[str | None]:
+    """Return the tools that monitor events of the interpreter, which Python 3.12 introduced."""
+    monitoring = getattr(sys, "monitoring", None)
+    return [] if monitoring is None else [monitoring.get_tool(number) for number in range(6)]
+
+
 def _streams() -> list[tuple[int, bool]]:
     return [(id(stream), getattr(stream, "closed", True)) for stream in (sys.stdin, sys.stdout, sys.stderr)]
 
+
+def replaced_names(before: ProcessState) -> str:
+    """Return a sentence about what has been replaced since ``before``, empty if nothing has."""
+    replaced = before.replaced()
+    more = " and more" if replaced[1:] else ""
+    return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
+
+
+_OF_LIBRARIES = ("the filters of warnings", "numpy's error state", "the locale", "callbacks of garbage collection")
+"""What libraries change when they are imported."""
+
+_FOR_TIMING = (
+    *_OF_LIBRARIES,
+    "the trace function",
+    "the profile function",
+    "tracing of memory",
+    "garbage collection",
+    "the recursion limit",
+    "the switch interval",
+    "signal handlers",
+    "the alarm clock",
+)
+"""What a measurement depends on."""
 
 _STATE: dict[str, Callable[[], Any]] = {
     "the working folder": os.getcwd,
@@ -151,7 +194,14 @@ _STATE: dict[str, Callable[[], Any]] = {
     "numpy's error state": np.geterr,
     "numpy's global random state": _numpy_random,
     "the random state of Python": random.getstate,
-    "garbage collection": gc.isenabled,
+    "the filters of warnings": lambda: list(warnings.filters),
+    "the locale": lambda: locale.setlocale(locale.LC_ALL),
+    "the trace function": sys.gettrace,
+    "the profile function": lambda: (sys.getprofile(), _monitoring_tools()),
+    "tracing of memory": tracemalloc.is_tracing,
+    "garbage collection": lambda: (gc.isenabled(), gc.get_threshold()),
+    "callbacks of garbage collection": lambda: [id(one) for one in gc.callbacks],
+    "the switch interval": sys.getswitchinterval,
     "the recursion limit": sys.getrecursionlimit,
     "the import path": lambda: list(sys.path),
     "the standard streams": _streams,

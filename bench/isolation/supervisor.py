@@ -14,6 +14,7 @@ import resource
 import shutil
 import signal
 import struct
+import sys
 from multiprocessing.connection import wait
 from types import FrameType
 
@@ -24,7 +25,13 @@ STOP, GO_ON, END = b"S", b"G", b"E"
 """Orders: stop the case, let it go on, end it. The case is also ended when no order can come any more."""
 
 NUMBER = struct.Struct("!i")
-"""A report."""
+"""The first report."""
+
+ENDING = struct.Struct("!i?")
+"""The last report: the wait status of the case, and whether one of its processes had nearly all its memory."""
+
+NEARLY_ALL = 0.9
+"""Part of its memory at which a case that ends without an answer is said to have filled it."""
 
 _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 """Signals that wake a supervisor: the first ends its case, the second says that a child may have ended."""
@@ -35,7 +42,7 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
 
     Args:
         pipe: the case's, for requests and answers.
-        orders: for orders; the first report is the process id of the supervisor, the last the wait status of the case.
+        orders: for orders; the first report is the process id of the supervisor, the last one is ``ENDING``.
         output: where the case prints.
         assignment: the case's.
     """
@@ -47,6 +54,7 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     with contextlib.suppress(OSError):  # a case without temporary files may do
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
+    own, filled = _peak_memory(resource.RUSAGE_SELF), NEARLY_ALL * assignment.memory_bytes
     case = os.fork()
     if case == 0:
         _restore_signals(wakeup)
@@ -56,8 +64,13 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     status = _watched(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
-        os.write(orders, NUMBER.pack(status))
+        os.write(orders, ENDING.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= own + filled))
     os._exit(0)
+
+
+def _peak_memory(of: int) -> int:
+    """Return the largest resident memory of this process, or of any that it has waited for [bytes]."""
+    return resource.getrusage(of).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _signal_pipe() -> tuple[int, int]:

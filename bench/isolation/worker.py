@@ -32,8 +32,17 @@ from ..store.outcome import FAULTS, Outcome
 from .child import Assignment
 from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
-from .process_tree import descendants, end_of, processor_seconds, running, send, writers
-from .supervisor import END, GO_ON, STOP
+from .process_tree import (
+    descendants,
+    end_of,
+    kills_for_memory,
+    memory_left,
+    processor_seconds,
+    running,
+    send,
+    writers,
+)
+from .supervisor import END, GO_ON, NEARLY_ALL, STOP
 
 REQUEST_SECONDS = 60.0
 """Wall time that a request may take where nothing else is said [s]."""
@@ -106,6 +115,7 @@ class Worker:
             reason = f"it cannot be sent to the process of its case: {error}"
             raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
         self.case_seconds, self.busy_seconds, self.peak_memory_bytes = case_seconds, 0.0, 0
+        self._memory_bytes, self._kills_before = memory_bytes, kills_for_memory()
         self._is_stopped = False
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
@@ -138,9 +148,9 @@ class Worker:
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _reported_fault(answer)
         except TimeoutError:
-            raise Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s") from None
+            raise self._timeout() from None
         except (EOFError, OSError):
-            raise Fault(Outcome.CRASHED, self._death()) from None
+            raise self._death() from None
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
             raise no_answer() from None
         finally:
@@ -155,10 +165,22 @@ class Worker:
         """Return how many processes run beside that of the case, whoever is their parent now."""
         return max(len(running(descendants(self._supervisor.process))) - 1, 0)
 
+    @property
+    def process(self) -> int:
+        """Process id of the case, once it has answered a request; 0 if it is gone."""
+        return next(iter(descendants(self._supervisor.process)), 0)
+
     def processor_seconds(self) -> float:
         """Return the processor time that the process of the case has used [s]."""
-        case = descendants(self._supervisor.process)[:1]
-        return sum(map(processor_seconds, case))
+        case = self.process
+        return processor_seconds(case) if case else 0.0
+
+    def waited_seconds(self) -> float:
+        """Return for how long the case was ready to run while others ran [s]; 0 where the system does not count it."""
+        try:
+            return 1e-9 * float(Path(f"/proc/{self.process}/schedstat").read_text().split()[1])
+        except (OSError, ValueError, IndexError):
+            return 0.0
 
     def output(self) -> str:
         """Return the end of what the case printed."""
@@ -190,13 +212,30 @@ class Worker:
         shutil.rmtree(self._folder, ignore_errors=True)
         os.close(self._output)
 
-    def _death(self) -> str:
+    def _timeout(self) -> Fault:
+        """Return the fault of a case whose time is up, which is not its time where its memory is full."""
+        left = memory_left(self.process)
+        if left is not None and left <= (1.0 - NEARLY_ALL) * self._memory_bytes:
+            reason = f"it filled its {self._megabytes} MB of memory and did not end in time"
+            return Fault(Outcome.OUT_OF_MEMORY, reason)
+        return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
+
+    def _death(self) -> Fault:
+        """Return the fault of a case that ended by itself, or that another program than the run has ended."""
         status = self._supervisor.status(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
-            return "its process closed its connection to the run"
-        if status is None:
-            return "its process ended together with its supervisor"
-        return end_of(status)
+            return Fault(Outcome.CRASHED, "its process closed its connection to the run")
+        reason = "its process ended together with its supervisor" if status is None else end_of(status)
+        was_killed = status is None or os.WIFSIGNALED(status)
+        if was_killed and kills_for_memory() > self._kills_before:
+            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as the memory of the machine ran out")
+        if was_killed and self._supervisor.has_filled_memory:
+            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as its {self._megabytes} MB of memory were full")
+        return Fault(Outcome.CRASHED, reason)
+
+    @property
+    def _megabytes(self) -> str:
+        return f"{self._memory_bytes / 2**20:.0f}"
 
 
 def numbers_of(content: bytes) -> FloatArray:
@@ -255,8 +294,8 @@ class RenewedWorker:
         self._running: list[Worker] = []
         weakref.finalize(self, _end, self._running)
 
-    def ask(self, request: str, *arguments: Any, more_seconds: float = 0.0) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to one request, which has the whole time limit, and ``more_seconds``, to itself.
+    def ask(self, request: str, *arguments: Any, seconds: float | None = None) -> tuple[dict[str, Any], bytes]:
+        """Return the answer to one request, which has the whole time limit to itself, or another one [s].
 
         Raises:
             Exception: what ``failure`` makes of the fault of a request that is not answered.
@@ -265,7 +304,7 @@ class RenewedWorker:
             if not self._running:
                 self._running.append(Worker(self._task, self.seconds, self._memory_bytes))
             worker = self._running[0]
-            worker.case_seconds, worker.busy_seconds = self.seconds + more_seconds, 0.0
+            worker.case_seconds, worker.busy_seconds = self.seconds if seconds is None else seconds, 0.0
             return worker.ask(request, *arguments)
         except Fault as fault:
             self.close()

@@ -9,12 +9,13 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from ...problems.arrays import FloatArray
 from ..isolation.worker import LARGEST_CONTENT, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
 from ..store.records import CaseRecord, Curve, Limits, Point
+from .measuring_core import MeasuringCore
 
 LONGEST_REASON = 2000
 """Characters that are kept of what a solver says in words."""
@@ -25,11 +26,15 @@ MOST_AT_ONCE = 4
 INTERRUPT_SECONDS = 0.05
 """Time after which cases that begin are told again to end [s]."""
 
+Answer = TypeVar("Answer")
+"""What one round of a level gives."""
 
-class LadderCase(ABC):
+
+class LadderCase(ABC, Generic[Answer]):
     """A case as it is measured from outside: its process, its ladder, and the record it becomes.
 
     Attributes:
+        core: where it is timed.
         ladder: values to measure at, from coarse to fine.
         limits: time, memory and iterations.
         outcome: MEASURED, until something else comes of it.
@@ -41,6 +46,7 @@ class LadderCase(ABC):
 
     def __init__(self, ladder: Sequence[float], limits: Limits, stored: CaseRecord | None = None) -> None:
         """Note what to measure, and what is measured already."""
+        self.core = MeasuringCore(None)
         self.ladder, self.limits = ladder, limits
         self.outcome = Outcome.MEASURED
         self.points: list[Point] = []
@@ -54,11 +60,6 @@ class LadderCase(ABC):
             self._seconds = self._seconds_before = stored.wall_seconds
             self._memory = stored.peak_memory_bytes
 
-    @property
-    @abstractmethod
-    def rounds(self) -> Sequence[int]:
-        """Numbers of the rounds of each level."""
-
     @abstractmethod
     def is_left(self, level: int) -> bool:
         """Whether a level is to be measured, or to be noted as not attempted."""
@@ -68,15 +69,15 @@ class LadderCase(ABC):
         """Start the process, and do there what is done once."""
 
     @abstractmethod
-    def measure(self, value: float, number: int) -> dict[str, Any] | None:
-        """Do one round by its number; return its answer, or None if the case failed."""
+    def measure(self, value: float, number: int) -> Answer | None:
+        """Do one round by its number, from 0; return its answer, or None if the case failed."""
 
     @abstractmethod
-    def goes_on(self, answer: dict[str, Any]) -> bool:
-        """Whether another round of the same level follows one with this answer."""
+    def needs_round(self, answers: Sequence[Answer]) -> bool:
+        """Whether another round of the same level follows those with these answers, at least one."""
 
     @abstractmethod
-    def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
+    def point(self, value: float, answers: list[Answer]) -> Point:
         """Return a point of the ladder from its rounds."""
 
     @abstractmethod
@@ -91,11 +92,17 @@ class LadderCase(ABC):
     def identity(self) -> dict[str, Any]:
         """Return what its record says of problem and solver."""
 
+    def occupy(self, core: MeasuringCore) -> None:
+        """Let the process run on a core alone from now on."""
+        self.core = core
+        if self._worker is not None:
+            core.pin(self._worker.process)
+
     def is_open(self, level: int) -> bool:
         """Whether a level can be measured: the process lives, and no coarser point ends the ladder."""
         return self._worker is not None and self.outcome is Outcome.MEASURED and not self._end_before(level)
 
-    def add_point(self, level: int, answers: list[dict[str, Any]]) -> None:
+    def add_point(self, level: int, answers: list[Answer]) -> None:
         """Keep what was measured of one level."""
         point = self.point(self.ladder[level], answers)
         if level < len(self.points):
@@ -108,6 +115,9 @@ class LadderCase(ABC):
         if level == len(self.points) > 0:
             reason, value = self._end_before(level) or self._reason, self.ladder[level]
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
+
+    def finish(self) -> None:
+        """Do what is done once after all levels."""
 
     def dismiss(self) -> None:
         """Let the process end, without waiting for it: the case has not failed if it answers no more."""
@@ -178,22 +188,33 @@ class LadderCase(ABC):
         self.end()
 
 
-Keep = Callable[[LadderCase, float], None]
+Keep = Callable[[LadderCase[Any], float], None]
 
 
-def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value: None) -> None:
+def measure_ladder(
+    cases: Sequence[LadderCase[Any]],
+    keep: Keep = lambda case, value: None,
+    core: MeasuringCore | None = None,
+) -> None:
     """Measure the levels that are left of each case, once.
 
     Args:
         cases: of one problem.
         keep: called with a case and the value of a level after each of them.
+        core: where they are timed; wherever the system puts them if None.
     """
+    core = MeasuringCore(None) if core is None else core
     levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
         _begin([case for case in cases if any(map(case.is_left, range(len(case.ladder))))])
-        for level in levels:
-            left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
-            _measure_level(left, level, keep)
+        with core.occupied():
+            for case in cases:
+                case.occupy(core)
+            for level in levels:
+                left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
+                _measure_level(left, level, keep)
+            for case in cases:
+                case.finish()
     finally:
         for case in cases:
             case.dismiss()
@@ -201,7 +222,7 @@ def measure_ladder(cases: Sequence[LadderCase], keep: Keep = lambda case, value:
             case.end()
 
 
-def _begin(cases: Sequence[LadderCase]) -> None:
+def _begin(cases: Sequence[LadderCase[Any]]) -> None:
     """Begin cases, as many at a time as there are cores; on an interrupt let them end at once, and raise it."""
     at_once = min(MOST_AT_ONCE, os.cpu_count() or 1)
     with ThreadPoolExecutor(at_once) as pool:
@@ -218,22 +239,22 @@ def _begin(cases: Sequence[LadderCase]) -> None:
             raise
 
 
-def _measure_level(cases: Sequence[LadderCase], level: int, keep: Keep) -> None:
+def _measure_level(cases: Sequence[LadderCase[Any]], level: int, keep: Keep) -> None:
     """Measure one level of all cases in turn, round after round, and keep each as soon as its rounds are over."""
-    answers: list[list[dict[str, Any]]] = [[] for _ in cases]
+    answers: list[list[Any]] = [[] for _ in cases]
     left = list(range(len(cases)))
     while left:
         for index in list(left):
             case, found = cases[index], answers[index]
-            answer = case.measure(case.ladder[level], case.rounds[len(found)]) if case.is_open(level) else None
+            answer = case.measure(case.ladder[level], len(found)) if case.is_open(level) else None
             if answer is not None:
                 found.append(answer)
-            if answer is None or len(found) == len(case.rounds) or not case.goes_on(answer):
+            if answer is None or not case.needs_round(found):
                 left.remove(index)
                 _keep_level(case, level, found, keep)
 
 
-def _keep_level(case: LadderCase, level: int, answers: list[dict[str, Any]], keep: Keep) -> None:
+def _keep_level(case: LadderCase[Any], level: int, answers: list[Any], keep: Keep) -> None:
     """Keep what was measured of one level, or that it was not."""
     if case.is_open(level) and answers:
         case.add_point(level, answers)

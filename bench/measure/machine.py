@@ -1,16 +1,14 @@
-"""The machine, the versions and the state of the source that a run was measured with, and how steady the machine is."""
+"""The machine, the versions and the state of the source that a run was measured with."""
 
 import hashlib
 import os
 import platform
 import subprocess
-import time
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 import psutil
 from threadpoolctl import threadpool_info
 
@@ -40,30 +38,18 @@ def describe_machine() -> dict[str, Any]:
         "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
         "source": _source(),
         "host": platform.node(),
-        "load": list(os.getloadavg()),
     }
+
+
+def busy_seconds(but: int) -> float:
+    """Return for how long all cores but one have worked since the system started [s]."""
+    others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number != but]
+    return float(sum(sum(one[:8]) - one.idle - getattr(one, "iowait", 0.0) for one in others))
 
 
 def this_machine() -> Machine:
     """Return the machine as it is stored."""
     return msgspec.convert(describe_machine(), Machine)
-
-
-def calibration_seconds() -> float:
-    """Return the time of a fixed workload [s], the least of five: dense products and a strided sum, single-threaded.
-
-    Its spread over a run is the drift of the machine.
-    """
-    matrix = np.random.default_rng(0).normal(size=(120, 120))
-    vector = np.arange(400_000, dtype=np.float64)
-    times = []
-    for _ in range(5):
-        began = time.perf_counter()
-        for _ in range(20):
-            np.einsum("ij,jk->ik", matrix[:60, :60], matrix[:60, :60])
-            float(vector[::7].sum())
-        times.append(time.perf_counter() - began)
-    return min(times)
 
 
 def _version(name: str) -> str:

@@ -28,7 +28,8 @@ def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord, is_first: bool) -> 
 
     They are those with the time that a solver has to an accuracy of the plan, where the interval of its ratio to the
     best solver's is wider than ``WIDE``, with those of the best; in the first further pass only where it does not tell
-    which of both is faster. Beside them, those with fewer undisturbed rounds than planned.
+    which of both is faster. Beside them, those with fewer rounds that are not excluded than
+    planned passes.
     """
     repeated = {
         (case.solver, point.tolerance): (case.solver, level)
@@ -40,7 +41,7 @@ def uncertain(cases: Sequence[CaseRecord], plan: PlanRecord, is_first: bool) -> 
         repeated[case.solver, point.tolerance]
         for case in cases
         for point in case.points
-        if point.is_repeated and sum(not one.is_marred for one in point.rounds) < plan.passes
+        if point.is_repeated and sum(not one.excluded for one in point.rounds) < plan.passes
     }
     points, times = points_frame(cases), times_by_point(rounds_frame(cases))
     for accuracy in plan.tolerances:

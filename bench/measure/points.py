@@ -7,9 +7,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from ...problems.arrays import FloatArray
+from ..store.fields import Quartiles
 from ..store.impulses import number_of, worst
 from ..store.outcome import Outcome
-from ..store.records import MOST_ANSWERS, Measured, Point, Quartiles, Round
+from ..store.records import MOST_ANSWERS, Measured, Point, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 """Outcomes from good to bad; the others stand between being relaxed and being wrong."""
@@ -26,44 +27,16 @@ def with_impulses_at_the_finest(points: Sequence[Point]) -> list[Point]:
     ]
 
 
-def marked(rounds: Sequence[Round]) -> list[Round]:
-    """Return rounds with the disturbed ones marked as marred.
-
-    A solver all of whose rounds waited does so by itself, and none of them is marred.
-    """
-    are_own_waits = all(one.is_disturbed for one in rounds)
-    return [replace(one, is_marred=one.is_disturbed and not are_own_waits) for one in rounds]
-
-
-def marked_together(points: Sequence[Point]) -> list[Point]:
-    """Return the points of a case with their disturbed rounds marked, also where all rounds of a point are.
-
-    A solver waits by itself if all rounds of all its points on a problem waited, and else other programs were at work.
-    """
-    if all(one.is_disturbed for point in points for one in point.rounds):
-        return list(points)
-    return [
-        replace(point, measured=replace(point.measured, rounds=[_marked(one) for one in point.rounds]))
-        if point.measured is not None and any(one.is_disturbed is not one.is_marred for one in point.rounds)
-        else point
-        for point in points
-    ]
-
-
-def _marked(one: Round) -> Round:
-    return replace(one, is_marred=one.is_disturbed)
-
-
 def joined(before: Point, now: Point) -> Point:
     """Return a point of the rounds of both; the worse outcome with its reason counts, and the worse answer.
 
-    A limit of time that was reached while other programs disturbed is forgotten once a round was not disturbed.
+    A time limit that was reached in excluded rounds alone is forgotten once there is a round that is not excluded.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
-    if before.is_marred is not now.is_marred:
-        kept, measured = (now, now.measured) if before.is_marred else (before, before.measured)
-        rounds = marked([*before.rounds, *now.rounds])
+    if before.is_late_for_others is not now.is_late_for_others:
+        kept, measured = (now, now.measured) if before.is_late_for_others else (before, before.measured)
+        rounds = [*before.rounds, *now.rounds]
         return replace(kept, measured=replace(measured, **times_of(rounds), rounds=rounds))
     worse = before if _rank(before) >= _rank(now) else now
     return replace(worse, measured=_joined(before.measured, now.measured))
@@ -74,7 +47,7 @@ def _rank(point: Point) -> int:
 
 
 def _joined(before: Measured, now: Measured) -> Measured:
-    rounds = marked([*before.rounds, *now.rounds])
+    rounds = [*before.rounds, *now.rounds]
     worse = before if number_of(before.residual) >= number_of(now.residual) else now
     hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MOST_ANSWERS]
     errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
@@ -85,7 +58,8 @@ def _joined(before: Measured, now: Measured) -> Measured:
         model_residual=max(before.model_residual, now.model_residual, key=number_of),
         **times_of(rounds),
         rounds=rounds,
-        first_seconds=before.first_seconds if now.first_seconds is None else now.first_seconds,
+        first_seconds=[*before.first_seconds, *now.first_seconds],
+        copy_seconds=[*before.copy_seconds, *now.copy_seconds],
         answers=len(hashes),
         hashes=hashes,
         impulses=worst([*before.impulses, *now.impulses]) if before.impulses else [],
@@ -94,11 +68,18 @@ def _joined(before: Measured, now: Measured) -> Measured:
 
 
 def times_of(rounds: Sequence[Round]) -> dict[str, Any]:
-    """Return times and repeats of a point from its rounds; marred ones count only where there are no others."""
-    counted = [one for one in rounds if not one.is_marred] or rounds
-    names = ("prepare_seconds", "solve_seconds", "total_seconds")
-    times = {name: quartiles(np.array([getattr(one, name) for one in counted])) for name in names}
-    return {**times, "repeats": sum(one.repeats for one in rounds)}
+    """Return times and repeats of a point from its rounds; excluded ones count only where there are no others."""
+    kept = [one for one in rounds if not one.excluded] or rounds
+    columns = {
+        "prepare_seconds": [one.prepare_seconds for one in kept],
+        "solve_seconds": [one.solve_seconds for one in kept],
+        "total_seconds": [one.total_seconds.median for one in kept],
+    }
+    return {
+        **{name: quartiles(np.array(values)) for name, values in columns.items()},
+        "repeats": sum(one.repeats for one in rounds),
+        "is_excluded": all(one.excluded for one in rounds),
+    }
 
 
 def quartiles(values: FloatArray) -> Quartiles:

@@ -33,6 +33,7 @@ from ..isolation.child import MisbehaviourError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from ..store.fields import Count, Number, Positive, Record
 from ..store.outcome import Outcome
+from .ball_records import BallsRecord, ball_arrays, described_balls, read_balls
 
 T = TypeVar("T")
 
@@ -55,6 +56,7 @@ class SceneRecord(Record, frozen=True, kw_only=True):
         time: when it begins [s].
         is_reversible: of its system.
         functions: those that it has of the ones that a scene may lack.
+        balls: what recordings draw, None if there are no balls.
     """
 
     options: dict[str, Any]
@@ -68,11 +70,15 @@ class SceneRecord(Record, frozen=True, kw_only=True):
     coordinates: dict[str, Count]
     has_few_contacts: bool
     is_reversible: bool
-    functions: list[Literal["balls_through", "agitation", "exact"]]
+    functions: list[Literal["potential_energy", "balls_through", "agitation", "exact"]]
+    balls: BallsRecord | None
 
 
-_SAME = tuple(field for field in SceneRecord.__struct_fields__ if field in Scene.__dataclass_fields__)
-"""Fields of the record that the scene has too."""
+_FUNCTIONS = ("potential_energy", "balls_through", "agitation", "exact")
+"""Functions that a scene may lack."""
+
+_SAME = tuple(name for name in SceneRecord.__struct_fields__ if name in Scene.__dataclass_fields__ and name != "balls")
+"""Fields of the record that the scene has as they are."""
 
 
 def local_or_remote_scene(
@@ -126,6 +132,7 @@ class RemoteSystem(RenewedWorker):
             start = self._state(about.time, arrays)
             if any(index >= len(start.position) for index in about.coordinates.values()):
                 raise ValueError("no coordinate")
+            balls = None if about.balls is None else read_balls(about.balls, arrays, *self._sizes)
         except _UNFIT:
             raise self.failure(no_answer()) from None
         self.is_reversible = about.is_reversible
@@ -136,10 +143,11 @@ class RemoteSystem(RenewedWorker):
             start=start,
             **{name: getattr(about, name) for name in _SAME},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
-            potential_energy=lambda position: self._number("potential_energy", position),
+            potential_energy=(lambda q: self._number("potential_energy", q)) if "potential_energy" in has else None,
             balls_through=(lambda q: int(self._number("balls_through", q))) if "balls_through" in has else None,
             agitation=(lambda q, u: self._number("agitation", q, u)) if "agitation" in has else None,
             exact=self._exact if "exact" in has else None,
+            balls=balls,
         )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
@@ -284,7 +292,8 @@ class SceneTask:
                 raise
             return {"refused": str(error)}, b""
         if request == "describe":
-            return {"scene": _described(self._scene)}, _packed(_state_arrays(self._scene.start))
+            arrays = _state_arrays(self._scene.start) | ball_arrays(self._scene)
+            return {"scene": _described(self._scene)}, _packed(arrays)
         if request == "number":
             return {}, _NUMBER.pack(getattr(self._scene, arguments[0])(*arguments[1:]))
         if request == "exact":
@@ -325,7 +334,8 @@ def _described(scene: Scene) -> dict[str, Any]:
         "coordinates": dict(scene.coordinates),
         "time": scene.start.time,
         "is_reversible": is_reversible(scene.system),
-        "functions": [name for name in ("balls_through", "agitation", "exact") if getattr(scene, name) is not None],
+        "balls": None if scene.balls is None else described_balls(scene.balls),
+        "functions": [name for name in _FUNCTIONS if getattr(scene, name) is not None],
     }
 
 

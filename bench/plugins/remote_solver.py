@@ -21,8 +21,12 @@ from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, S
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
+from ..store.outcome import Outcome
 from .contestants import Contestant
 from .describing import contestant
+
+GRACE_SECONDS = 1.0
+"""Wall time that a solver may take beyond its time limit before its process is ended [s]."""
 
 
 class FailedSolveError(BenchError):
@@ -47,7 +51,13 @@ class RemoteSolver(RenewedWorker):
         has_iterates: whether it shows iterates.
     """
 
-    def __init__(self, solver: Contestant, seconds: float = REQUEST_SECONDS, memory_bytes: int = MEMORY_BYTES) -> None:
+    def __init__(
+        self,
+        solver: Contestant,
+        seconds: float = REQUEST_SECONDS,
+        memory_bytes: int = MEMORY_BYTES,
+        limit_seconds: float = np.inf,
+    ) -> None:
         """Note what to start.
 
         Args:
@@ -55,8 +65,11 @@ class RemoteSolver(RenewedWorker):
             seconds: wall time that a request may take beyond the time limit of its solve [s]: preparing, and ending an
                 iteration.
             memory_bytes: memory that it may take beyond what the framework itself needs.
+            limit_seconds: wall time after which, and ``GRACE_SECONDS``, preparing and solving are ended [s], each by
+                itself; where it is infinite, they are ended after ``seconds`` and the time limit of the solve.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
+        self._limit_seconds = limit_seconds
         self.name, self.model, self.has_iterates = solver.name, solver.model, solver.has_iterates
         self._sent: ContactProblem | None = None
         self._ready: ContactProblem | None = None
@@ -68,7 +81,7 @@ class RemoteSolver(RenewedWorker):
             FailedSolveError: if the solver does not answer.
         """
         self._send(problem)
-        answer, _ = self.ask("supports")
+        answer, _ = self.ask_in_time("supports")
         return str(answer.get("refusal", "")) or None
 
     def prepare(self, problem: ContactProblem) -> "RemotePrepared":
@@ -85,8 +98,26 @@ class RemoteSolver(RenewedWorker):
         """Let the solver prepare ``problem``, unless that is what it did last, in a process that still runs."""
         self._send(problem)
         if self._ready is not problem:
-            self.ask("prepare")
+            self.ask_in_time("prepare")
             self._ready = problem
+
+    def ask_in_time(self, request: str, *arguments: Any, max_seconds: float = np.inf) -> tuple[dict[str, Any], bytes]:
+        """Return the answer to a request that runs the solver, which is ended after its time limit [s].
+
+        Raises:
+            FailedSolveError: if it does not answer.
+        """
+        if np.isinf(self._limit_seconds):
+            more_seconds = max_seconds if np.isfinite(max_seconds) else 0.0
+            return self.ask(request, *arguments, seconds=self.seconds + more_seconds)
+        limit = min(self._limit_seconds, max_seconds)
+        try:
+            return self.ask(request, *arguments, seconds=limit + GRACE_SECONDS)
+        except FailedSolveError as error:
+            if error.outcome is not Outcome.TIMEOUT:
+                raise
+            reason = f"it did not end at its time limit of {limit:g} s"
+            raise FailedSolveError(self.name, Fault(Outcome.TIMEOUT, reason)) from None
 
     def failure(self, fault: Fault) -> Exception:
         """Return the error of a request that is not answered."""
@@ -118,8 +149,9 @@ class RemotePrepared:
             FailedSolveError: if the solver does not answer, or with what is no solution.
         """
         self.solver.make_ready(self.problem)  # another one was prepared meanwhile, or the process is a fresh one
-        more_seconds = stop.max_seconds if np.isfinite(stop.max_seconds) else 0.0
-        answer, content = self.solver.ask("solve", stop, start, observe is not None, more_seconds=more_seconds)
+        arguments = stop, start, observe is not None
+        answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
+        _, content = self.solver.ask("impulses")  # iterates may be many, and their transfer is no time of the solver
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
@@ -147,12 +179,13 @@ def are_iterations(shown: Any) -> bool:
 
 @dataclass
 class SolvingTask:
-    """The child's half: answers "problem" (bytes), "supports", "prepare" and "solve"."""
+    """The child's half: answers "problem" (bytes), "supports", "prepare", "solve", and "impulses" of the last solve."""
 
     contestant: Contestant
     _solver: Solver | None = None
     _problem: ContactProblem | None = None
     _prepared: Prepared | None = None
+    _impulses: bytes = b""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request.
@@ -165,6 +198,9 @@ class SolvingTask:
         if request == "problem":
             self._problem = read_problem(io.BytesIO(arguments[0]), "problem")
             return {}, b""
+        if request == "impulses":
+            content, self._impulses = self._impulses, b""
+            return {}, content
         answered: tuple[dict[str, Any], bytes] = getattr(self, f"_{request}")(self._solver, self._problem, *arguments)
         return answered
 
@@ -203,7 +239,8 @@ class SolvingTask:
             "message": str(solution.message),
             "shown": shown,
         }
-        return answer, np.array([solution.impulses, *iterates], dtype=np.float64).tobytes()
+        self._impulses = np.array([solution.impulses, *iterates], dtype=np.float64).tobytes()
+        return answer, b""
 
 
 def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
@@ -220,9 +257,14 @@ def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
 
 
 @contextmanager
-def working_solver(solver: Contestant) -> Iterator[Solver]:
-    """Yield a solver that can be used here; a process of its own, if it has one, ends with the block."""
-    working = _working(solver)
+def working_solver(solver: Contestant, limit_seconds: float = np.inf) -> Iterator[Solver]:
+    """Yield a solver that can be used here; a process of its own, if it has one, ends with the block.
+
+    Args:
+        solver: the solver.
+        limit_seconds: as in ``RemoteSolver``.
+    """
+    working = _working(solver, limit_seconds=limit_seconds)
     try:
         yield working
     finally:
@@ -230,7 +272,9 @@ def working_solver(solver: Contestant) -> Iterator[Solver]:
             working.close()
 
 
-def _working(solver: Contestant, seconds: float = REQUEST_SECONDS) -> Solver:
+def _working(solver: Contestant, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
     if solver.is_built_in:
         return solver.make()
-    return cast(Solver, RemoteSolver(solver, seconds))  # whose has_iterates is its own, not its class's
+    return cast(
+        Solver, RemoteSolver(solver, seconds, limit_seconds=limit_seconds)
+    )  # whose has_iterates is its own, not its class's

@@ -40,10 +40,11 @@ class BallRecorder(StepRecorder):
         system: the balls.
         file: the recording.
         title: what the viewer calls it.
-        gravity: g along the last axis [m/s²], for the potential energy.
+        gravity: g along the last axis [m/s²], which sets the length of arrows.
         force: replace an existing file.
         every: draw bodies and impulses at each such step.
         balls_through: q ↦ how many balls have left through the outlet, for a curve; None where there is none.
+        potential_energy: q ↦ V [J]; that of the system if None.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class BallRecorder(StepRecorder):
         force: bool = False,
         every: int = 1,
         balls_through: Callable[[FloatArray], int] | None = None,
+        potential_energy: Callable[[FloatArray], float] | None = None,
     ) -> None:
         about = (
             f"**{title}**\n\n"
@@ -63,7 +65,7 @@ class BallRecorder(StepRecorder):
             "root of its impulse."
         )
         super().__init__(file, title, about, force, every)
-        self._system, self._gravity = system, gravity
+        self._system, self._potential_energy = system, potential_energy or system.potential_energy
         self._balls_through = balls_through
         self._orientations = upright(system.n_balls)
         self._layers: list[IntArray] = []
@@ -131,9 +133,9 @@ class BallRecorder(StepRecorder):
         lengths = ARROW_RADII * system.radii[balls[shown]]
         return [(IMPULSES, arrows(vectors[shown], points[shown], states[shown], lengths, self._reference))]
 
-    def _energies(self, state: State) -> tuple[float, float]:
-        heights = self._system.centres(state.position)[:, -1]
-        return self._system.kinetic_energy(state.velocity), self._gravity * float(self._system.masses @ heights)
+    def _energies(self, state: State) -> tuple[float, float | None]:
+        known = self._potential_energy
+        return self._system.kinetic_energy(state.velocity), None if known is None else known(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
         return {} if self._balls_through is None else {"through": float(self._balls_through(state.position))}

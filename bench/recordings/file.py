@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ...problems.spelling import switch
 from ..errors import BenchError, UnwritableError
-from ..store.links import refuse_links_out
+from ..store.store import refuse_links_out
 
 SUFFIX = ".rrd"
 

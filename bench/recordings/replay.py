@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
-from ...problems.mechanics.balls import BallSystem
 from ...problems.mechanics.state import State
 from ...problems.mechanics.system import System
 from ...problems.scenes.scene import Scene
@@ -33,11 +32,13 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
     every = max(1, math.ceil(n_steps / FRAMES))
     if scene.name == "woodpecker":
         return WoodpeckerRecorder(file, force, every)
-    if isinstance(scene.system, BallSystem):
-        title = f"{scene.name}, {counted(scene.n_balls, 'disc' if scene.system.dimension == 2 else 'ball')}"
+    if scene.balls is not None:
+        title = f"{scene.name}, {counted(scene.n_balls, 'disc' if scene.balls.dimension == 2 else 'ball')}"
         weight: Any = scene.options.get("gravity")
-        gravity = float(weight or 0.0)
-        return BallRecorder(scene.system, file, title, gravity, force, every, scene.balls_through)
+        gravity = float(weight) if isinstance(weight, int | float) else 0.0
+        return BallRecorder(
+            scene.balls, file, title, gravity, force, every, scene.balls_through, scene.potential_energy
+        )
     return CoordinateRecorder(scene, file, force, every)
 
 
@@ -80,14 +81,15 @@ def _curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[st
     """Return what is known of all steps, by the name of the curve; nan where nothing is drawn."""
     start = scene.start
     kinetic = np.array([scene.kinetic_energy(start.velocity), *steps["kinetic_energy"]])
-    potential = np.array([scene.potential_energy(start.position), *steps["potential_energy"]])
+    energies = {"energy/kinetic": kinetic}
+    if scene.potential_energy is not None:
+        potential = np.array([scene.potential_energy(start.position), *steps["potential_energy"]])
+        energies |= {"energy/potential": potential, "energy/total": kinetic + potential}
     return {
         "step_size": np.array([np.nan, *np.log10(np.diff(times))]),
         "iterations": np.array([0.0, *steps["iterations"]]),
         "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], SMALLEST))]),
-        "energy/kinetic": kinetic,
-        "energy/potential": potential,
-        "energy/total": kinetic + potential,
+        **energies,
     }
 
 

@@ -20,7 +20,7 @@ from ...problems.scenes.scene import Scene
 from ...problems.stepping.moreau import Step
 from ..errors import BenchError
 from ..report.charts.palette import PALETTE, rgb
-from .blueprints import STEP, TIME, plot, simulation_blueprint
+from .blueprints import STEP, TIME, plot, set_heights, simulation_blueprint
 from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
 from .file import RecordingFile, write_curve
 
@@ -46,6 +46,12 @@ COLOURS = {
     "angles/sleeve": PALETTE[1],
 }
 """Of curves; others have ``PALETTE[5]``."""
+
+SMALLEST_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
+"""Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade of logarithms."""
+
+SMALLEST_RATIO = 1e-6
+"""Least span of an axis over its largest value: what varies less is drawn as a level line, not as its rounding."""
 
 Entities = Iterable[tuple[str, rr.AsComponents]]
 """What is logged, and where."""
@@ -87,12 +93,13 @@ class StepRecorder(ABC):
             if self._stream is not None:
                 self._log(self._summary(), static=True)
                 self._write_curves(self._stream)
+                self._frame_curves(self._stream)
 
     def start(self, state: State) -> None:
         """Draw the state before the first step."""
         blueprint = simulation_blueprint(self._views(state), self._plots(), self._every)
         self._stream = self._recording.begin("simulation", self._title, blueprint)
-        self._last = state
+        self._first = self._last = state
         self._times = [state.time]
         write_state_colours(self._stream, "scene")
         about = rr.TextDocument(self._about, media_type="text/markdown")
@@ -169,6 +176,8 @@ class StepRecorder(ABC):
 
     def _energy_curves(self, state: State) -> dict[str, float]:
         kinetic, potential = self._energies(state)
+        if potential is None:
+            return {"energy/kinetic": kinetic}
         return {"energy/kinetic": kinetic, "energy/potential": potential, "energy/total": kinetic + potential}
 
     def _write_curves(self, stream: rr.RecordingStream) -> None:
@@ -178,6 +187,24 @@ class StepRecorder(ABC):
             at = [rr.TimeColumn(STEP, sequence=kept), rr.TimeColumn(TIME, duration=times[kept])]
             label, colour = name.rpartition("/")[2], _colour_of(name)
             write_curve(stream, f"curves/{name}", label, colour, at, [points[step] for step in kept])
+
+    def _frame_curves(self, stream: rr.RecordingStream) -> None:
+        """Widen the axes of level curves, over which the viewer spreads rounding, with labels of 16 digits."""
+        plots, is_framed = self._plots(), False
+        for view in plots:
+            group = str(view.origin).rpartition("/")[2]
+            span = SMALLEST_SPANS.get(group)  # counts have none
+            if span is not None and (heights := heights_of(self._values(group), span)) is not None:
+                set_heights(view, heights)
+                is_framed = True
+        if is_framed:
+            blueprint = simulation_blueprint(self._views(self._first), plots, self._every)
+            stream.send_blueprint(blueprint, make_active=False)
+
+    def _values(self, group: str) -> list[float]:
+        """Return all values of a group of curves that are known."""
+        curves = (points for name, points in self._curves.items() if name.partition("/")[0] == group)
+        return [value for points in curves for value in points.values() if np.isfinite(value)]
 
     def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
         """Return the views in space."""
@@ -208,8 +235,8 @@ class StepRecorder(ABC):
         return ()
 
     @abstractmethod
-    def _energies(self, state: State) -> tuple[float, float]:
-        """Return kinetic and potential energy [J]."""
+    def _energies(self, state: State) -> tuple[float, float | None]:
+        """Return kinetic and potential energy [J], None for one that is not known."""
 
     def _own_curves(self, state: State) -> dict[str, float]:
         """Return further curves."""
@@ -218,6 +245,16 @@ class StepRecorder(ABC):
     def _summary(self) -> Entities:
         """Return what is known only at the end."""
         return ()
+
+
+def heights_of(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
+    """Return between what to plot values that hardly vary; None where they need no more than what they span."""
+    if not values:
+        return None
+    low, high = min(values), max(values)
+    span = max(smallest_span, SMALLEST_RATIO * max(abs(low), abs(high)))
+    middle = round((low + high) / 2.0 / span) * span
+    return (middle - span, middle + span) if high - low < span else None
 
 
 def step_size_plot() -> rrb.TimeSeriesView:
@@ -246,7 +283,7 @@ def _residual(step: Step) -> float:
     """Return the judge's residual of one step, 0 if no contact was active."""
     if step.problem is None:
         return 0.0
-    return Residual(step.problem)(step.impulses, step.problem.relative_velocity(step.impulses))
+    return Residual(step.problem).judged(step.problem, step.impulses)
 
 
 def _counts(states: States | None) -> dict[str, float]:
@@ -282,8 +319,9 @@ class CoordinateRecorder(StepRecorder):
     def _plots(self) -> list[rrb.TimeSeriesView]:
         return [plot("coordinates", f"/curves/{COORDINATES}"), *super()._plots(), step_size_plot()]
 
-    def _energies(self, state: State) -> tuple[float, float]:
-        return self._scene.kinetic_energy(state.velocity), self._scene.potential_energy(state.position)
+    def _energies(self, state: State) -> tuple[float, float | None]:
+        known = self._scene.potential_energy
+        return self._scene.kinetic_energy(state.velocity), None if known is None else known(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
         return {f"{COORDINATES}/{name}": float(state.position[index]) for name, index in self._names.items()}

@@ -18,9 +18,8 @@ from ..plugins.describing import contestant
 from ..plugins.problems import problem_of
 from ..plugins.remote_solver import working_solver
 from ..report.charts.palette import look, on_dark, rgb
-from ..store.links import refuse_links_out
 from ..store.outcome import Outcome
-from ..store.store import Store, plain_name
+from ..store.store import Store, plain_name, refuse_links_out
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .contact_points import Bodies, Places, find_places
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
@@ -123,7 +122,7 @@ def record_solves(
     traces: list[Trace] = []
     with RecordingFile(file, force) as recording:
         for solver in contestants:
-            with working_solver(solver) as working:
+            with working_solver(solver, stop.max_seconds) as working:
                 traces.append(trace_solve(problem, working, stop))
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)

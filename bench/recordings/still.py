@@ -8,10 +8,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rerun.experimental import ViewerClient
 
@@ -29,6 +29,14 @@ SECONDS = 60.0
 
 PAUSE = 0.5
 """Between two looks at the viewer [s]."""
+
+PANELS = {
+    "/top_panel": "PanelBlueprint",
+    "/blueprint_panel": "PanelBlueprint",
+    "/selection_panel": "PanelBlueprint",
+    "/time_panel": "TimePanelBlueprint",
+}
+"""Entities of the viewer's own panels in a blueprint, with their archetypes."""
 
 T = TypeVar("T")
 
@@ -72,6 +80,7 @@ def _drawn(recording: Path, timeline: str, folder: Path) -> bytes:
         client.open(str(recording))
         end = _waited(lambda: _end(client, timeline), "loading takes too long")
         client.set_time(timeline, sequence=end, play_state="paused")
+        client.set_blueprint(without_panels(client.get_blueprint("recording").blueprint), "recording")
         before = b""
 
         def settled() -> bytes | None:
@@ -81,6 +90,19 @@ def _drawn(recording: Path, timeline: str, folder: Path) -> bytes:
             return before if before == last and _end(client, timeline) == end else None
 
         return _waited(settled, "the picture does not settle")
+
+
+def without_panels(blueprint: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a blueprint without the viewer's own panels, whose buttons and badges are no part of the recording.
+
+    Args:
+        blueprint: fields by archetype by entity, as the viewer gives them.
+    """
+    hidden = {
+        panel: {archetype: {**blueprint.get(panel, {}).get(archetype, {}), "state": "Hidden"}}
+        for panel, archetype in PANELS.items()
+    }
+    return {**blueprint, **hidden}
 
 
 def _end(client: ViewerClient, timeline: str) -> int | None:

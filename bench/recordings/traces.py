@@ -103,7 +103,7 @@ class _Watcher:
             velocity = problem.relative_velocity(impulses)
             pairs = np.abs(impulses[self._normal_rows] * velocity[self._normal_rows])
             change = float(np.linalg.norm(impulses - self._before))
-            residual = self._residual(impulses, velocity) if np.isfinite(impulses).all() else np.inf
+            residual = self._residual.judged(problem, impulses) if np.isfinite(impulses).all() else np.inf
         trace.iterations.append(self._iteration)
         trace.residual.append(residual)
         trace.complementarity.append(float(pairs.max(initial=0.0)))

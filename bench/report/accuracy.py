@@ -75,6 +75,20 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
     return pd.DataFrame(times, columns=list(levels))
 
 
+def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
+    """Return problem and solver of the cases whose time to an accuracy is of excluded rounds alone.
+
+    Args:
+        points: as in ``RunFrames``, of any number of cases.
+        accuracy: judged residual.
+        limit: of the time of one solve [s].
+    """
+    reached = reaching(points, accuracy, limit).dropna(subset="total_seconds")
+    least = reached.sort_values("total_seconds", kind="stable").drop_duplicates(["problem", "solver"])
+    excluded = least[least["is_excluded"].astype(bool)]
+    return set(zip(excluded["problem"], excluded["solver"], strict=True))
+
+
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
     """Return how each solver stands on each problem at each of ``accuracies``, with intervals of the ratios.
 
@@ -117,29 +131,43 @@ def counted_cases(frames: RunFrames) -> pd.DataFrame:
     return cases
 
 
+def common_problems(cases: pd.DataFrame) -> set[str]:
+    """Return the problems of ``counted_cases`` that all solvers support which support any of them."""
+    counts = cases.groupby("problem")["solver"].nunique()
+    return set(counts.index[counts == cases["solver"].nunique()])
+
+
 def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     """Return one row a solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
     Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
-    solver says that it is), common (whether all solvers of the table support the problem).
+    solver says that it is), common (whether all solvers of the table support the problem), excluded (whether the time
+    is of excluded rounds alone), compared (whether the problem is common, and no solver's time excluded).
     """
     cases = counted_cases(frames)
-    counts = cases.groupby("problem")["solver"].nunique()
-    common = set(counts.index[counts == cases["solver"].nunique()])
+    common = common_problems(cases)
     points = frames.points[frames.points["total_seconds"].notna()]
-    times = times_to_accuracies(points, levels, frames.info.plan.limits.solve_seconds)
+    limit = frames.info.plan.limits.solve_seconds
+    times = times_to_accuracies(points, levels, limit)
+    excluded = {level: excluded_cases(points, level, limit) for level in levels}
+    compared = {level: common - {problem for problem, _ in excluded[level]} for level in levels}
     seconds = {level: times[level].to_dict() for level in levels}
     claimed = {level: _claimed(points, level) for level in levels}
     rows = []
     for solver in frames.info.plan.solvers:
         own = cases[cases["solver"] == solver]
         for problem, model in zip(own["problem"], own["model"], strict=True):
-            case, is_common = (problem, solver), problem in common
-            rows += [
-                (solver, model, problem, level, seconds[level].get(case, np.nan), case in claimed[level], is_common)
-                for level in levels
-            ]
-    return pd.DataFrame(rows, columns=["solver", "model", "problem", "accuracy", "seconds", "claimed", "common"])
+            case = problem, solver
+            for level in levels:
+                of_level = (
+                    case in claimed[level],
+                    problem in common,
+                    case in excluded[level],
+                    problem in compared[level],
+                )
+                rows.append((solver, model, problem, level, seconds[level].get(case, np.nan), *of_level))
+    columns = ["solver", "model", "problem", "accuracy", "seconds", "claimed", "common", "excluded", "compared"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 OF_PROBLEM = ("solved", "fastest", "time")
@@ -156,7 +184,8 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     each of ``summary_accuracies`` the share of its problems that the solver says it solved (success), the share that
     the judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a
     solve: over the common problems (mean_time), NaN without any, and over all its own (own_mean_time), which compares
-    with that of no other solver; then the number of wrong claims.
+    with that of no other solver; then the number of wrong claims. Excluded times take part in no mean: a common problem
+    of which a solver has one is left out for all.
     """
     shown = summary_accuracies(frames)
     tried = attempts(frames, shown)
@@ -168,7 +197,8 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
         for accuracy in shown:
             reached = own[own["accuracy"] == accuracy]
             seconds = reached["seconds"]
-            common, all_own = (mean_time(times.to_numpy(), limit) for times in (seconds[reached["common"]], seconds))
+            parts = seconds[reached["compared"]], seconds[~reached["excluded"]]
+            common, all_own = (mean_time(times.to_numpy(), limit) for times in parts)
             values = (reached["claimed"].mean(), seconds.notna().mean(), common, all_own)
             row |= dict(zip(_keys(accuracy), values, strict=True))
         row["wrong"] = int(((points["solver"] == solver) & (points["outcome"] == Outcome.WRONG)).sum())
@@ -200,8 +230,8 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a problem: how many solvers solve it to each of ``accuracies``, and which first.
 
     Columns: problem, family, n_contacts, n_rows, solvers (with a counted case), for each accuracy how many reach it
-    (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none) and its time [s] (``time_1e-04``), and
-    the least judged residual of any, wrong claims left out, with its solver (best).
+    (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded), its time [s]
+    (``time_1e-04``), and the least judged residual of any, wrong claims left out, with its solver (best).
     """
     shown = accuracies(frames)
     tried, counted = attempts(frames, shown), counted_cases(frames)["problem"].value_counts()
@@ -212,7 +242,8 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
         row["solvers"] = int(counted.get(problem, 0))
         for accuracy in shown:
             reached = tried[(tried["problem"] == problem) & (tried["accuracy"] == accuracy)].dropna(subset="seconds")
-            values = (len(reached), *_least(reached, "seconds"))
+            compared = reached.iloc[:0] if reached["excluded"].any() else reached
+            values = (len(reached), *_least(compared, "seconds"))
             row |= {f"{kind}_{accuracy_tag(accuracy)}": value for kind, value in zip(OF_PROBLEM, values, strict=True)}
         own = points[points["problem"] == problem].dropna(subset="residual")
         best, residual = _least(own, "residual")

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..store.certainty import EXCLUDED
+from ..store.condition import EXCLUDED_MARK
 from .accuracy import accuracy_tag, shown_means
 
 TIME = "time_to_"
@@ -70,9 +72,11 @@ def shown_results(
     times = time_columns(results)
     standing = {} if ratios is None else _standings(results, ratios)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
-    shown = results.rename(columns=heads | {key: head for head, key in times.items()})
+    both = zip(results["reason"], results["notes"], strict=True)
+    shown = results.assign(reason=["; ".join(filter(None, texts)) for texts in both]).drop(columns="notes")
+    shown = shown.rename(columns=heads | {key: head for head, key in times.items()})
     for head in times:
-        forms = {"tie": "≈ {}", "fastest": bold}
+        forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
         cells = zip(shown.index, shown[head].map(duration), strict=True)
         shown[head] = [forms.get(standing.get((index, head), ""), "{}").format(text) for index, text in cells]
     for head, form in (("residual", ".0e"), ("iter.", ".0f")):

@@ -8,9 +8,9 @@ import pandas as pd
 from ...problems.spelling import option
 from ..errors import BenchError, UnwritableError
 from ..store.frames import JUDGED, RunFrames
-from ..store.links import refuse_links_out
+from ..store.store import refuse_links_out
 from .accuracy import summary_table
-from .profiles import baseline_of
+from .profiles import COMMON, baseline_of, check_view
 from .studies import points_table
 from .tables import results_table, write_tables
 
@@ -36,7 +36,7 @@ class Report:
     unwritten: str = ""
 
 
-def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = False) -> Report:
+def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = False, profiles: str = COMMON) -> Report:
     """Write tables, charts and page of a run, and return them; see ``Run.report``.
 
     Args:
@@ -44,10 +44,13 @@ def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fal
         charts: draw charts.
         baseline: the solver that charts give speed-ups against; the one that solves most if empty.
         page: write the page; a run without cases and one over trajectories have none.
+        profiles: problems that charts of profiles are over, one of ``VIEWS``.
 
     Raises:
-        BenchError: if a link in the folder of the run leads out of it, or the run has no such solver.
+        BenchError: if a link in the folder of the run leads out of it, or the run has no such solver, or there is no
+            such view of profiles.
     """
+    check_view(profiles)
     folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
     tables, drawn, written, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
@@ -59,7 +62,7 @@ def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fal
     try:
         tables = write_tables(frames, folder / "tables")
         if charts:
-            drawn = _draw(frames, against, folder / "charts")
+            drawn = _draw(frames, against, folder / "charts", profiles)
         if page and has_profiles:
             written = _write_page(frames, against)
     except UnwritableError as error:
@@ -68,13 +71,13 @@ def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fal
     return Report(results_table(frames), summary, tables, drawn, written, unwritten)
 
 
-def _draw(frames: RunFrames, against: str, folder: Path) -> list[Path]:
+def _draw(frames: RunFrames, against: str, folder: Path, view: str) -> list[Path]:
     """Draw the charts of a run, with profiles if it has a baseline; altair takes a second to import."""
     from .charts.problems import write_charts
     from .charts.profiles import write_profiles
 
     drawn = write_charts(frames, folder)
-    return [*drawn, *write_profiles(frames, against, folder)] if against else drawn
+    return [*drawn, *write_profiles(frames, against, folder, view)] if against else drawn
 
 
 def _write_page(frames: RunFrames, against: str) -> Path:

@@ -1,8 +1,9 @@
 """Profiles of solvers over many problems: by ratios of times, by accuracies, by budgets of time, and speed-ups.
 
 All of them are over the problems and solvers of one table, so that they change with what it shows: the least time of a
-problem is that of the solvers of the table. What is not solved, not supported or not measured stays in the number of
-problems that shares are of.
+problem is that of the solvers of the table. A problem that a solver of the table does not solve stays in the number of
+problems that shares are of. There are two views: ``COMMON`` is over the problems that all solvers support, ``EVERY``
+over all problems, where a solver fails on those that it does not support.
 
 Source of the performance profile: E. D. Dolan and J. J. Moré, Benchmarking optimization software with performance
 profiles, Mathematical Programming 91 (2002), eq. (2.2); of the data profile: J. J. Moré and S. M. Wild, Benchmarking
@@ -19,7 +20,7 @@ from ...problems.errors import suggestion
 from ..errors import BenchError
 from ..store.certainty import reaching
 from ..store.frames import RunFrames
-from .accuracy import families, summary_accuracies, within
+from .accuracy import common_problems, counted_cases, excluded_cases, families, summary_accuracies, within
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
 """Judged residuals that profiles are of, as far as the tolerances of the run reach."""
@@ -36,6 +37,27 @@ ROOM = 1.1
 ALL = "all problems"
 """What the column of families has for all of them together."""
 
+COMMON, EVERY = VIEWS = ("common", "all")
+"""Problems that profiles are over: those that all solvers support which support any, or all."""
+
+
+_LABELS = ["accuracy", "family", "view"]
+
+_COLUMNS = {
+    "performance": [*_LABELS, "solver", "ratio", "share", "problems"],
+    "data": [*_LABELS, "solver", "seconds", "share", "problems"],
+    "budgets": [*_LABELS, "solver", "budget", "solved", "problems", "share"],
+    "accuracy": ["family", "view", "solver", "residual", "share", "problems"],
+    "speedup": ["accuracy", "family", "solver", "problem", "speedup", "baseline"],
+}
+"""Columns of profiles, for those without a row."""
+
+
+def check_view(name: str) -> None:
+    """Raise ``BenchError`` if profiles have no view of that name."""
+    if name not in VIEWS:
+        raise BenchError(f"there are no profiles over {name!r} problems{suggestion(name, VIEWS)}")
+
 
 def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals of the profiles of a run, from coarse to fine."""
@@ -43,9 +65,13 @@ def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
 
 
 def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
-    """Return the time to an accuracy [s], problems down and solvers across; NaN where it is not reached."""
-    reached = reaching(frames.points, accuracy, frames.info.plan.limits.solve_seconds)
-    return _matrix(frames, reached, "total_seconds")
+    """Return the time to an accuracy [s], problems down and solvers across; NaN where it is not reached.
+
+    Problems of which a solver has an excluded time are left out.
+    """
+    limit = frames.info.plan.limits.solve_seconds
+    matrix = _matrix(frames, reaching(frames.points, accuracy, limit), "total_seconds")
+    return matrix.drop(index=list({problem for problem, _ in excluded_cases(frames.points, accuracy, limit)}))
 
 
 def residual_matrix(frames: RunFrames) -> pd.DataFrame:
@@ -138,7 +164,9 @@ def baseline_of(frames: RunFrames, wanted: str = "") -> str:
     if wanted and wanted not in solvers:
         raise BenchError(f"{frames.folder} has no solver {wanted!r}{suggestion(wanted, solvers)}")
     require_cases(frames)
-    return wanted or str(seconds_matrix(frames, profile_accuracies(frames)[-1]).notna().sum().idxmax())
+    finest, limit = profile_accuracies(frames)[-1], frames.info.plan.limits.solve_seconds
+    solved = _matrix(frames, reaching(frames.points, finest, limit), "total_seconds")
+    return wanted or str(solved.notna().sum().idxmax())
 
 
 def require_cases(frames: RunFrames) -> None:
@@ -148,26 +176,50 @@ def require_cases(frames: RunFrames) -> None:
 
 
 def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
-    """Return the numbers of all profiles of a run, over all problems and by family.
+    """Return the numbers of all profiles of a run, over all problems and by family, in both views.
+
+    A view without a problem, as the common one may be, has no rows.
 
     Returns:
-        By name: "performance", "data" and "budgets" with the columns accuracy and family before their own, "accuracy"
-        with the column family, "speedup" with accuracy, family and baseline.
+        By name: "performance", "data" and "budgets" with the columns accuracy, family and view before their own,
+        "accuracy" with family and view, all four with problems, the number that shares are of; "speedup" with accuracy,
+        family and baseline.
     """
     kinds: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
         "performance": performance_profile,
         "data": data_profile,
         "budgets": budget_table,
-        "speedup": lambda seconds: speedups(seconds, baseline).assign(baseline=baseline),
     }
-    parts: dict[str, list[pd.DataFrame]] = {name: [] for name in (*kinds, "accuracy")}
+    parts: dict[str, list[pd.DataFrame]] = {name: [] for name in (*kinds, "speedup", "accuracy")}
     for family, own in _parts(frames):
         for accuracy in profile_accuracies(frames):
-            seconds = seconds_matrix(frames, accuracy).loc[own]
-            for name, profile in kinds.items():
-                parts[name].append(_labelled(profile(seconds), accuracy=accuracy, family=family))
-        parts["accuracy"].append(_labelled(accuracy_profile(residual_matrix(frames).loc[own]), family=family))
-    return {name: pd.concat(frames_of, ignore_index=True) for name, frames_of in parts.items()}
+            seconds = seconds_matrix(frames, accuracy)
+            seconds = seconds[seconds.index.isin(own)]
+            faster = speedups(seconds, baseline).assign(baseline=baseline)
+            parts["speedup"].append(_labelled(faster, accuracy=accuracy, family=family))
+            for view, shown in _views(frames, seconds):
+                for name, profile in kinds.items():
+                    rows = profile(shown).assign(problems=len(shown))
+                    parts[name].append(_labelled(rows, accuracy=accuracy, family=family, view=view))
+        for view, shown in _views(frames, residual_matrix(frames).loc[own]):
+            rows = accuracy_profile(shown).assign(problems=len(shown))
+            parts["accuracy"].append(_labelled(rows, family=family, view=view))
+    return {
+        name: pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=_COLUMNS[name])
+        for name, found in parts.items()
+    }
+
+
+def _views(frames: RunFrames, values: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the part of a matrix of problems and solvers that each of ``VIEWS`` shows, unless it is empty."""
+    if values.empty:
+        return
+    cases = counted_cases(frames)
+    cases = cases[cases["problem"].isin(values.index)]
+    common = common_problems(cases)
+    if common:
+        yield COMMON, values.loc[values.index.isin(common), values.columns.isin(cases["solver"])]
+    yield EVERY, values
 
 
 def _parts(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
@@ -191,8 +243,8 @@ def _largest(values: pd.DataFrame) -> float:
 
 def _steps(values: pd.DataFrame, column: str, first: float, last: float) -> pd.DataFrame:
     """Return how the share of rows with at most a value grows with it: the corners of a staircase for each column."""
-    parts = []
-    for solver, own in values.items():
+    parts = [pd.DataFrame({"solver": pd.Series([], dtype=str), column: pd.Series([], dtype=float), "share": 0.0})]
+    for solver, own in values.items() if len(values) else ():
         solved = np.sort(own.dropna().to_numpy())
         at = np.unique(np.concatenate([[first], solved, [last]]))
         share = np.searchsorted(solved, at, side="right") / len(own)

@@ -8,12 +8,16 @@ from rich.text import Text
 from ...problems.trajectories.pour import UNITS
 from ...problems.trajectories.problem import Aggregates
 from ..store.frames import RunFrames
+from ..store.records import PlanRecord
 from ..store.trajectory_records import TrajectoryRecord
 from .layout.fitting import hanging, print_table
 
 _POINT = ("problem", "solver", "tolerance")
 
 _COSTS = ("total_seconds", "iterations", "repeats", "failed_members", "unsolved_steps", "outcome", "reason")
+
+STILL = 1e-6
+"""Way of a coordinate, over what errors are related to, below which nothing moves."""
 
 WORDS = {
     "limit cycle": "error after one period of the limit cycle, of the range of each coordinate",
@@ -35,9 +39,20 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     ]
 
 
-def headline(trajectory: TrajectoryRecord) -> str:
-    """Return what a problem is, in one line."""
-    return f"{trajectory.name} · {trajectory.duration:g} s · {WORDS[trajectory.error]}"
+def headline(plan: PlanRecord, problem: str) -> str:
+    """Return what a problem is and how its steps start, in one line."""
+    trajectory, starts = plan.trajectory(problem), ", ".join(dict.fromkeys(one.start for one in plan.methods))
+    return f"{trajectory.name} · {trajectory.duration:g} s · {starts} starts · {WORDS[trajectory.error]}"
+
+
+def motion_warning(trajectory: TrajectoryRecord) -> str:
+    """Return a sentence if nothing moves from the start to the known end, else an empty text."""
+    if trajectory.way is None or trajectory.way > STILL * trajectory.scale:
+        return ""
+    return (
+        f"nothing of {trajectory.name} moves in {trajectory.duration:g} s: errors have no motion to be related to; "
+        "choose options of the scene or a duration in which it moves."
+    )
 
 
 def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Console) -> None:
@@ -59,6 +74,9 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         rows.append(row | {head: _count(count) if count else "–" for head, count in counts.items()})
     if rows:
         print_table(console, pd.DataFrame(rows).fillna("–").replace("nan", "–"), optional=("missed", "failed", "from"))
+    warning = motion_warning(trajectory)
+    if warning:
+        console.print(Text(hanging(warning, console.width), style="bold yellow"))
     for quantity, (mean, spread) in spreads(trajectory).items():
         unit = UNITS.get(quantity, "")
         text = f"reference  {quantity} {mean:.5g} {unit}, standard error over seeds {spread:.1e} of it"

@@ -42,7 +42,7 @@ from .cells import (
 )
 from .layout.fitting import hanging, narrowest, print_table
 from .layout.output_file import write_file
-from .layout.text import counted, inline, markdown_table
+from .layout.text import counted, csv_content, inline, markdown_table
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
@@ -68,7 +68,7 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a case: time to each accuracy [s], the best judged residual, its iterations, how it ended and why.
 
     Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
-    outcome, reason.
+    outcome, reason, notes (of the finest point that has any).
     """
     shown = {TIME + accuracy_tag(accuracy): accuracy for accuracy in accuracies(frames)}
     times = times_to_accuracies(frames.points, list(shown.values()), frames.info.plan.limits.solve_seconds)
@@ -83,8 +83,9 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
             best = trusted.iloc[int(trusted["residual"].argmin())]
             row["residual"], row["iterations"] = float(best["residual"]), float(best["iterations"])
         row["outcome"], row["reason"] = ending(case, measured)
+        row["notes"] = case_notes(measured)
         rows.append(row)
-    return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *shown, "residual", "iterations", "outcome", "reason"])
+    return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *shown, "residual", "iterations", "outcome", "reason", "notes"])
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
@@ -102,7 +103,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
         parquet = io.BytesIO()
         frame.to_parquet(parquet, index=False)
         page = _markdown_head(frames) + _markdown(shown(frame)) + note
-        contents = {"csv": frame.to_csv(index=False).encode(), "parquet": parquet.getvalue(), "md": page.encode()}
+        contents = {"csv": csv_content(frame), "parquet": parquet.getvalue(), "md": page.encode()}
         files += [write_file(folder / f"{name}.{kind}", content) for kind, content in contents.items()]
     if not frames.is_study and frames.residual == JUDGED:
         files.append(write_file(folder / "matrix.md", matrix_of_run(frames).encode()))
@@ -145,7 +146,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     """
     for warning in warnings(frames):
         console.print(Text(for_command_line(warning), style="bold yellow"))
-    for sentence in (*basis(frames), steadiness(frames.info)):
+    for sentence in (*basis(frames), steadiness(frames)):
         console.print(Text(sentence, style="dim"))
     console.print()
     results = results_table(frames)
@@ -245,7 +246,7 @@ def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Conso
 
 def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
     if frames.is_study:
-        return headline(frames.info.plan.trajectory(problem))
+        return headline(frames.info.plan, problem)
     return f"{problem} · {counted(contacts, 'contact')}"
 
 
@@ -268,6 +269,12 @@ def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
     if last["outcome"] == Outcome.SOLVED:
         return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"
     return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
+
+
+def case_notes(measured: pd.DataFrame) -> str:
+    """Return the notes of the finest point of a case that has any; empty if none has."""
+    noted = measured[measured["notes"] != ""]
+    return "" if noted.empty else f"at {noted['tolerance'].iloc[-1]:.0e}: {noted['notes'].iloc[-1]}"
 
 
 def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:

@@ -93,12 +93,18 @@ def _title(simulation: Simulation, begin: float) -> str:
 
 def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Incident]) -> str:
     plan = simulation.plan
-    tolerance, missed = np.format_float_scientific(plan.tolerance, trim="-", exp_digits=1), simulation.unsolved.sum()
-    solved = f"steps solved to {tolerance}, {missed} missed, by {plan.solver.name.partition('(')[0]}"
+    segments = simulation.segments
+    tolerances = ", then ".join(dict.fromkeys(_scientific(segment.tolerance) for segment in segments))
+    solvers = ", then ".join(dict.fromkeys(segment.solver.partition("(")[0] for segment in segments))
+    solved = f"steps solved to {tolerances}, {simulation.unsolved.sum()} missed, by {solvers}"
     if not plan.stepper.locates_switches:
         return f"{plan.stepper.name}, {solved}"
     work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {switching_words(found)}"
     return f"{plan.stepper.name}, {work}; {solved}"
+
+
+def _scientific(tolerance: float) -> str:
+    return np.format_float_scientific(tolerance, trim="-", exp_digits=1)
 
 
 def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:
@@ -108,7 +114,9 @@ def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel
     """
     curves, has_outlet = _gathered(simulation.steps[shown]), simulation.plan.scene.balls_through is not None
     energies = {"energy": "total"}
-    if not has_outlet:
+    if simulation.plan.scene.potential_energy is None:
+        energies = {"kinetic_energy": "kinetic"}
+    elif not has_outlet:
         energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
     panels: list[Panel] = [
         _curve_panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),

@@ -29,10 +29,10 @@ from ..errors import BenchError
 from ..plugins.files import check_again, sources
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
-from ..store.links import refuse_links_out
 from ..store.records import PluginUse
+from ..store.store import refuse_links_out
 from .beside import beside_from
-from .failure import Failure
+from .history import Failure, Segment, check_segments
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
 from .thinning import kept_arrays, restore_kept
 from .trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
@@ -45,7 +45,7 @@ ABOUT = "about"
 KIND = "proxbench simulation"
 """What a file says it is."""
 
-FORMAT = 4
+FORMAT = 5
 """Version of the content."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
@@ -59,6 +59,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
         version: of the framework.
         plan: what is simulated, and how.
         plugins: the names that it has from plugins.
+        segments: which settings made which steps.
         statuses: what the statuses of steps are indices into.
         wall_seconds: wall time of everything [s].
         failure: why a step failed, None if none did.
@@ -69,6 +70,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
     version: str
     plan: PlanRecord
     plugins: list[PluginUse]
+    segments: list[Segment]
     statuses: list[str]
     wall_seconds: Number
     failure: Failure | None
@@ -88,6 +90,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         version=metadata.version("proxbench"),
         plan=plan.record,
         plugins=sources([plan.solver.name], [], [plan.scene.name]),
+        segments=list(simulation.segments),
         statuses=list(simulation.statuses),
         wall_seconds=simulation.wall_seconds,
         failure=simulation.failure,
@@ -138,7 +141,8 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         _check_arrays(content, len(simulation.statuses))
         restore_kept(simulation.thinning, content, record.doublings, content["steps"]["time"])
         states = LawStates(tuple(content["closed"].tolist()), tuple(content["sticking"].tolist()))
-        simulation.restore(content["steps"], simulation.states[-1], content["switches"], states)
+        check_segments(record.segments, len(content["steps"]))
+        simulation.restore(content["steps"], simulation.states[-1], content["switches"], states, record.segments)
     except ProxbenchError as error:
         raise BenchError(f"cannot go on from {path}: {error.sentence}") from None
     except _UNREADABLE:

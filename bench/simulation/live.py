@@ -67,10 +67,12 @@ class LiveSummary:
         if plan.stepper.locates_switches:
             first += f"  of {last['length']:.0e} s  {len(simulation.switches)} switches"
         missed = f"  unsolved {self._unsolved}" if self._unsolved else ""
-        energy = last["kinetic_energy"] + last["potential_energy"]
+        energy = ""
+        if plan.scene.potential_energy is not None:
+            energy = f"  energy {last['kinetic_energy'] + last['potential_energy']:.4g} J"
         return first, (
-            f"contacts {last['contacts']}  iterations {last['iterations']}  residual {last['residual']:.0e}  "
-            f"energy {energy:.4g} J{missed}"
+            f"contacts {last['contacts']}  iterations {last['iterations']}  residual {last['residual']:.0e}"
+            f"{energy}{missed}"
         )
 
 

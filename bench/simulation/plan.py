@@ -17,7 +17,7 @@ from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote
 from ..store.fields import Count, Positive, Record, Tolerance
-from .step_solver import StepSolver
+from .starts.registry import DEFAULT_START, check_start, default_start, make_step_solver
 from .thinning import STATES
 
 
@@ -39,7 +39,7 @@ _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
 _EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
 """The laws at events are solved exactly."""
 
-REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "step_seconds")
+REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "start", "step_seconds")
 """What a resumed simulation may take other values of: how steps are taken and solved, not what is simulated."""
 
 
@@ -53,6 +53,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
     solver: str
     tolerance: Tolerance
     max_iterations: Count
+    start: str
     states: Count
     step_seconds: Positive
 
@@ -68,6 +69,7 @@ class SimulationPlan:
         solver: solves the contact problem of each one-step inclusion.
         tolerance: judged residual that each of them shall reach.
         max_iterations: of the solver, in one of them.
+        start: what a solve starts from: "warm", "cold" or "warm-then-cold", see ``starts``.
         states: how many states are kept at least, where there are more; twice as many at most, those at switching
             points not counted.
         step_seconds: wall time that a plugin's scene or solver may take for one answer in a step [s].
@@ -79,6 +81,7 @@ class SimulationPlan:
     solver: Solver
     tolerance: float
     max_iterations: int
+    start: str = DEFAULT_START
     states: int = STATES
     step_seconds: float = REQUEST_SECONDS
 
@@ -95,7 +98,7 @@ class SimulationPlan:
     @property
     def step_solver(self) -> ContactSolver:
         """The solver as steppers take it."""
-        return StepSolver(self.solver)
+        return make_step_solver(self.start, self.solver)
 
     @property
     def record(self) -> PlanRecord:
@@ -108,6 +111,7 @@ class SimulationPlan:
             solver=self.solver.name,
             tolerance=float(self.tolerance),
             max_iterations=int(self.max_iterations),
+            start=self.start,
             states=int(self.states),
             step_seconds=float(self.step_seconds),
         )
@@ -122,6 +126,7 @@ def make_simulation_plan(
     solver: str | Solver | None = None,
     tolerance: float | None = None,
     max_iterations: int | None = None,
+    start: str | None = None,
     states: int | None = None,
     step_seconds: float | None = None,
 ) -> SimulationPlan:
@@ -134,7 +139,7 @@ def make_simulation_plan(
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
         SolverError: for an unknown solver or option of it, with the nearest name.
-        BenchError: for a duration, tolerance, number of iterations or of states out of range.
+        BenchError: for an unknown start, or a duration, tolerance, number of iterations or of states out of range.
     """
     seconds = REQUEST_SECONDS if step_seconds is None else step_seconds
     _check_seconds(seconds)
@@ -150,6 +155,7 @@ def make_simulation_plan(
         local_or_remote(chosen, seconds) if isinstance(chosen, str) else chosen,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
+        default_start(taken) if start is None else start,
         STATES if states is None else states,
         seconds,
     )
@@ -229,6 +235,11 @@ def _check_numbers(plan: SimulationPlan) -> None:
         raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
     if not plan.max_iterations >= 1:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
+    check_start(plan.start)
+    if not plan.stepper.uses_last_impulses and plan.start != default_start(plan.stepper):
+        raise BenchError(
+            f"{plan.stepper.name} starts each solve from zero and cannot start {plan.start}; name the start cold."
+        )
     if not plan.states >= 1:
         raise BenchError(f"states must be at least 1, got {plan.states}.")
     plan.stepper.check(plan.scene, plan.solver, plan.scene.start.time, plan.until)

@@ -8,15 +8,16 @@ from typing import Any
 
 from ...problems.contact.residual import Residual
 from ...problems.errors import said
+from ...problems.scenes.scene import Scene
 from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.stepping.moreau import Step
 from ...solvers.interface import Solver
 from ..errors import BenchError, FailedSimulationError
 from ..report.layout.output_file import output_file
-from .failure import Failure
 from .file import SUFFIX, read_simulation, write_simulation
+from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
-from .trajectory import NO_CONTACT, Simulation
+from .trajectory import NO_CONTACT, STEP, Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
 """``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
@@ -80,7 +81,8 @@ def resume_simulation(
     Args:
         file: its result file, which is written on.
         given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance,
-            number of iterations or variable stepper is taken from here on, so that one whose step failed can go on.
+            number of iterations, start or variable stepper makes the steps from here on, so that one whose step failed
+            can go on.
         duration: simulated time from the start [s], if it shall be another one than planned.
         solver: the solver, if ``create`` does not know it by its name.
         on_step: as in ``simulate``.
@@ -114,7 +116,9 @@ def begun_simulation(
             f"{file} has come to {simulation.state.time:g} s already, past the duration of {plan.duration:g} s; "
             "name a longer one, or leave it out."
         )
-    simulation.plan = plan
+    stored, simulation.plan = simulation.plan, plan
+    if simulation.is_finished:  # no step will be made under other settings
+        simulation.plan = stored
     return simulation
 
 
@@ -166,7 +170,7 @@ def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> Accepte
         row = _row(simulation, taken)
     except (Exception, SystemExit) as error:
         raise _failed(simulation, said(error)) from error
-    if not all(map(math.isfinite, row[ENERGIES])):
+    if not all(map(math.isfinite, row[_energies(simulation.plan.scene)])):
         raise _failed(simulation, "the motion is no longer finite")
     simulation.append(row, taken)
     return taken
@@ -183,8 +187,10 @@ def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
     return simulation.failure.error(simulation.file)
 
 
-ENERGIES = slice(9, 11)
-"""Where a row has them."""
+def _energies(scene: Scene) -> slice:
+    """Return where a row has the energies that ``scene`` knows."""
+    first = (STEP.names or ()).index("kinetic_energy")
+    return slice(first, first + (1 if scene.potential_energy is None else 2))
 
 
 def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
@@ -207,7 +213,7 @@ def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
         max(residuals, default=0.0),
         simulation.statuses.index(NO_CONTACT if status is None else status),
         scene.kinetic_energy(state.velocity),
-        scene.potential_energy(state.position),
+        math.nan if scene.potential_energy is None else scene.potential_energy(state.position),
         depth / scene.length,
         impact / scene.length,
         -1 if scene.balls_through is None else scene.balls_through(state.position),
@@ -237,4 +243,4 @@ def judged_residual(step: Step) -> float:
     problem = step.problem
     if problem is None:
         return 0.0
-    return Residual(problem)(step.impulses, problem.relative_velocity(step.impulses))
+    return Residual(problem).judged(problem, step.impulses)

@@ -24,6 +24,9 @@ TRANSIENT = 60
 _OF_WORDS = ("law", "contact", "from", "to")
 """Heads of columns of words."""
 
+_LEFT = {*_OF_WORDS, "stepper", "solver", "start"}
+"""Heads of columns that stand on the left."""
+
 _HEADS = ("row", *_OF_WORDS, "t [s]")
 
 CONTACTS = {0: "beak", 1: "lower edge", 2: "upper edge"}
@@ -125,7 +128,7 @@ def plain_table(*heads: str) -> Table:
     """Return a table without rows; words stand on the left of their columns, numbers on the right."""
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
     for head in heads:  # as text: a string would be read as markup
-        table.add_column(Text(head), justify="left" if head in _OF_WORDS else "right", no_wrap=True)
+        table.add_column(Text(head), justify="left" if head in _LEFT else "right", no_wrap=True)
     return table
 
 

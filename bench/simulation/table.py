@@ -12,6 +12,7 @@ from rich.text import Text
 from ...problems.contact.model import Model
 from ..report.layout.text import counted, unsolved_words
 from ..store.conversion import content_of
+from .history import Segment, planned_segment
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 from .trajectory import Ending, Simulation, switching_words
 
@@ -33,7 +34,7 @@ class Window:
         unsolved: steps that the judge does not find solved to the tolerance.
         penetration: deepest of a state, over the length of the scene.
         impact_depth: deepest at a midpoint, where contacts are found, over the same.
-        energy: kinetic and potential at their end [J].
+        energy: kinetic and potential at their end [J], None where the potential energy is not known.
         balls_through: balls that have left by their end, None where there is no outlet.
     """
 
@@ -46,7 +47,7 @@ class Window:
     unsolved: int
     penetration: float
     impact_depth: float
-    energy: float
+    energy: float | None
     balls_through: int | None
 
 
@@ -116,6 +117,9 @@ def document(simulation: Simulation) -> dict[str, Any]:
     return {
         "file": None if simulation.file is None else str(simulation.file),
         "plan": content_of(simulation.plan.record),
+        "segments": [
+            {**content_of(segment), "first": part.start + 1, "last": part.stop} for segment, part in _parts(simulation)
+        ],
         "summary": summary(simulation),
         "windows": rows,
         "incidents": [
@@ -134,13 +138,39 @@ def finite(value: Any) -> Any:
 def print_simulation(simulation: Simulation, console: Console) -> None:
     """Print the table of windows, that of switching points, the total, and in words what was not solved."""
     plan = simulation.plan
-    console.print(Text(f"{plan.scene.name} · {plan.stepper.name} · {plan.solver.name}", style="bold"))
+    segments = simulation.segments or (planned_segment(plan, 0),)
+    if len(segments) == 1:
+        console.print(Text(f"{plan.scene.name} · {segments[0].words}", style="bold"))
+    else:
+        console.print(Text(f"{plan.scene.name} · {len(segments)} segments", style="bold"))
+        _print_segments(simulation, console)
     _print_windows(simulation, console)
     if plan.stepper.locates_switches:
         print_switches(simulation, console)
         console.print(Text(switching_words(simulation.incidents)))
     for line, style in (*period_lines(simulation), *_closing_lines(simulation)):
         console.print(Text(line, style=style))
+
+
+def _print_segments(simulation: Simulation, console: Console) -> None:
+    """Print which settings made which steps."""
+    table = plain_table("steps", "stepper", "solver", "tolerance", "start", "missed")
+    for segment, part in _parts(simulation):
+        missed = int(simulation.unsolved[part].sum())
+        table.add_row(
+            Text(f"{part.start + 1}–{part.stop}"),
+            *map(Text, (segment.stepper, segment.solver, f"{segment.tolerance:.0e}", segment.start)),
+            Text(str(missed or "–"), style="bold red" if missed else ""),
+        )
+    console.print(table)
+
+
+def _parts(simulation: Simulation) -> Iterator[tuple[Segment, slice]]:
+    """Yield each segment with the indices of its steps."""
+    segments = simulation.segments
+    ends = [*(segment.first for segment in segments[1:]), simulation.n_steps]
+    for segment, end in zip(segments, ends, strict=True):
+        yield segment, slice(segment.first, end)
 
 
 _COLUMNS: dict[str, Callable[[Window], str]] = {
@@ -153,10 +183,16 @@ _COLUMNS: dict[str, Callable[[Window], str]] = {
     "missed": lambda window: str(window.unsolved or "–"),
     "depth/r": lambda window: f"{window.penetration:.4f}",
     "mid/r": lambda window: f"{window.impact_depth:.4f}",
-    "E [J]": lambda window: f"{window.energy:.3g}" if window.energy < 0 else f"{window.energy:.4g}",
+    "E [J]": lambda window: _energy(window.energy),
     "through": lambda window: str(window.balls_through),
 }
 """Heads of columns, and what stands in each."""
+
+
+def _energy(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if value < 0 else f"{value:.4g}"
 
 
 def _digits(value: float, number: int) -> str:
@@ -168,6 +204,8 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
     absent = set() if simulation.plan.stepper.locates_switches else {"steps"}
     if simulation.plan.scene.balls_through is None:
         absent.add("through")
+    if simulation.plan.scene.potential_energy is None:
+        absent.add("E [J]")
     columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
     table = plain_table(*columns)
     for window in windows(simulation):
@@ -201,12 +239,13 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"off the exact motion at the end by at most {errors} (SI units)", "bold"
     if ending:
         yield ending
-    tolerance = simulation.plan.tolerance
     if not simulation.plan.stepper.shows_solves:
         yield "impulses and forces at events are solved to 1e-09 or better, by the judge", "green"
         return
+    tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
+    tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
-        yield f"every step is solved to {tolerance:.0e}, by the judge", "green"
+        yield f"every step is solved to {tolerance}, by the judge", "green"
         return
     residual = total["largest_residual"]
     worst = "infinite" if residual is None else f"{residual:.1e}"
@@ -219,7 +258,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     for status, count in zip(*np.unique(missed, return_counts=True), strict=True):
         yield f"  the solver says: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
     solver = simulation.plan.solver
-    if solver.model != Model.COULOMB:
+    if solver.model != Model.COULOMB and solver.name == simulation.segments[-1].solver:
         yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
 
 
@@ -240,7 +279,8 @@ def _ending(simulation: Simulation) -> tuple[str, str] | None:
 
 def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
     steps = simulation.steps[part]
-    last = steps[-1]
+    last, scene = steps[-1], simulation.plan.scene
+    energy = float(last["kinetic_energy"] + last["potential_energy"])
     return Window(
         time=float(last["time"]),
         steps=len(steps),
@@ -251,6 +291,6 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
         unsolved=unsolved,
         penetration=float(steps["penetration"].max()),
         impact_depth=float(steps["impact_depth"].max()),
-        energy=float(last["kinetic_energy"] + last["potential_energy"]),
-        balls_through=None if simulation.plan.scene.balls_through is None else int(last["balls_through"]),
+        energy=None if scene.potential_energy is None else energy,
+        balls_through=None if scene.balls_through is None else int(last["balls_through"]),
     )

@@ -18,7 +18,7 @@ from ...solvers.interface import Status
 from ..report.layout.text import counted
 from ..store.outcome import ROUNDING
 from .beside import Beside
-from .failure import Failure
+from .history import Failure, Segment, extended, planned_segment
 from .plan import SimulationPlan
 from .thinning import Thinning
 
@@ -120,6 +120,7 @@ class _Reached:
     n_switches: int
     state: State
     law_states: LawStates | None = None
+    segments: tuple[Segment, ...] = ()
 
 
 @dataclass(eq=False)
@@ -167,6 +168,18 @@ class Simulation:
     def law_states(self) -> LawStates | None:
         """States of the laws in the step that led there, None at the start."""
         return self._reached.law_states
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """Which settings made which steps, in order; empty without steps."""
+        return self._reached.segments
+
+    @property
+    def tolerances(self) -> FloatArray:
+        """The tolerance of each step, that of its segment, shape (n_steps,)."""
+        borders = [segment.first for segment in self.segments]
+        counts = np.diff([*borders, self.n_steps])
+        return np.repeat([segment.tolerance for segment in self.segments], counts)
 
     @property
     def states(self) -> list[State]:
@@ -236,7 +249,8 @@ class Simulation:
 
     def unsolved_from(self, first: int) -> NDArray[np.bool_]:
         """Return the same of the steps from index ``first`` on."""
-        missed: NDArray[np.bool_] = ~(self.steps["residual"][first:] <= SLACK * self.plan.tolerance + ROUNDING)
+        tolerances = self.tolerances[first:]
+        missed: NDArray[np.bool_] = ~(self.steps["residual"][first:] <= SLACK * tolerances + ROUNDING)
         return missed
 
     @property
@@ -253,7 +267,9 @@ class Simulation:
         self._rows.append(row)
         for switch in taken.switches:
             self._switches.append(_switch_row(switch))
-        self._reached = _Reached(reached.n_steps + 1, reached.n_switches + len(taken.switches), taken.end, taken.states)
+        segments = extended(reached.segments, self.plan, reached.n_steps)
+        n_switches = reached.n_switches + len(taken.switches)
+        self._reached = _Reached(reached.n_steps + 1, n_switches, taken.end, taken.states, segments)
         if taken.switches:
             self.thinning.offer(taken.begin, True)
         self.thinning.offer(taken.end, bool(taken.switches))
@@ -264,11 +280,21 @@ class Simulation:
         state: State,
         switches: NDArray[np.void] | None = None,
         states: LawStates | None = None,
+        segments: Sequence[Segment] | None = None,
     ) -> None:
-        """Put stored steps, the state they led to, switching points and the last states of laws in place of all."""
+        """Put stored steps in place of all.
+
+        Args:
+            steps: the steps.
+            state: the state that they led to.
+            switches: their switching points.
+            states: the last states of laws.
+            segments: their segments; one of the settings of the plan if None.
+        """
         known = np.zeros(0, dtype=SWITCH) if switches is None else switches
         self._rows, self._switches = Rows(steps), Rows(known)
-        self._reached = _Reached(len(steps), len(known), state, states if len(steps) else None)
+        made = ([planned_segment(self.plan, 0)] if len(steps) else []) if segments is None else segments
+        self._reached = _Reached(len(steps), len(known), state, states if len(steps) else None, tuple(made))
         self.thinning.offer(state)
 
 

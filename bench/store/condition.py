@@ -3,14 +3,22 @@
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from ...problems.spelling import either
+from ...solvers.interface import Status
 from ..errors import BenchError
 from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
 
 UNSTEADY = 1.5
-"""Drift above which a report warns."""
+"""Spread of the probes of a run above which a report warns."""
 
+BUSY = 0.25
+"""Number of other cores that other programs may use on average without a warning."""
+
+EXCLUDED_MARK = "*"
+"""What marks a time all of whose rounds are excluded."""
 
 _HARDWARE = {"processor": "processor", "cores": "cores", "logical_cores": "logical cores"}
 """Fields of a machine by which it is another one, with their names in sentences."""
@@ -19,15 +27,31 @@ _COMPARED = {**_HARDWARE, "memory_bytes": "memory [bytes]", "system": "system", 
 """Fields of a machine that times depend on."""
 
 
-def drift(run: RunRecord) -> float:
-    """Return the longest over the shortest time of the reference workload in a run; NaN where it was timed once.
+def busy_cores(run: RunRecord) -> float:
+    """Return how many other cores were busy on average while solves were timed; NaN where that was not counted."""
+    counted = [busy for session in run.sessions if session.core is not None for busy in session.busy_cores]
+    return float(np.mean(counted)) if counted else math.nan
+
+
+def drift(frames: RunFrames) -> float:
+    """Return the 90 % over the 10 % quantile of the probes around the rounds of a run that count; NaN without any.
 
     Of a run on several machines it is that of the least steady one.
     """
-    by_host: dict[str, list[float]] = {}
-    for session in run.sessions:
-        by_host.setdefault(session.host, []).extend(one for one in session.calibration_seconds if one > 0.0)
-    return max((max(times) / min(times) for times in by_host.values() if len(times) > 1), default=math.nan)
+    sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
+    hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].host if one < len(sessions) else "")
+    spreads = [
+        float(probes.quantile(0.9) / probes.quantile(0.1))
+        for _, probes in rounds["probe_seconds"].groupby(hosts_of_rounds)
+        if probes.quantile(0.1) > 0.0
+    ]
+    return max(spreads, default=math.nan)
+
+
+def excluded_points(frames: RunFrames) -> int:
+    """Return the number of points that end solved and all of whose rounds are excluded."""
+    solved = frames.points[frames.points["status"] == Status.SOLVED]
+    return int((solved["is_excluded"] == True).sum())  # noqa: E712 - missing ones are neither
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
@@ -124,9 +148,20 @@ def warnings(frames: RunFrames) -> list[str]:
         found.append(f"UNFINISHED: {counts} are measured{partly}; go on with: {_resuming(frames)}")
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
         found.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
-    if drift(frames.info) > UNSTEADY:
+    if excluded := excluded_points(frames):
+        counts = f"{excluded} of {int((frames.points['status'] == Status.SOLVED).sum())} times"
         found.append(
-            f"UNSTEADY: the machine's speed changed by a factor of {drift(frames.info):.2f} during the run; times of "
+            f"EXCLUDED: {counts} were measured while something else used the core; they are marked {EXCLUDED_MARK} and "
+            "take part in no comparison; measure again on a quiet machine"
+        )
+    if busy_cores(frames.info) > BUSY:
+        found.append(
+            f"BUSY: other programs used {busy_cores(frames.info):.1f} other cores on average while solves were timed; "
+            "times do not compare with those of another run; measure again on a quiet machine"
+        )
+    if drift(frames) > UNSTEADY:
+        found.append(
+            f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
             "different problems do not compare; measure again on a quiet machine"
         )
     measured = hosts(frames)
@@ -152,18 +187,21 @@ def basis(frames: RunFrames) -> list[str]:
     return ["residuals are local: the largest violation of a contact relative to what shares a body with it"]
 
 
-def steadiness(run: RunRecord) -> str:
-    """Return drift and load of the machine in one line."""
-    loads = [load for session in run.sessions for load in session.load]
-    factor = drift(run)
-    speed = "drift unknown" if math.isnan(factor) else f"drift {factor:.2f} (slowest / fastest reference workload)"
-    ends = sorted({f"{load:.1f}" for load in loads if load in (min(loads), max(loads))}, key=float)
-    load = f"load {' to '.join(ends)}" if ends else "load unknown"
+def steadiness(frames: RunFrames) -> str:
+    """Return in one line what the machine is, and how steady it was while solves were timed."""
+    run, rounds = frames.info, frames.rounds
     machines = [session.machine for session in run.sessions if session.machine is not None] or [run.machine]
     names = dict.fromkeys(f"{machine.processor}, {machine.cores} cores" for machine in machines)
-    return f"{' and '.join(names)}; {speed}; {load}"
+    parts = [" and ".join(names)]
+    if len(rounds):
+        parts.append(f"{100.0 * (rounds['excluded'] != '').mean():.0f} % of {len(rounds)} rounds excluded")
+    if not math.isnan(drift(frames)):
+        parts.append(f"probes differ by a factor of {drift(frames):.2f}")
+    if not math.isnan(busy_cores(run)):
+        parts.append(f"other programs used {busy_cores(run):.1f} cores")
+    return "; ".join(parts)
 
 
 def run_state(frames: RunFrames) -> list[str]:
-    """Return the warnings, what numbers are relative to if that is not as usual, and drift and load below them."""
-    return [*warnings(frames), *basis(frames), steadiness(frames.info)]
+    """Return the warnings, what numbers are relative to if that is not as usual, and how steady the machine was."""
+    return [*warnings(frames), *basis(frames), steadiness(frames)]

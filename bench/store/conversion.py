@@ -18,8 +18,10 @@ _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202
 _DOUBTFUL = re.compile(rb"\\[ubfr]|\x7f")
 """What ASCII JSON has in place of some of these characters."""
 
-FORMAT = 2
-"""Version of the files; those of version 1 are read too."""
+FORMAT = 3
+"""Version of the files. Times of versions 1 and 2 were modelled from those of a probe, not measured."""
+
+MODELLED_FORMATS = (1, 2)
 
 R = TypeVar("R", RunRecord, CaseRecord)
 
@@ -89,10 +91,15 @@ def unsealed(text: bytes, kind: type[R], name: str, remedy: str) -> R:
     if not is_whole:
         raise BenchError(f"{name} is damaged (its checksum does not match); {remedy}.")
     version = content.pop("format", None)
-    if version not in (1, FORMAT):
-        raise BenchError(f"{name} is of another format than {FORMAT}; measure it again with this version.")
+    if version in MODELLED_FORMATS:
+        raise BenchError(
+            f"{name} has format {version}, whose times were corrected by a model and are no longer read; measure it "
+            "again with this version."
+        )
+    if version != FORMAT:
+        raise BenchError(f"{name} has another format than {FORMAT}; measure it again with this version.")
     try:
-        return record_of(_of_format_1(content, kind) if version == 1 else content, kind)
+        return record_of(content, kind)
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         field = error if isinstance(error, ValueError) else "content"
         raise BenchError(f"{name} is damaged (its {field} makes no sense); {remedy}.") from None
@@ -105,19 +112,6 @@ def checksum(content: dict[str, Any]) -> str:
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is no JSON")
-
-
-def _of_format_1(content: dict[str, Any], kind: type[R]) -> dict[str, Any]:
-    """Return content of the first format as one of today's: it had one session, and the numbers of a point flat in it.
-
-    Raises:
-        LookupError, TypeError, AttributeError: if it is not of that format either.
-    """
-    if kind is RunRecord:
-        session = {key: content[key] for key in ("started", "finished", "calibration_seconds")}
-        return {**content, "sessions": [{**session, "load": content["machine"]["load"][:1]}]}
-    points = [{**point, **({"measured": point} if "verdict" in point else {})} for point in content["points"]]
-    return {**content, "points": points}
 
 
 def _finite(value: Any) -> Any:

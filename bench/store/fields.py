@@ -22,3 +22,12 @@ Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
 
 class Record(Struct, frozen=True, kw_only=True):
     """Something stored; fields beyond those of its class are ignored when it is read."""
+
+
+class Quartiles(Record, frozen=True, kw_only=True):
+    """Times [s]."""
+
+    min: Number
+    q1: Number
+    median: Number
+    q3: Number

@@ -17,8 +17,9 @@ from msgspec import Struct
 from ...problems.contact.judge import NO_NUMBERS, Verdict
 from ...problems.errors import suggestion
 from ..errors import BenchError
-from .fields import Record
-from .records import CaseRecord, Point, QuantityError, Quartiles, Round, RunRecord
+from .fields import Quartiles, Record
+from .notes import notes_of
+from .records import CaseRecord, Point, QuantityError, Round, RunRecord
 from .store import Store
 
 JUDGED, LOCAL = "judged", "local"
@@ -41,9 +42,10 @@ class RunFrames:
             is_tried (whether its whole ladder was measured once, which an interrupted run leaves open).
         points: one row a ladder point, those of ``Point``: problem, family, solver, model, tolerance, outcome, status,
             reason, iterations, judged residual (and that of the solver's own model), median times [s] with their
-            quartiles, repeats, the other numbers of the verdict, and the error in known impulses.
+            quartiles, repeats, whether they are excluded from comparisons, the other numbers of the verdict, the error
+            in known impulses, and notes.
         rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``: session and
-            number of the pass, median times [s], repeats, share of the time that was computed, whether it is marred.
+            number of the pass, wall times [s], processor time [s], context switches, and why it is excluded if it is.
         iterations: the convergence curves: problem, solver, iteration, residual.
         errors: those of trajectories, one row a point and quantity: problem, solver, tolerance, quantity, error, and
             the ends of its bar, low and high.
@@ -153,7 +155,8 @@ def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
     """Return the points of cases, as in ``RunFrames``."""
     identified = _identified(cases)
     identity = {name: [getattr(case, name) for case, _ in identified] for name in _IDENTITY}
-    return pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
+    frame = pd.concat([pd.DataFrame(identity, dtype=str), _frame(Point, [point for _, point in identified])], axis=1)
+    return frame.assign(notes=pd.Series([notes_of(case, point) for case, point in identified], dtype=str))
 
 
 def rounds_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, Struct
@@ -10,16 +10,13 @@ from msgspec.structs import replace
 
 from ...problems.catalog.families import family_of
 from ..errors import BenchError
-from .fields import LARGEST, Count, Number, Record, Residual, Tolerance
+from .fields import LARGEST, Count, Number, Quartiles, Record, Residual, Tolerance
 from .impulses import Impulses
 from .outcome import Outcome
 from .trajectory_records import MethodRecord, TrajectoryRecord
 
 MOST_PASSES = 1000
 """Passes that a run may have."""
-
-UNDISTURBED = 0.9
-"""A process that computed for less than this share of the time on its clock was disturbed, or waited by itself."""
 
 MOST_ANSWERS = 20
 """Different answers of a point that are told apart."""
@@ -104,7 +101,7 @@ class PlanRecord(Record, frozen=True, kw_only=True):
         """Whether nothing of a case is left to measure."""
         if case.outcome is not Outcome.MEASURED:
             return True
-        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_marred, case.points)
+        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_for_others, case.points)
         return self.has_tried(case) and all(point.n_passes >= self.passes for point in repeated)
 
     def has_tried(self, case: "CaseRecord") -> bool:
@@ -161,16 +158,16 @@ class Session(Record, frozen=True, kw_only=True):
     Attributes:
         started: when, as ISO 8601 in UTC.
         finished: when it ended; empty if it did not.
-        calibration_seconds: time of the reference workload [s] at the start and after each problem.
-        load: the machine's load average over a minute at the same moments.
+        core: the core on which solves were timed; None where none was claimed.
+        busy_cores: how many other cores were busy on average while the solves of each problem were timed.
         machine: what it was measured on; None where only the run has one.
     """
 
     started: str
     finished: str = ""
     machine: Machine | None = None
-    calibration_seconds: list[Number] = []
-    load: list[Number] = []
+    core: Count | None = None
+    busy_cores: list[Number] = []
 
     @property
     def host(self) -> str:
@@ -200,15 +197,6 @@ class RunRecord(Record, frozen=True, kw_only=True):
     sessions: list[Session] = []
 
 
-class Quartiles(Record, frozen=True, kw_only=True):
-    """Times [s]."""
-
-    min: Number
-    q1: Number
-    median: Number
-    q3: Number
-
-
 class Curve(Record, frozen=True, kw_only=True):
     """The judged residual of the observed iterates.
 
@@ -233,20 +221,27 @@ class QuantityError(Record, frozen=True, kw_only=True):
     high: Residual
 
 
+Excluded = Literal["", "preempted", "unsteady"]
+
+
 class Round(Record, frozen=True, kw_only=True):
-    """Timed solves of a point in one go.
+    """Timed solves of a point in one go, as the clock counted them.
 
     Attributes:
         session: number of the session of the run, from 0.
         number: number of the pass in it, from 0.
         turn: number of the round in the pass, from 0; those of one problem and turn are close to each other in time.
-        prepare_seconds: time of preparing [s], on a core that nothing else shares, as are the others.
-        solve_seconds: time of solving [s].
-        total_seconds: time of both together [s], first quartile of the solves.
+        prepare_seconds: median wall time of preparing [s], over all solves but the first, if there are others.
+        solve_seconds: median wall time of solving [s], over the same.
+        total_seconds: wall time of both together [s], quartiles over the same.
         repeats: number of solves.
-        cpu: time that the process computed, all its threads together, over the time on the clock.
-        slowness: median of what the seconds on the clock were divided by for that.
-        is_marred: whether other programs took so much of the time that other rounds count instead.
+        wall_seconds: wall time of all solves together [s].
+        processor_seconds: processor time of all solves together, of all threads [s].
+        involuntary_switches: context switches in which something else took the core.
+        voluntary_switches: context switches in which the process gave up the core, to sleep or to wait.
+        waited_seconds: time for which the process was ready to run and did not [s]; None where the system does not say.
+        probe_seconds: the longer one of the probes of the core before and after [s].
+        excluded: "preempted" or "unsteady" if the core was not the round's own, empty if it was.
     """
 
     session: Count
@@ -254,16 +249,15 @@ class Round(Record, frozen=True, kw_only=True):
     turn: Count = 0
     prepare_seconds: Number
     solve_seconds: Number
-    total_seconds: Number
+    total_seconds: Quartiles
     repeats: Count
-    cpu: Number
-    slowness: Number = 1.0
-    is_marred: bool = False
-
-    @property
-    def is_disturbed(self) -> bool:
-        """Whether its process waited for a part of the time on its clock."""
-        return self.cpu < UNDISTURBED
+    wall_seconds: Number
+    processor_seconds: Number
+    involuntary_switches: Count
+    voluntary_switches: Count
+    waited_seconds: Number | None = None
+    probe_seconds: Number
+    excluded: Excluded = ""
 
 
 class Measured(Record, frozen=True, kw_only=True):
@@ -275,10 +269,13 @@ class Measured(Record, frozen=True, kw_only=True):
         claimed_iterations: of that solve, as the solver counts them; None where nothing else is known.
         residual: the judge's, under Coulomb's law; of a trajectory, the largest of its errors.
         model_residual: the judge's, under the solver's own model.
-        prepare_seconds, solve_seconds, total_seconds: times of preparing, of solving and of both, those of rounds.
+        prepare_seconds, solve_seconds, total_seconds: wall times of preparing, of solving and of both, quartiles of the
+            medians of the rounds that are not excluded, of all where all are.
         repeats: number of timed solves.
+        is_excluded: whether all rounds are excluded, so that the times take part in no comparison.
         rounds: in which they were measured; empty for a trajectory.
-        first_seconds: time of a first solve in a fresh process that confirmed them [s]; None without one.
+        first_seconds: times of first solves in fresh processes [s]; processor times where these were preempted.
+        copy_seconds: the same of copies of the problem [s].
         answers: number of different vectors of impulses among those that ended solved, up to ``MOST_ANSWERS``; of all
             solves the worst is judged.
         hashes: what tells these vectors apart.
@@ -297,8 +294,10 @@ class Measured(Record, frozen=True, kw_only=True):
     solve_seconds: Quartiles
     total_seconds: Quartiles
     repeats: Count
+    is_excluded: bool = False
     rounds: list[Round] = []
-    first_seconds: Number | None = None
+    first_seconds: list[Number] = []
+    copy_seconds: list[Number] = []
     answers: Count = 1
     hashes: Annotated[list[str], Meta(max_length=MOST_ANSWERS)] = []
     claimed_iterations: Count | None = None
@@ -338,9 +337,9 @@ class Point(Record, frozen=True, kw_only=True):
         return len({(one.session, one.number) for one in self.rounds})
 
     @property
-    def is_marred(self) -> bool:
-        """Whether it ended at its limit of time while other programs took part of it."""
-        return self.outcome is Outcome.TIME_LIMIT and bool(self.rounds) and all(one.is_disturbed for one in self.rounds)
+    def is_late_for_others(self) -> bool:
+        """Whether it reached its time limit in rounds that were all excluded, so that it may be measured again."""
+        return self.outcome is Outcome.TIME_LIMIT and self.measured is not None and self.measured.is_excluded
 
     @property
     def is_repeated(self) -> bool:
@@ -357,6 +356,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         solver: name, with options.
         model: what the solver solves.
         has_iterates: whether it shows its iterates.
+        is_randomised: whether it declares that its answers differ between repeats.
         n_rows: rows of the problem.
         n_contacts: contacts of the problem.
         outcome: how the case ended.
@@ -374,6 +374,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     solver: str
     model: str
     has_iterates: bool
+    is_randomised: bool = False
     n_rows: Count
     n_contacts: Count
     outcome: Outcome

@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 
 from ...problems.catalog.atomic_file import PART, replacing
@@ -21,7 +22,6 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.spelling import either, option
 from ..errors import BenchError
 from .conversion import R, content_of, sealed, unsealed
-from .links import refuse_links_out
 from .records import CaseRecord, RunRecord
 
 RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
@@ -241,3 +241,23 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror}.") from None
     return unsealed(text, kind, path.name, remedy)
+
+
+def refuse_links_out(place: Path, folder: Path) -> None:
+    """Find out whether a link on the way from a folder to a place in it, or below that place, leads out of the folder.
+
+    Results may come from elsewhere: showing them must not replace files wherever their links say.
+
+    Raises:
+        BenchError: if one does.
+    """
+    inside = os.path.realpath(folder)
+    way = list(accumulate(place.relative_to(folder).parts, Path.joinpath, initial=folder))[1:]
+    below = [Path(top, name) for top, folders, files in os.walk(place) for name in (*folders, *files)]
+    for link in (*way, *below):
+        target = os.path.realpath(link)
+        if os.path.islink(link) and not Path(target).is_relative_to(inside):
+            raise BenchError(
+                f"{link} is a link out of {folder}, to {target}, and nothing is written through it; "
+                "remove it, or name another place."
+            )

@@ -8,12 +8,21 @@ from .fields import Count, Number, Positive, Record, Tolerance
 
 
 class MethodRecord(Record, frozen=True, kw_only=True):
-    """A stepper with a solver: its name, its ladder of steps [s] or tolerances, and the limits of its solves."""
+    """A stepper with a solver.
+
+    Attributes:
+        name: of both.
+        values: the ladder of steps [s] or tolerances.
+        tolerance: of the solver where the stepper varies.
+        max_iterations: of the solver in one solve.
+        start: what each solve starts from.
+    """
 
     name: str
     values: Annotated[list[Tolerance], Meta(min_length=1)]
     tolerance: Tolerance
     max_iterations: Count
+    start: str
 
 
 class KnownRecord(Record, frozen=True, kw_only=True):
@@ -35,6 +44,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: what simulates the reference, with one value; None where the end of the motion is known otherwise.
         known: the reference, or the known end, as far as it is generated.
         scale: what differences from a known end are related to.
+        way: longest way of a coordinate from the start to the known end [m]; None where it is not known.
 
     Raises:
         ValueError: if members of the reference differ in what is known of them.
@@ -47,6 +57,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     reference: MethodRecord | None = None
     known: list[KnownRecord] = []
     scale: Positive = 1.0
+    way: Number | None = None
 
     def __post_init__(self) -> None:
         if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:

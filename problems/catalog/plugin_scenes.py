@@ -100,6 +100,6 @@ def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> S
         step_size=TIME_STEP,
         duration=1.0,
         kinetic_energy=kinetic_energy(system, made[1]),
-        potential_energy=lambda position: 0.0,
+        potential_energy=system.potential_energy if isinstance(system, BallSystem) else None,
         n_balls=system.n_balls if isinstance(system, BallSystem) else 0,
     )

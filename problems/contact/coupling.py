@@ -14,10 +14,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
+from .laws import ROWS_OF_KIND
 from .problem import ContactProblem
 
 ROUNDING = 1e-13
 """Entries of G below this part of the root of both diagonal entries are rounding."""
+
+NEGLIGIBLE = 2.0**-40
+"""Free velocities of this part of the largest one are rounding of it."""
 
 
 def components(problem: ContactProblem) -> IntArray:
@@ -182,3 +186,63 @@ def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
             largest[contacts[row]] = max(largest[contacts[row]], of_body[bodies[p]])
+
+
+def row_lengths(problem: ContactProblem) -> FloatArray:
+    """Return ℓ_i of the law of each row, see ``Residual``, shape (n_rows,)."""
+    laws = problem.laws
+    alpha, lengths, speeds = np.empty((3, laws.n_laws))
+    numbers = problem.delassus_diagonal, problem.free_velocity
+    _write_scales(laws.kind, laws.first_row, laws.partner, *numbers, alpha, lengths, speeds)
+    return np.repeat(lengths, ROWS_OF_KIND[laws.kind])
+
+
+@njit(cache=True)
+def _write_scales(  # type: ignore[no-untyped-def]
+    kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
+):
+    """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
+
+    Returns a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
+    """
+    stuck, largest = -1, 0.0
+    for law in range(len(kind)):
+        row = first_row[law]
+        alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
+        for k in range(row + 1, row + (2 if kind[law] == 2 else kind[law] - 3)):
+            alpha[law] = max(alpha[law], diagonal[k])
+            speeds[law] = np.hypot(speeds[law], free_velocity[k])
+        if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
+            stuck = law
+        if kind[law] == 3 and alpha[law] == 0.0 and free_velocity[row] != 0.0:
+            stuck = law
+    for law in range(len(kind)):
+        normal = partner[law]
+        if normal >= 0 and diagonal[first_row[normal]] == 0.0:
+            alpha[normal] = max(alpha[normal], alpha[law])
+    for law in range(len(kind)):
+        lengths[law] = 1.0
+        if kind[law] > 3 and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
+            lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
+            speeds[law] *= lengths[law]
+        largest = max(largest, speeds[law])
+    return stuck, largest
+
+
+@njit(cache=True)
+def write_scales_and_ratios(  # type: ignore[no-untyped-def]
+    kind, first_row, partner, diagonal, free_velocity, component, slot, width, alpha, lengths, speeds, ratios
+):
+    """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
+
+    ``component`` is that of each contact.
+    """
+    stuck, scale = _write_scales(kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds)
+    largest = np.zeros(len(component))
+    for law in range(len(kind)):
+        own = component[slot[first_row[law]] // width]
+        largest[own] = max(largest[own], speeds[law])
+    for law in range(len(kind)):
+        own = largest[component[slot[first_row[law]] // width]]
+        ratios[law] = scale / own if own > NEGLIGIBLE * scale else 1.0
+    return stuck, scale

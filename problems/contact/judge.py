@@ -17,6 +17,10 @@ Rolling friction has angular velocities [rad/s] in its rows. They count as veloc
 from the axis, with α_N of the contact's unilateral law: for a single body a radius of gyration. Its violation is
 ℓ_i α_i ‖R_i‖ and its free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of length either.
 
+Impulses that brace each other may be huge, and ξ = GΛ + c is then what rounding leaves of it. So ξ is summed in twice
+the working precision (``matrices.accurate``), violations are computed without cancellation (``residual``), and every
+number that speaks for impulses is at least what rounding may still hide.
+
 A unilateral law whose own α is zero moves nothing, but the friction that it bounds may: it takes the largest α of those
 friction laws, so that Λ_N > 0 at an opening contact is a violation as soon as it buys friction.
 """
@@ -30,14 +34,15 @@ from numpy.typing import ArrayLike
 from ..arrays import FloatArray, real_numbers
 from ..errors import ProblemError
 from .answer import ratio
-from .coupling import largest_around
+from .coupling import NEGLIGIBLE, largest_around
 from .model import Model
 from .problem import ContactProblem
 from .projections import onto_contact_cones
-from .residual import ROUNDING, Residual, friction_bounds, friction_norms, in_units, violations
+from .residual import PROJECTION_ROUNDINGS, UNIT, Residual, in_units, violations
 
-JUDGE = 2
-"""Version of the judge: residuals of other versions do not compare. The first did not tell components apart."""
+JUDGE = 3
+"""Version of the judge: residuals of other versions do not compare. The first did not tell components apart, the second
+read 0 where huge impulses cancelled."""
 
 NO_NUMBERS = ("model", "component_residuals")
 """Fields of a verdict that are more than a number."""
@@ -90,6 +95,7 @@ class Verdict:
         return {name: value for name, value in vars(self).items() if name not in NO_NUMBERS}
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows reads as infinite
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
     """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
 
@@ -110,13 +116,14 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         return _not_finite(problem, residual, model)
     if residual.unit != 1.0:
         return _in_usual_units(judge(in_units(problem, residual.unit), residual.unit * given, model), residual.unit)
-    velocity = problem.relative_velocity(given)
-    violation = violations(problem, residual, given, velocity, model)
+    velocity, rounding = problem.accurate_velocity(given)
+    violation = np.maximum(violations(problem, residual, given, velocity, model), residual.hidden(rounding))
+    speed = np.maximum(np.abs(velocity), rounding)
     root = residual.lengths * np.sqrt(residual.alpha)
     energy, energy_scale = _largest_ratio(violation, root), _largest_ratio(residual.speeds, root)
-    natural_map = _natural_map(problem, given, velocity)
+    natural_map = _natural_map(problem, given, velocity, rounding)
     norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
-    error = None if known is None else ratio(float(np.abs(velocity - known).max(initial=0.0)), residual.scale)
+    missed = None if known is None else float(np.maximum(np.abs(velocity - known), rounding).max(initial=0.0))
     infeasible, normal = residual.infeasible, problem.laws.first_row[problem.laws.is_unilateral]
     components = _of_components(residual, np.where(np.arange(len(violation)) == residual.stuck_law, inf, violation))
     local = _local(problem, residual, violation)
@@ -130,11 +137,11 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         energy_residual=inf if infeasible else ratio(energy, energy_scale),
         natural_map_q=ratio(natural_map, norms[0]),
         natural_map_max=ratio(natural_map, max(norms)),
-        penetration_velocity=float((-velocity[normal]).max(initial=0.0)),
+        penetration_velocity=float(np.maximum(-velocity[normal], rounding[normal]).max(initial=0.0)),
         cone_violation=_cone_violation(problem, residual, given),
-        complementarity=float(np.abs(given[normal] * velocity[normal]).max(initial=0.0)),
+        complementarity=float(np.abs(given[normal] * speed[normal]).max(initial=0.0)),
         dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
-        velocity_error=error,
+        velocity_error=None if missed is None else ratio(missed, residual.scale),
         infeasible=infeasible,
         model=model,
         component_residuals=components,
@@ -192,7 +199,7 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray) -
     speeds = np.zeros(layout.n_blocks)
     np.maximum.at(speeds, contact, residual.speeds)
     around = np.maximum(largest_around(problem, speeds)[contact], problem.free_fall)
-    scales = np.where(around > ROUNDING * residual.scale, around, residual.scale / residual.ratios)
+    scales = np.where(around > NEGLIGIBLE * residual.scale, around, residual.scale / residual.ratios)
     local = np.where(violation == 0.0, 0.0, np.inf)
     positive = (scales > 0.0) & (violation == violation)
     local[positive] = violation[positive] / scales[positive]
@@ -201,12 +208,15 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray) -
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
     """Return for each share the least value that it of the values do not exceed; 0 for none."""
-    ordered = np.sort(values)
-    return [float(ordered[max(0, math.ceil(share * len(ordered)) - 1)]) if len(ordered) else 0.0 for share in shares]
+    if not len(values):
+        return [0.0] * len(shares)
+    places = [max(0, math.ceil(share * len(values)) - 1) for share in shares]
+    ordered = np.partition(values, places)
+    return [float(ordered[place]) for place in places]
 
 
-def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> float:
-    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N.
+def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray, rounding: FloatArray) -> float:
+    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N, at least what rounding of ξ and of Λ may hide.
 
     A friction law apart from its partner keeps its present bound.
     """
@@ -216,18 +226,31 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     friction = np.where(own, layout.friction_coefficient, 0.0)
     fixed = layout.fixed_bound + np.where(own, 0.0, remote_bound)
     tangent, rolling = moved[:, 1 : 1 + layout.sliding], moved[:, 1 + layout.sliding :]
-    lift = friction * np.sqrt((tangent**2).sum(axis=1))
+    lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:
-        lift += layout.rolling_coefficient * np.sqrt((rolling**2).sum(axis=1))
+        lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     moved[:, 0] += lift
     difference = lanes - onto_contact_cones(layout, lanes - moved, friction, fixed, np.ones(layout.n_blocks))
-    return float(np.sqrt((difference[:, 0] ** 2).sum() + (difference[:, 1:] ** 2).sum()))
+    alone = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
+    difference[alone, 0] = np.minimum(lanes[alone, 0], moved[alone, 0])
+    difference[layout.is_bilateral] = moved[layout.is_bilateral]
+    hidden = np.where(alone | layout.is_bilateral, 0.0, PROJECTION_ROUNDINGS * UNIT) * np.sqrt(_squares(lanes))
+    hidden += np.einsum("ij->i", layout.pad(rounding))
+    return float(np.sqrt(np.maximum(_squares(difference), hidden**2).sum()))
+
+
+def _squares(vectors: FloatArray) -> FloatArray:
+    """Return the squared length of each row."""
+    lengths: FloatArray = np.einsum("ij,ij->i", vectors, vectors)
+    return lengths
 
 
 def _cone_violation(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
     laws = problem.laws
     pulling = (-impulses[laws.first_row[laws.is_unilateral]]).max(initial=0.0)
-    excess = friction_norms(problem, impulses) - friction_bounds(problem, impulses)[laws.is_friction]
+    bounds = laws.friction_bounds(impulses)[laws.is_friction]
+    excess, hidden = laws.friction_norms(impulses) - bounds, PROJECTION_ROUNDINGS * UNIT * bounds
+    excess = np.where(excess < -hidden, excess, np.maximum(excess, hidden))
     return float(max(pulling, (excess / residual.lengths[laws.is_friction]).max(initial=0.0)))
 
 

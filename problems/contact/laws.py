@@ -143,6 +143,21 @@ class Laws:
         mask: NDArray[np.bool_] = self.kind == _BILATERAL
         return mask
 
+    def friction_bounds(self, impulses: FloatArray) -> FloatArray:
+        """Return the friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""
+        normal = np.maximum(impulses[self.first_row[np.maximum(self.partner, 0)]], 0.0) if self.n_laws else np.zeros(0)
+        bounds: FloatArray = self.fixed_bound + np.where(self.partner >= 0, self.friction_coefficient * normal, 0.0)
+        return bounds
+
+    def friction_norms(self, rows: FloatArray) -> FloatArray:
+        """Return the norm over the rows of every friction law, sliding and rolling, shape (n_friction_laws,)."""
+        first, count = self.first_row[self.is_friction], ROWS_OF_KIND[self.kind[self.is_friction]]
+        squares = rows[first] ** 2
+        for row in range(1, int(count.max(initial=1))):
+            has_row = count > row
+            squares[has_row] += rows[first[has_row] + row] ** 2
+        return np.sqrt(squares)
+
     @property
     def n_laws(self) -> int:
         """Number of laws."""

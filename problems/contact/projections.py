@@ -51,7 +51,7 @@ def onto_friction_cone(
         The projected N and T. Where the projection onto the whole shifted cone would have N < 0, the half-space
         N ≥ 0 is active and the nearest point is the one with N = 0 and T in the disc of radius a.
     """
-    length = np.sqrt(np.sum(tangent**2, axis=1))
+    length = np.sqrt(np.einsum("ij,ij->i", tangent, tangent))
     outside = length > fixed + friction * normal
     cone_normal = np.where(outside, (normal + friction * (length - fixed)) / (1.0 + friction**2), normal)
     bound = fixed + friction * np.maximum(cone_normal, 0.0)
@@ -83,7 +83,7 @@ def onto_rolling_cone(
     Returns:
         The projected N, T and R.
     """
-    lengths = [np.sqrt(np.sum(part**2, axis=1)) for part in parts]
+    lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
     excess = [length - bound for length, bound in zip(lengths, fixed, strict=True)]
     found = np.full(len(normal), -np.inf)
     for active in ((False, False), (True, False), (False, True), (True, True)):

@@ -2,6 +2,19 @@
 
 With α_i, R_i and ℓ_i as in ``judge``, the violation of law i is the velocity ℓ_i α_i ‖R_i‖ [m/s]. Solvers stop on the
 largest of them, relative to the free velocity of its component, which ``Residual`` prepares once for many impulses.
+
+Rounding must not hide a violation, so nothing is subtracted that may be huge and equal. With h = αΛ and b = α times the
+friction bound,
+
+    unilateral:                         α R = min(h, ξ),
+    friction that sticks, ‖h − ξ‖ ≤ b:  α R = ξ,
+    friction that slides:               α R = h − b (h − ξ)/‖h − ξ‖.
+
+The first two have the relative error of ξ, of which ``matrices.accurate`` tells what is hidden. In the third h and the
+projection may cancel. I − prox and prox do not expand, so rounding of h counts u‖h‖ and that of h − ξ counts ub; b, the
+norm, their quotient and the product have eight roundings: 9ub + u‖h‖ in all (``hidden_by_sliding``). A violation is at
+least that, so that the exact one is at most twice what is said, beside a relative error of a few u. ξ = 0 at h on the
+boundary is the third case too: it counts wherever ‖h − ξ‖ is not below b by more than rounding.
 """
 
 from dataclasses import replace
@@ -14,14 +27,23 @@ from numpy.typing import NDArray
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import ratio
-from .coupling import components
-from .laws import ROWS_OF_KIND, LawKind, Laws
+from .coupling import components, write_scales_and_ratios
+from .laws import LawKind, Laws
 from .model import Model
 from .problem import FREE_FALL, ContactProblem
 from .projections import onto_contact_cones, onto_polygon
 
-ROUNDING = 2.0**-40
-"""Free velocities of this part of the largest one are rounding of it."""
+UNIT = 2.0**-53
+"""Unit roundoff u."""
+
+INSIDE = 1.0 - 2.0**-48
+"""Part of b² below which ‖h − ξ‖² is below b² beyond rounding."""
+
+PROJECTION_ROUNDINGS = 8.0
+"""Roundings of ‖h‖ that count where h is projected onto a cone or a polygon."""
+
+RESOLUTION = 200.0 * UNIT
+"""What ``Residual.rounding`` counts for each G_hh |Λ_h|."""
 
 LawArrays = tuple[NDArray[np.int8], IntArray, FloatArray, FloatArray, IntArray, FloatArray]
 """Kind, first row, μ, a, partner and α of laws, in the order of the kernels."""
@@ -59,7 +81,7 @@ class Residual:
         given = laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity
         of_contacts = self._contacts, self._layout.slot, self._layout.width
         written = self.alpha, self.lengths, self.speeds, self.ratios
-        self.stuck_law, self.scale = _write_scales_and_ratios(*given, *of_contacts, *written)
+        self.stuck_law, self.scale = write_scales_and_ratios(*given, *of_contacts, *written)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale
@@ -77,6 +99,34 @@ class Residual:
         """Return the largest G_hh |Λ_h| over all rows h, each times ratio and length of its law [m/s]."""
         kind, first_row = self._arguments[:2]
         return float(_largest_held(kind, first_row, self.ratios, self.lengths, self._diagonal, impulses))
+
+    def rounding(self, impulses: FloatArray) -> float:
+        """Return an estimate of the residual that plain arithmetic cannot tell from zero at Λ [N s], (n_rows,).
+
+        That is what rounding of Λ and of a few hundred terms of its size leaves of ξ.
+        """
+        return RESOLUTION * self.largest_held(impulses) / self.scale if self.scale > 0.0 else 0.0
+
+    def judged(self, problem: ContactProblem, impulses: FloatArray) -> float:
+        """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem that this was prepared for.
+
+        Plain arithmetic finds it where rounding is too small to matter.
+        """
+        found = self(impulses, problem.relative_velocity(impulses))
+        if found > self.rounding(impulses):
+            return found
+        velocity, rounding = problem.accurate_velocity(impulses)
+        hidden = float((self.ratios * self.hidden(rounding)).max(initial=0.0))
+        return max(self(impulses, velocity), ratio(hidden, self.scale))
+
+    def hidden(self, rounding: FloatArray) -> FloatArray:
+        """Return the velocity [m/s] of each law, shape (n_laws,), that rounding of its rows of ξ may hide.
+
+        ``rounding`` is that of each row, shape (n_rows,), as ``ContactProblem.accurate_velocity`` returns it.
+        """
+        first = self._arguments[1]
+        sums: FloatArray = np.add.reduceat(rounding, first) if len(first) else np.zeros(0)
+        return self.lengths * sums
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
@@ -152,7 +202,7 @@ def _largest_held(kind, first_row, ratios, lengths, diagonal, impulses):  # type
     return largest
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _squared_violations(  # type: ignore[no-untyped-def]
     kind, first_row, mu, fixed, partner, alpha, impulses, velocity, ratios, squares
 ):
@@ -169,30 +219,37 @@ def _squared_violations(  # type: ignore[no-untyped-def]
         held = a * impulses[row]
         x = held - velocity[row]
         if kind[law] == 0:
-            square = (held - max(x, 0.0)) ** 2
+            square = (held if held < velocity[row] else velocity[row]) ** 2
         else:
             bound = fixed[law]
             if partner[law] >= 0:
                 bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
             bound *= a
             if kind[law] == 1:
-                square = (held - min(max(x, -bound), bound)) ** 2
+                limited = min(max(x, -bound), bound)
+                square = (velocity[row] if limited == x else held - limited) ** 2
+                if not x * x <= INSIDE * bound * bound:
+                    square = max(square, _hidden_by_sliding(held * held, bound))
             else:
                 held_2 = a * impulses[row + uint64(1)]
                 y = held_2 - velocity[row + uint64(1)]
                 length_squared = x * x + y * y
-                if length_squared > bound * bound:
+                if length_squared == np.inf:
+                    square = np.inf
+                elif length_squared <= bound * bound:
+                    square = velocity[row] ** 2 + velocity[row + uint64(1)] ** 2
+                else:
                     scale = bound / np.sqrt(length_squared)
-                    x *= scale
-                    y *= scale
-                square = (held - x) ** 2 + (held_2 - y) ** 2
+                    square = (held - scale * x) ** 2 + (held_2 - scale * y) ** 2
+                if not length_squared <= INSIDE * bound * bound:
+                    square = max(square, _hidden_by_sliding(held * held + held_2 * held_2, bound))
         squares[law] = square
         square *= ratios[law] * ratios[law]
         largest = square if square > largest or square != square else largest
     return np.sqrt(largest)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _squared_violations_of_any(  # type: ignore[no-untyped-def]
     kind, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
 ):
@@ -202,7 +259,7 @@ def _squared_violations_of_any(  # type: ignore[no-untyped-def]
         row, a = first_row[law], alpha[law]
         if kind[law] == 0:
             held = a * impulses[row]
-            square = (held - max(held - velocity[row], 0.0)) ** 2
+            square = (held if held < velocity[row] else velocity[row]) ** 2
         elif kind[law] == 3:
             square = velocity[row] ** 2
         else:
@@ -217,18 +274,29 @@ def _squared_violations_of_any(  # type: ignore[no-untyped-def]
     return np.sqrt(largest)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _outside_ball(row, count, a, bound, impulses, velocity):  # type: ignore[no-untyped-def]
     """Return ‖αΛ − prox(αΛ − ξ)‖² over ``count`` rows from ``row`` on, the prox onto a ball of radius ``bound``."""
-    squared = 0.0
+    squared, moved, held_squared = 0.0, 0.0, 0.0
     for k in range(row, row + count):
         squared += (a * impulses[k] - velocity[k]) ** 2
-    scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
-    total = 0.0
-    for k in range(row, row + count):
-        held = a * impulses[k]
-        total += (held - scale * (held - velocity[k])) ** 2
+        moved += velocity[k] ** 2
+        held_squared += (a * impulses[k]) ** 2
+    total = moved if squared < np.inf else np.inf
+    if squared < np.inf and not squared <= bound * bound:
+        total, scale = 0.0, bound / np.sqrt(squared)
+        for k in range(row, row + count):
+            held = a * impulses[k]
+            total += (held - scale * (held - velocity[k])) ** 2
+    if not squared <= INSIDE * bound * bound:
+        total = max(total, _hidden_by_sliding(held_squared, bound))
     return total
+
+
+@njit(cache=True, inline="always")
+def _hidden_by_sliding(held_squared, bound):  # type: ignore[no-untyped-def]
+    """Return the square of what rounding may hide of a friction law that slides, 9ub + u‖h‖; see the module."""
+    return (UNIT * (9.0 * bound + np.sqrt(held_squared))) ** 2
 
 
 def violations(
@@ -245,7 +313,7 @@ def violations(
     found = _coulomb_violations(laws, mu, fixed, residual, impulses, velocity)
     if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is required
         friction = laws.is_friction
-        found[friction] = (residual.lengths * residual.alpha)[friction] * friction_norms(problem, impulses)
+        found[friction] = (residual.lengths * residual.alpha)[friction] * laws.friction_norms(impulses)
     return found
 
 
@@ -290,7 +358,11 @@ def _convex_violations(
     target = lanes - step[:, None] * moved
     projected = onto_contact_cones(layout, target, layout.friction_coefficient, layout.fixed_bound, unit)
     difference = lanes - projected
+    held = block_alpha * np.sqrt((lanes**2).sum(axis=1))
     violation = block_alpha * np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
+    violation = np.maximum(violation, PROJECTION_ROUNDINGS * UNIT * held)
+    alone = (layout.friction_law < 0) & (layout.rolling_law < 0)
+    violation[alone] = np.abs(np.minimum(block_alpha * lanes[:, 0], moved[:, 0]))[alone]
     violation[layout.is_bilateral] = np.abs(moved[layout.is_bilateral, 0])
     of_law = np.zeros(problem.laws.n_laws)
     owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
@@ -315,85 +387,7 @@ def _pyramid_violations(
     held = np.column_stack([impulses[rows], impulses[rows + 1]])
     moved = np.column_stack([velocity[rows], velocity[rows + 1]])
     target = held - moved / alpha[spatial, None]
-    projected = onto_polygon(target, friction_bounds(problem, impulses)[spatial], sides)
-    violations[spatial] = alpha[spatial] * np.sqrt(((held - projected) ** 2).sum(axis=1))
+    projected = onto_polygon(target, laws.friction_bounds(impulses)[spatial], sides)
+    hidden = PROJECTION_ROUNDINGS * UNIT * np.sqrt((held**2).sum(axis=1))
+    violations[spatial] = alpha[spatial] * np.maximum(np.sqrt(((held - projected) ** 2).sum(axis=1)), hidden)
     return violations
-
-
-def friction_bounds(problem: ContactProblem, impulses: FloatArray) -> FloatArray:
-    """Friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""
-    laws = problem.laws
-    normal = np.maximum(impulses[laws.first_row[np.maximum(laws.partner, 0)]], 0.0) if laws.n_laws else np.zeros(0)
-    bounds: FloatArray = laws.fixed_bound + np.where(laws.partner >= 0, laws.friction_coefficient * normal, 0.0)
-    return bounds
-
-
-def row_lengths(problem: ContactProblem) -> FloatArray:
-    """Return ℓ_i of the law of each row, see ``Residual``, shape (n_rows,)."""
-    laws = problem.laws
-    alpha, lengths, speeds = np.empty((3, laws.n_laws))
-    numbers = problem.delassus_diagonal, problem.free_velocity
-    _write_scales(laws.kind, laws.first_row, laws.partner, *numbers, alpha, lengths, speeds)
-    return np.repeat(lengths, ROWS_OF_KIND[laws.kind])
-
-
-def friction_norms(problem: ContactProblem, rows: FloatArray) -> FloatArray:
-    """Return the norm over the rows of every friction law, sliding and rolling, shape (n_friction_laws,)."""
-    laws = problem.laws
-    first, count = laws.first_row[laws.is_friction], ROWS_OF_KIND[laws.kind[laws.is_friction]]
-    squares = rows[first] ** 2
-    for row in range(1, int(count.max(initial=1))):
-        has_row = count > row
-        squares[has_row] += rows[first[has_row] + row] ** 2
-    return np.sqrt(squares)
-
-
-@njit(cache=True)
-def _write_scales(  # type: ignore[no-untyped-def]
-    kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
-):
-    """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
-
-    Returns a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
-    """
-    stuck, largest = -1, 0.0
-    for law in range(len(kind)):
-        row = first_row[law]
-        alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
-        for k in range(row + 1, row + (2 if kind[law] == 2 else kind[law] - 3)):
-            alpha[law] = max(alpha[law], diagonal[k])
-            speeds[law] = np.hypot(speeds[law], free_velocity[k])
-        if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
-            stuck = law
-        if kind[law] == 3 and alpha[law] == 0.0 and free_velocity[row] != 0.0:
-            stuck = law
-    for law in range(len(kind)):
-        normal = partner[law]
-        if normal >= 0 and diagonal[first_row[normal]] == 0.0:
-            alpha[normal] = max(alpha[normal], alpha[law])
-    for law in range(len(kind)):
-        lengths[law] = 1.0
-        if kind[law] > 3 and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
-            lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
-            speeds[law] *= lengths[law]
-        largest = max(largest, speeds[law])
-    return stuck, largest
-
-
-@njit(cache=True)
-def _write_scales_and_ratios(  # type: ignore[no-untyped-def]
-    kind, first_row, partner, diagonal, free_velocity, component, slot, width, alpha, lengths, speeds, ratios
-):
-    """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
-
-    ``component`` is that of each contact.
-    """
-    stuck, scale = _write_scales(kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds)
-    largest = np.zeros(len(component))
-    for law in range(len(kind)):
-        own = component[slot[first_row[law]] // width]
-        largest[own] = max(largest[own], speeds[law])
-    for law in range(len(kind)):
-        own = largest[component[slot[first_row[law]] // width]]
-        ratios[law] = scale / own if own > ROUNDING * scale else 1.0
-    return stuck, scale

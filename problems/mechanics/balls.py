@@ -34,6 +34,9 @@ DISC_INERTIA = 0.5
 Acceleration = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """(centres, velocities, masses) ↦ acceleration of the centres [m/s²]; shapes (n, d), (n, d), (n,) and (n, d)."""
 
+Potential = Callable[[FloatArray, FloatArray], float]
+"""(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
+
 
 @dataclass(frozen=True, eq=False)
 class BallSystem:
@@ -45,6 +48,7 @@ class BallSystem:
         surfaces: fixed surfaces.
         dimension: 2 (planar) or 3 (spatial).
         accelerations: what acts on the centres beside contacts.
+        potentials: potential energy of each of ``accelerations``, None where it is not known.
         friction: μ of all contacts, or None for balls without friction and without rotation.
         restitution_normal: ε_N of all contacts.
         restitution_tangential: ε_T of all contacts.
@@ -59,6 +63,7 @@ class BallSystem:
     surfaces: Sequence[Surface]
     dimension: int
     accelerations: Sequence[Acceleration] = ()
+    potentials: Sequence[Potential | None] = ()
     friction: float | None = None
     restitution_normal: float = 0.0
     restitution_tangential: float = 0.0
@@ -182,6 +187,14 @@ class BallSystem:
         first, second = np.divmod(key, stride)
         second[second >= n] = -1
         return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
+
+    @property
+    def potential_energy(self) -> Callable[[FloatArray], float] | None:
+        """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
+        known = [potential for potential in self.potentials if potential is not None]
+        if len(known) != len(self.accelerations):
+            return None
+        return lambda position: sum(potential(self.centres(position), self.masses) for potential in known)
 
     def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
         """Return ½ uᵀ M u of each ball [J], shape (n,)."""

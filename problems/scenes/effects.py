@@ -6,7 +6,7 @@ Each effect is a small class that adds itself to a ``BallSystem``; none of them 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -34,15 +34,34 @@ class Conservative(Protocol):
 
 
 class Force(ABC):
-    """An effect that accelerates the centres of balls."""
+    """An effect that accelerates the centres of balls.
+
+    The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative.
+
+    Attributes:
+        is_dissipative: whether the force only takes energy, so that it has no potential energy.
+    """
+
+    is_dissipative: ClassVar[bool] = False
 
     def added_to(self, system: BallSystem) -> BallSystem:
         """Return the system with this force."""
-        return replace(system, accelerations=(*system.accelerations, self.accelerate))
+        potential = self.potential_energy if isinstance(self, Conservative) else None
+        if self.is_dissipative:
+            potential = _no_energy
+        return replace(
+            system,
+            accelerations=(*system.accelerations, self.accelerate),
+            potentials=(*system.potentials, potential),
+        )
 
     @abstractmethod
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return h/m [m/s²] of centres [m] with velocities [m/s], shape (n, d), and masses [kg], shape (n,)."""
+
+
+def _no_energy(centres: FloatArray, masses: FloatArray) -> float:
+    return 0.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +94,8 @@ class Drag(Force):
     """
 
     coefficient: float
+
+    is_dissipative: ClassVar[bool] = True
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −k v/m [m/s²]."""

@@ -128,7 +128,7 @@ class BlockOnIncline(ClosedFormScene):
 
     slope: float = 0.3
     friction: float = 0.5
-    speed: float = 0.0
+    speed: float = 1.0
     mass: float = 1.0
     gravity: float = 9.81
 

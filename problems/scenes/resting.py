@@ -82,7 +82,7 @@ class VGroove(RollingSphere):
 
     half_angle: float = 0.6
     friction: float | None = 0.3
-    slope: float = 0.0
+    slope: float = 0.3
     radius: float = 0.1
     mass: float = 1.0
     gravity: float = 9.81

@@ -33,7 +33,7 @@ class Scene:
         step_size: Δt [s] of a fixed step that has none of its own.
         duration: how long it is simulated [s] by default.
         kinetic_energy: u ↦ T [J].
-        potential_energy: q ↦ V [J].
+        potential_energy: q ↦ V [J], None where it is not known.
         balls_through: q ↦ how many balls have left through the outlet, None where there is no outlet.
         agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
         n_balls: number of balls, 0 where there are none.
@@ -42,6 +42,7 @@ class Scene:
         coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
         has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
         exact: t [s] ↦ the state in closed form, None where there is none.
+        balls: sizes and surfaces of the balls, to draw them; None where there are none.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Scene:
     step_size: float
     duration: float
     kinetic_energy: Callable[[FloatArray], float]
-    potential_energy: Callable[[FloatArray], float]
+    potential_energy: Callable[[FloatArray], float] | None
     balls_through: Callable[[FloatArray], int] | None = None
     agitation: Callable[[FloatArray, FloatArray], float] | None = None
     n_balls: int = 0
@@ -61,6 +62,11 @@ class Scene:
     coordinates: Mapping[str, int] = field(default_factory=dict)
     has_few_contacts: bool = False
     exact: Callable[[float], State] | None = None
+    balls: BallSystem | None = None
+
+    def __post_init__(self) -> None:
+        if self.balls is None and isinstance(self.system, BallSystem):
+            object.__setattr__(self, "balls", self.system)
 
 
 @dataclass(frozen=True)

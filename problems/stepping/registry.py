@@ -47,11 +47,13 @@ class Stepper(ABC):
         locates_switches: whether steps are variable, and their switching points known.
         holds_forces: whether states hold the mean forces Λ/Δt of a step in place of its impulses.
         shows_solves: whether accepted steps have the one-step solves behind them, which may be judged.
+        uses_last_impulses: whether solves are offered the impulses of the last step to start from.
     """
 
     locates_switches: ClassVar[bool] = True
     holds_forces: ClassVar[bool] = True
     shows_solves: ClassVar[bool] = True
+    uses_last_impulses: ClassVar[bool] = True
 
     @property
     def name(self) -> str:
@@ -256,6 +258,7 @@ class EventDriven(Stepper):
 
     holds_forces: ClassVar[bool] = False
     shows_solves: ClassVar[bool] = False
+    uses_last_impulses: ClassVar[bool] = False
 
     def shortest(self, scene: Scene) -> float:
         """Return the shortest flight [s]."""

@@ -43,7 +43,9 @@ class Watch:
         if not scene.n_balls:
             return
         through = 0 if scene.balls_through is None else scene.balls_through(state.position)
-        energy = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
+        energy = np.nan
+        if scene.potential_energy is not None:
+            energy = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
         heights = state.position.reshape(scene.n_balls, -1)[:, -1]
         self._rows.append((state.time, float(through), float(np.maximum(heights, 0.0).mean()), energy))
 
@@ -51,12 +53,15 @@ class Watch:
         """Return the aggregates over the second half of ``duration`` [s]; a pour that ended earlier stays as it was.
 
         Flow rate in balls a second, where there is an outlet; the mean height [m] of all balls above it, those below
-        counting as at it; the energy [J] lost since the start. The last two are means over time.
+        counting as at it; the energy [J] lost since the start, where the scene knows it. The last two are means over
+        time.
         """
         time, through, height, energy = np.array(self._rows).T
         grid = time[0] + duration * np.linspace(0.5, 1.0, GRID)
         begin, end = np.interp(grid[[0, -1]], time, through)
-        found = {HEIGHT: _mean(grid, time, height), ENERGY: float(energy[0]) - _mean(grid, time, energy)}
+        found = {HEIGHT: _mean(grid, time, height)}
+        if self.scene.potential_energy is not None:
+            found[ENERGY] = float(energy[0]) - _mean(grid, time, energy)
         return found if self.scene.balls_through is None else {FLOW: float(end - begin) / (0.5 * duration), **found}
 
 

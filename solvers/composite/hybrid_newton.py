@@ -20,7 +20,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
-from ..iteration.loop import Advance, first_impulses, looked, refuted, rounding
+from ..iteration.loop import Advance, first_impulses, looked, refuted
 from ..iteration.method import Method
 from ..iteration.stopping import Monitor
 from ..newton.linearised import Equations
@@ -127,7 +127,7 @@ class PreparedHybrid:
         if not is_stuck:
             return False
         best = monitor.best_impulses
-        return best is None or monitor.best_residual > rounding(self.problem, self.residual, best)
+        return best is None or monitor.best_residual > self.residual.rounding(best)
 
 
 class Pace:

@@ -30,13 +30,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual, row_lengths
+from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
 from ..iteration.correction import BeginCorrection, Correction, NoCorrection
-from ..iteration.loop import first_impulses, refuted, rounding
+from ..iteration.loop import first_impulses, refuted
 from ..iteration.method import Method, check_option
 from ..iteration.stopping import ROUNDING
 from .programs import ConicProgram, ConicResult, Ended, largest_curvatures
@@ -119,7 +120,7 @@ class PreparedFixedPoint:
             return refuted(self.problem)
         velocity = self.problem.relative_velocity(first)
         shift = np.zeros(self.problem.n_contacts) if start is None else lift(self.problem, velocity)
-        outer = _Outer(self, stop, observe, first, self.residual(first, velocity))
+        outer = _Outer(self, stop, observe, first, self.residual.judged(self.problem, first))
         if outer.lowest <= stop.tolerance:
             return Solution(first, Status.SOLVED, 0)
         for phase in PHASES:
@@ -190,7 +191,7 @@ class _Outer:
                 self._note(self.best, self.lowest)  # an iteration that found nothing is one all the same
                 return self._late(result)
             velocity = problem.relative_velocity(result.impulses)
-            residual = self.prepared.residual(result.impulses, velocity)
+            residual = self.prepared.residual.judged(problem, result.impulses)
             if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < LOOSEST:
                 floor *= LOOSENING
             waited = 0 if residual < PROGRESS * lowest else waited + 1
@@ -227,7 +228,7 @@ class _Outer:
     def _repeats(self, newest: FloatArray, previous: FloatArray) -> bool:
         """Whether cone programs repeat their impulses, or rounding is all that the best residual is made of."""
         repeats = np.abs(newest - previous) <= ROUNDING * np.abs(newest)
-        return bool(repeats.all()) or self.lowest <= rounding(self.prepared.problem, self.prepared.residual, self.best)
+        return bool(repeats.all()) or self.lowest <= self.prepared.residual.rounding(self.best)
 
     def _late(self, result: ConicResult) -> tuple[Status, str] | None:
         """Return the time limit if it is over, by this clock or by the conic solver's own."""

@@ -26,8 +26,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import convex_obstacle, row_lengths
+from ...problems.contact.residual import convex_obstacle
 
 Form = Literal["delassus", "factors"]
 

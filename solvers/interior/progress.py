@@ -9,7 +9,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
-from ..iteration.loop import judged, rounding
+from ..iteration.loop import judged
 from ..iteration.stopping import MARK
 
 FLOPS_A_SECOND = 3e9
@@ -94,7 +94,7 @@ class Progress:
             self.end(Status.DIVERGED, f"the iterates leave all bounds, best residual {self.best_residual:.1e}")
         if residual < MARK * self._marked:
             self._marked, self._gained = residual, self._iteration
-        if self._waited >= PATIENCE and self.best_residual <= rounding(self._problem, self._residual, self.best):
+        if self._waited >= PATIENCE and self.best_residual <= self._residual.rounding(self.best):
             self.end(Status.STALLED, f"rounding leaves the residual at {self.best_residual:.1e}")
 
     def end(self, status: Status, reason: str) -> None:

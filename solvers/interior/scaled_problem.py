@@ -84,7 +84,7 @@ class ScaledProblem:
     def judged(self, r: FloatArray) -> tuple[FloatArray, float]:
         """Return Λ of r and its residual in the judge's arithmetic."""
         impulses = self.impulses(r)
-        return impulses, self._residual(impulses, self._problem.relative_velocity(impulses))
+        return impulses, self._residual.judged(self._problem, impulses)
 
     def of_impulses(self, impulses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return r and û, shape (m, w), of Λ [N s] over rows, with s = ‖û_T‖."""

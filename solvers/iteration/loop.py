@@ -14,9 +14,6 @@ from ...problems.errors import ProblemError
 from ..interface import Observer, Solution, SolverError, Status, Stop
 from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, LONGEST_INTERVAL, Monitor, sweeps_to_next_look
 
-ROUNDING = 100 * np.finfo(np.float64).eps
-"""What rounding may leave in ξ, relative to the largest G_ii Λ_i: a generous guess."""
-
 LEAST_MOMENTUM = 0.3
 """A β up to this is not halved but left out."""
 
@@ -125,7 +122,7 @@ def refuted(problem: ContactProblem) -> Solution:
 
 def judged(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
     """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic: rounding must not pass for progress."""
-    return residual(impulses, problem.relative_velocity(impulses))
+    return residual.judged(problem, impulses)
 
 
 def first_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
@@ -150,14 +147,9 @@ def confirmed(
     ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones, and an
     iteration adds them in another order than the judge.
     """
-    if rounding(problem, residual, impulses) <= tolerance:
+    if residual.rounding(impulses) <= tolerance:
         return found
     return max(found, judged(problem, residual, impulses))
-
-
-def rounding(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
-    """Return the residual that rounding of ξ may leave at Λ, shape (n_rows,), if c is not zero: a generous guess."""
-    return ROUNDING * residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
 
 
 def left_by_rounding(problem: ContactProblem, residual: Residual, advance: "Advance") -> tuple[Status, str] | None:
@@ -169,7 +161,7 @@ def left_by_rounding(problem: ContactProblem, residual: Residual, advance: "Adva
     """
     monitor, tolerance = advance.monitor, advance.monitor.stop.tolerance
     # the iteration's own ξ comes first because it costs nothing
-    if monitor.best_impulses is None or not _is_rounding(problem, residual, monitor.best_impulses, monitor):
+    if monitor.best_impulses is None or not _is_rounding(residual, monitor.best_impulses, monitor):
         return None
     monitor.prove(advance.iteration, judged(problem, residual, monitor.best_impulses))
     first, advance.iterates, waited = advance.iterates, advance.begin(monitor.best_impulses), 0
@@ -182,15 +174,15 @@ def left_by_rounding(problem: ContactProblem, residual: Residual, advance: "Adva
         waited = 0 if monitor.best_residual < CLEARLY_BETTER * before else waited + 1
     if monitor.best_residual <= tolerance:
         return Status.SOLVED, ""
-    if _is_rounding(problem, residual, monitor.best_impulses, monitor):
+    if _is_rounding(residual, monitor.best_impulses, monitor):
         return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
     advance.iterates = first
     return None
 
 
-def _is_rounding(problem: ContactProblem, residual: Residual, best: FloatArray, monitor: Monitor) -> bool:
+def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool:
     """Whether rounding of ξ may leave as much as the best residual at Λ = ``best``."""
-    return monitor.best_residual <= rounding(problem, residual, best)
+    return monitor.best_residual <= residual.rounding(best)
 
 
 def iterate(

@@ -18,7 +18,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
-from ..iteration.loop import first_impulses, judged, refuted, rounding
+from ..iteration.loop import first_impulses, judged, refuted
 from ..iteration.method import Method
 from .linear_solver import LinearSolver
 from .linearised import Equations
@@ -89,7 +89,7 @@ class PreparedProximalPoint:
         reached = f"residual {lowest:.1e} after {count} Newton steps"
         if limit is not None or chain.solver.lacks_time:
             return limit or Status.TIME_LIMIT, count, reached
-        if lowest <= rounding(self.problem, self.residual, best):
+        if lowest <= self.residual.rounding(best):
             return Status.STALLED, count, f"rounding leaves the residual at {lowest:.1e}"
         return Status.STALLED, count, f"no regularisation leads further than a residual of {lowest:.1e}"
 

@@ -15,7 +15,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..interface import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
-from ..iteration.loop import first_impulses, refuted, rounding
+from ..iteration.loop import first_impulses, refuted
 from ..iteration.method import Method
 from ..iteration.stopping import ROUNDING
 from .linearised import Equations
@@ -87,7 +87,7 @@ class _Solve:
             return limit, reached
         if self._newton.solver.lacks_time:
             return Status.TIME_LIMIT, f"{reached}; the next one would not end in time"
-        if self._lowest <= rounding(self._prepared.problem, self._prepared.residual, self._best):
+        if self._lowest <= self._prepared.residual.rounding(self._best):
             return Status.STALLED, f"rounding leaves the residual at {self._lowest:.1e}"
         return None
 

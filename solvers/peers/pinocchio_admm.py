@@ -13,6 +13,12 @@ from .rounds import Call, InRounds, Round
 PENALTY = 0.5
 """Its tolerance over the judge's, at first: in the units handed over both are nearly the same."""
 
+STEP_SECONDS = 1e-9
+"""Time of a Lanczos step for each row of G and each step before it, of which it becomes independent [s]."""
+
+LANCZOS_SHARE = 0.5
+"""Of the time limit that the Lanczos steps may take: nothing ends them."""
+
 Update = Literal["constant", "linear", "osqp", "spectral"]
 
 
@@ -25,8 +31,8 @@ class PinocchioADMM(Method):
 
     Attributes:
         anderson: iterates that Anderson acceleration remembers; 0 leaves it out.
-        lanczos: steps of the Lanczos decomposition that estimates the spectrum of G; 0 takes as many as there are rows,
-            which takes minutes on thousands of contacts.
+        lanczos: steps of the Lanczos decomposition that estimates the spectrum of G; 0 takes as many as there are rows.
+            Fewer are taken where these would not fit into half the time limit, as on thousands of contacts.
         update: rule by which the penalty changes.
 
     Raises:
@@ -55,6 +61,21 @@ class PinocchioADMM(Method):
         return PreparedADMM(problem, self)
 
 
+def lanczos_steps(wanted: int, n_rows: int, max_seconds: float) -> int:
+    """Return how many Lanczos steps to take: those wanted, or as many as rows for 0, as far as the time limit allows.
+
+    The time is estimated, not measured, so that solves with equal limits are equal. Two steps are always taken.
+
+    Args:
+        wanted: the option.
+        n_rows: rows of G.
+        max_seconds: time limit of the solve [s].
+    """
+    allowed = LANCZOS_SHARE * max_seconds / (STEP_SECONDS * max(n_rows, 1))
+    steps = min(wanted or n_rows, n_rows)
+    return steps if steps**2 <= allowed else max(2, int(allowed**0.5))
+
+
 class PreparedADMM(InRounds):
     """ADMM made ready for one problem."""
 
@@ -64,15 +85,14 @@ class PreparedADMM(InRounds):
         super().__init__(problem)
         self._options, self._contacts = options, Contacts.of(problem)
 
-    def begin(self) -> Call:
+    def begin(self, max_seconds: float) -> Call:
         """Return the solver; the penalty it came to goes from one round to the next with its iterates."""
         pin, contacts, options = imported("pinocchio"), self._contacts, self._options
         solver, settings, result = pin.ADMMConstraintSolver(), pin.ADMMSolverSettings(), pin.ADMMSolverResult()
         settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0
         settings.anderson_capacity = options.anderson
         settings.admm_update_rule = getattr(pin.ADMMUpdateRule, options.update.upper())
-        if options.lanczos:
-            settings.lanczos_size = min(options.lanczos, self.problem.n_rows)
+        settings.lanczos_size = lanczos_steps(options.lanczos, self.problem.n_rows, max_seconds)
         operator = on_deep_stack(lambda: pin.DelassusOperatorSparse(contacts.matrix), self.problem.n_contacts)
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:

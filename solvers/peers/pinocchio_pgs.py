@@ -63,7 +63,7 @@ class PreparedPGS(InRounds):
         pin = imported("pinocchio")
         self._operator = on_deep_stack(lambda: pin.DelassusOperatorDense(dense), problem.n_contacts)
 
-    def begin(self) -> Call:
+    def begin(self, max_seconds: float) -> Call:
         """Return the sweeps; what they know is Λ alone."""
         pin, contacts = imported("pinocchio"), self._contacts
         solver, settings, result = pin.PGSConstraintSolver(), pin.PGSSolverSettings(), pin.PGSSolverResult()

@@ -61,8 +61,8 @@ class InRounds(ABC):
         self.problem, self.residual = problem, Residual(problem)
 
     @abstractmethod
-    def begin(self) -> Call:
-        """Return the solver as it is called in one solve."""
+    def begin(self, max_seconds: float) -> Call:
+        """Return the solver as it is called in one solve with this time limit [s]."""
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve to the judge's residual; no iterates are shown."""
@@ -71,7 +71,7 @@ class InRounds(ABC):
         clock, best = Clock(stop.max_seconds), first_impulses(self.problem, self.residual, start)
         lowest, done, planned = judged(self.problem, self.residual, best), 0, float(self.first_iterations)
         impulses, tolerance, seconds = best, min(stop.tolerance, 0.1), 0.0
-        call = self.begin()
+        call = self.begin(stop.max_seconds)
         while lowest > stop.tolerance:
             limit = clock.limit_met(stop, done)
             if limit is not None:

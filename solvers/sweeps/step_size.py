@@ -18,8 +18,8 @@ from numba import njit
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import row_lengths
 from ..iteration.method import check_option
 
 StepSize = Literal["diagonal", "row_sum"]

@@ -1,12 +1,23 @@
 """Shared: a finished little run, and command lines that are mistakes."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
 from proxbench.bench.cli.main import run_command
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _rounds_count_on_shared_cores() -> Iterator[None]:
+    """Exclude no round of a run, though other tests work on the same cores."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("measuring_core.STEADY", "contacts.timed_round.TOLERATED_SECONDS"):
+            patch.setattr(f"proxbench.bench.measure.{name}", math.inf)
+        patch.setattr("proxbench.bench.measure.trajectories.case.TOLERATED_SECONDS", math.inf)
+        yield
 
 
 @pytest.fixture(scope="session")

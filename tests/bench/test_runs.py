@@ -227,5 +227,4 @@ def test_the_version_is_that_of_the_installation() -> None:
         "resume",
         "run",
         "study",
-        "suggest",
     }

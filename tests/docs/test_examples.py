@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")
 LONGEST_COMMAND = 600.0
-MEASURED = re.compile(r"(?:≈ )?[\d.]+ (?:µs|ms|s(?= wall| per simulated second))")
+MEASURED = re.compile(r"(?:≈ )?[\d.]+ (?:µs|ms|s(?= wall| per simulated second))\*?")
 ROUNDING = re.compile(r"\b\d(?:\.\d+)?e-(?:1[5-9]|[2-9]\d)\b")
 WIDEST_LINE = 96
 """Characters of code that fit on a page without scrolling."""

@@ -111,7 +111,7 @@ def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str
         {"plan": {}},
         {"plan": None},
         {"plugins": [{"file": ["elsewhere/evil.py"]}]},
-        {"sessions": [{"started": "", "calibration_seconds": "long"}]},
+        {"sessions": [{"started": "", "busy_cores": "many"}]},
         {"carried": {"mine": "../../elsewhere"}},
         {"machine": {}},
     ],

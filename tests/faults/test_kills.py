@@ -16,7 +16,7 @@ import pytest
 from proxbench.bench import load
 from sandbox import Sandbox, verdicts
 
-KILLS = int(os.environ.get("PROXBENCH_KILLS", "4"))
+KILLS = int(os.environ.get("PROXBENCH_KILLS", "2"))
 
 PLAN = """
     ["hard-sticking-box", "funnel-30", "hard-tresca-joint"],

@@ -38,16 +38,16 @@ ACTIONS = {
     "set an alarm": (CRASHED, "SIGALRM"),
     "stop itself": (TIMEOUT, "10 s"),
     "hang up": (CRASHED, "closed its connection"),
-    "leave slowly": (MISBEHAVED, "threads running"),
+    "leave slowly": (MISBEHAVED, "thread running"),
     "sleep": (TIMEOUT, "10 s"),
     "spin": (TIMEOUT, "10 s"),
     "allocate": ("out of memory", "256 MB"),
     "write": (MISBEHAVED, "changed the numbers"),
     "print": (CRASHED, "after much noise"),
     "print gigabytes": (MEASURED, ""),
-    "patch": (MEASURED, "wrong"),
+    "patch": (MISBEHAVED, "it replaced "),
     "move": (MEASURED, ""),
-    "unsettle": (MEASURED, ""),
+    "unsettle": (MISBEHAVED, "it changed "),
     "close": (CRASHED, "exit code 1"),
     "litter": (MEASURED, ""),
     "start threads": (MISBEHAVED, "threads running"),
@@ -124,5 +124,5 @@ def test_the_record_of_the_culprit_says_what_it_did(disturbance: Disturbance, ac
 
 def test_what_a_culprit_does_in_private_changes_no_number_of_its_own(disturbance: Disturbance) -> None:
     honest = disturbance.disturbed["funnel-30", "SORprox"][-1]
-    for action in ("unsettle", "move", "print gigabytes"):
+    for action in ("move", "print gigabytes"):
         assert disturbance.disturbed["funnel-30", f"Misbehaving({action})"][-1] == honest

@@ -170,7 +170,7 @@ def test_a_clock_that_jumps_changes_no_result(
 def test_a_run_of_another_version_is_refused_by_name(undisturbed: Path, tmp_path: Path, capsys: Any) -> None:
     folder = Path(shutil.copytree(undisturbed, tmp_path / "it"))
     file = folder / "run.json"
-    for text in (file.read_text().replace('"format": 2', '"format": 3'), json.dumps({"runs": []})):
+    for text in (file.read_text().replace('"format": 3', '"format": 4'), json.dumps({"runs": []})):
         file.write_text(text)
         for act in (resume, load):
             with pytest.raises(BenchError, match=r"run\.json is (damaged|of another format)"):

@@ -13,7 +13,7 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Solution, Status, Stop, create
 from proxbench.solvers.interior.progress import Progress
 from proxbench.solvers.iteration import loop
-from proxbench.solvers.iteration.loop import judged, rounding
+from proxbench.solvers.iteration.loop import judged
 from proxbench.solvers.iteration.stopping import Monitor
 
 SOLVERS = (
@@ -95,7 +95,7 @@ def test_no_stall_is_false(monkeypatch: pytest.MonkeyPatch) -> None:
         longer = Stop(TOLERANCE, 10 * max(solution.iterations, 1), 2.0)
         again = judged(problem, residual, solve(longer, solution.impulses).impulses)
         on = np.inf
-        if stalled > max(1e-13, UNIT_ROUNDING * rounding(problem, residual, solution.impulses)):
+        if stalled > max(1e-13, UNIT_ROUNDING * residual.rounding(solution.impulses)):
             with monkeypatch.context() as patch:
                 without_rules(patch)
                 on = judged(problem, residual, solve(longer).impulses)

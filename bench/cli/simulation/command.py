@@ -10,12 +10,12 @@ from .. import options
 from ..help import HelpCommand
 from ..run import report_run
 
-_NUMBERS = ("stepper", "tolerance", "max_iterations", "states", "step_seconds")
+_NUMBERS = ("stepper", "tolerance", "max_iterations", "start", "states", "step_seconds")
 
 _LIMITS = {"solve_seconds", "case_seconds"}
 """Options of a study alone."""
 
-_NOT_IN_A_STUDY = {*_NUMBERS, "record", "chart", "force"}
+_NOT_IN_A_STUDY = {*_NUMBERS, "record", "chart", "force"} - {"start"}
 
 _WHY = {
     **dict.fromkeys(("stepper", "tolerance", "max_iterations"), "a study varies steppers and tolerances itself"),
@@ -31,7 +31,7 @@ NO_STUDY = (
 )
 """What is said of a file as older versions wrote it."""
 
-_STORED = {"scene", "solver", "duration", *_LIMITS}
+_STORED = {"scene", "solver", "duration", "start", *_LIMITS}
 """What a study that goes on has from its folder."""
 
 _ARGUMENTS = "proxbench.arguments"
@@ -84,6 +84,9 @@ def simulate(
     ] = None,
     tolerance: Annotated[float | None, _method(help="Judged residual that each step shall reach.")] = None,
     max_iterations: Annotated[int | None, _method(help="Iterations of the solver in one step.")] = None,
+    start: Annotated[
+        str | None, _method(metavar="START", help="First impulses of a step: warm, cold or warm-then-cold.")
+    ] = None,
     step_seconds: Annotated[
         float | None, _method(metavar="SECONDS", help="Time of one answer of a plugin in a step.")
     ] = None,
@@ -126,18 +129,39 @@ def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: boo
 
     from ... import runs
     from ...measure.trajectories.plan import LIMITS as DEFAULTS
+    from ...simulation.starts.registry import DEFAULT_START
     from ..progress import RunProgress
 
     given = context.params
     with RunProgress(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         if given["resume"] is not None:
+            _require_study(given["resume"])
             made = runs.resume(given["resume"], on_event=shown)
         else:
             changed = {name: given[name] for name in _LIMITS if given[name] is not None}
             limits = replace(DEFAULTS, **changed)
             scene, solvers, duration = given["scene"], given["solver"] or (), given["duration"]
-            made = runs.study(scene, solvers, given["output"], limits=limits, on_event=shown, duration=duration)
+            start = given["start"] or DEFAULT_START
+            made = runs.study(
+                scene, solvers, given["output"], limits=limits, on_event=shown, duration=duration, start=start
+            )
     return report_run(made, True, quiet, as_json)
+
+
+def _require_study(folder: Path) -> None:
+    """Check that a folder holds a study.
+
+    Raises:
+        BenchError: if it is no run, or a run over contact problems.
+    """
+    from ...errors import BenchError
+    from ...store.store import Store
+
+    if not Store.open(folder).read_run().plan.trajectories:
+        raise BenchError(
+            f"{folder} is a run over contact problems, not a simulation; "
+            f"go on with it by: proxbench run --resume {folder}"
+        )
 
 
 def _refuse_contradictions(context: typer.Context) -> None:

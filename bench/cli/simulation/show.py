@@ -28,7 +28,8 @@ class Request:
 
     Attributes:
         scene: the scene with its options, empty if none is named.
-        numbers: what of a plan was given: stepper, solver, tolerance, max_iterations, states, step_seconds.
+        numbers: what of a plan was given: stepper, solver, tolerance, max_iterations, start, states,
+            step_seconds.
         duration: simulated time [s].
         output: result file, or the folder for it.
         force: replace files that exist.
@@ -142,6 +143,8 @@ def _begun(request: Request) -> Simulation:
         simulation.beside = chosen_beside(own, request.chart, request.record, request.force)
         if simulation.beside != own:  # nothing else would be written where no step is left
             write_simulation(simulation, request.resume)
+        if simulation.is_finished:
+            print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
         return simulation
     plan = make_simulation_plan(request.scene, duration=request.duration, **request.numbers)
     beside = chosen_beside(Beside(), request.chart, request.record, request.force)

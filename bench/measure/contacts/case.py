@@ -4,43 +4,48 @@ import hashlib
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
 from ....problems.arrays import FloatArray
-from ....problems.contact.judge import Verdict
+from ....problems.catalog.storage import problem_bytes
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....solvers.interface import Status, Stop
 from ...isolation.worker import LARGEST_CONTENT, Fault, no_answer
 from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import are_iterations
-from ...store.impulses import Impulses, number_of, worst
-from ...store.outcome import Outcome, claim_reason, late_reason, point_outcome, verdicts
+from ...store.notes import explains
+from ...store.outcome import Outcome, late_reason
 from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
-from ..pace import free_probe_seconds, free_share, slowness
-from ..points import joined, marked_together, times_of, with_impulses_at_the_finest
+from ..measuring_core import MeasuringCore
+from ..points import joined, times_of, with_impulses_at_the_finest
+from .answers import confirmed, judged_answers
 from .clock_account import ClockAccount
-from .control import THOROUGH, Controls, Solve, explains
-from .protocol import TIMED, MeasuringTask, medians_on_free_core, round_fault
-from .variants import another_data
+from .control import THOROUGH, Controls
+from .protocol import MeasuringTask
+from .timed_round import NoRoundError, TimedRound
+from .variants import moved_copy
 from .verdicts import RememberedVerdicts
-
-DIFFERENT = " different answers"
-"""What stands behind their number in a reason."""
 
 ROUND_SECONDS = 0.005
 """Wall time of a round at least; every round has at least one timed solve."""
 
 ROUNDS = 2
-"""Rounds of a point in a pass."""
+"""Rounds of a point in a pass that are not excluded."""
 
 ENOUGH_SECONDS = 0.02
-"""Time on the clock of a round after which no other one follows in the same pass."""
+"""Wall time of a round after which no other one follows in the same pass, unless it is excluded."""
+
+MAX_EXCLUDED = 3
+"""Excluded rounds of a point in a pass after which no other one follows."""
+
+MAX_EXCLUDED_SECONDS = 0.2
+"""Wall time of excluded rounds of a point in a pass after which no other one follows [s]."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,22 @@ RESTS = 20
 """Rests in which processes that a solver has started may end, before it is refused for them."""
 
 
-class Case(LadderCase):
+@dataclass(frozen=True)
+class MeasuredRound:
+    """A round with its answers.
+
+    Attributes:
+        timed: the solves.
+        record: the round as it is stored.
+        impulses: the different answers, shape (n, n_rows).
+    """
+
+    timed: TimedRound
+    record: Round
+    impulses: FloatArray
+
+
+class Case(LadderCase[MeasuredRound]):
     """A solver on a problem; the ladder is that of its tolerances.
 
     Attributes:
@@ -87,15 +107,10 @@ class Case(LadderCase):
         super().__init__(ladder, limits, stored)
         self.problem, self.solver, self.visit, self._data = problem, solver, visit, problem_data
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
-        self._controls = Controls(problem, another_data(problem), solver, limits)
+        self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._clock = ClockAccount(problem)
-        self._slowness: list[float] = []
+        self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # a solver must not know which
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
-
-    @property
-    def rounds(self) -> Sequence[int]:
-        """Two, apart from each other; of solves that take long, the first one is enough."""
-        return range(ROUNDS)
 
     def is_left(self, level: int) -> bool:
         """Whether a point is missing, or another round of it belongs to this pass."""
@@ -106,14 +121,14 @@ class Case(LadderCase):
         point = self.points[level]
         if point.is_repeated:
             return self.visit.points is not None or point.n_passes <= self.visit.number
-        return (point.is_marred or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
+        return (point.is_late_for_others or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
-        """Start the process, warm up on another problem of the same kinds, and take the convergence curve of this one.
+        """Start the process, warm up on a copy of the problem, and take the convergence curve of the problem.
 
         A solver that refuses either is recorded with its reason.
         """
-        self._start(MeasuringTask(self._controls.other, self.solver))
+        self._start(MeasuringTask(self._controls.warm_up, self.solver))
         requests = (("supports",), ("warm_up", THOROUGH), ("problem", self._data), ("supports",))
         if any(self._ask(request, *arguments) is None for request, *arguments in requests):
             return
@@ -121,6 +136,16 @@ class Case(LadderCase):
         if seen:
             self._curve = self._judged_curve(*seen)
             self._observed = _contradicted_count(seen[0])
+        self._ask("compare")
+
+    def occupy(self, core: MeasuringCore) -> None:
+        """Let its processes run on a core alone from now on."""
+        super().occupy(core)
+        self._controls.core = core
+
+    def finish(self) -> None:
+        """Compare the process with what it was before the solver was made."""
+        self._ask("compare")
 
     def dismiss(self) -> None:
         """Let its processes end."""
@@ -143,7 +168,7 @@ class Case(LadderCase):
             found = super()._ask("rest") and found
         left = 0 if self._worker is None else self._worker.n_started()
         if left:
-            self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {left} {'process' if left == 1 else 'processes'} running"))
+            self._misbehaved(f"it leaves {left} {'process' if left == 1 else 'processes'} running")
         return None if left else found
 
     def _fail(self, fault: Fault) -> None:
@@ -152,64 +177,93 @@ class Case(LadderCase):
         if fault.outcome is Outcome.MISBEHAVED:
             self.points = []
 
-    def measure(self, value: float, number: int) -> dict[str, Any] | None:
-        """Do one round of timed solves; return its raw answer with the impulses, or None if the case failed."""
-        began, worked = time.monotonic(), self._worker.processor_seconds() if self._worker else 0.0
+    def _misbehaved(self, reason: str) -> None:
+        self._fail(Fault(Outcome.MISBEHAVED, reason))
+
+    def measure(self, value: float, number: int) -> MeasuredRound | None:
+        """Do one round of timed solves between two probes of the core; return None if the case failed."""
+        if self._worker is None:
+            return None
+        process, probe = self._worker.process, self.core.probe()
+        began, worked = time.monotonic(), self._worker.processor_seconds()
         found = self._ask("round", self._stop(value), ROUND_SECONDS)
-        if found is None:
+        if found is None or self._worker is None:
             return None
+        passed, worked = time.monotonic() - began, self._worker.processor_seconds() - worked
         answer, numbers = found
-        passed = time.monotonic() - began
-        worked = (self._worker.processor_seconds() if self._worker else 0.0) - worked
-        fault = round_fault(answer, passed) or self._clock.fault(answer["times"], passed, worked)
-        n_rows = self.problem.n_rows
-        if fault is None and n_rows:
-            count = len(answer["times"])
-            if not n_rows <= len(numbers) <= n_rows * count or len(numbers) % n_rows:
-                fault = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
-        if fault is not None:
-            self._fail(Fault(Outcome.MISBEHAVED, fault))
+        try:
+            timed = TimedRound.read(answer, passed)
+            impulses = self._answers(timed, numbers)
+        except NoRoundError as fault:
+            self._misbehaved(str(fault))
             return None
-        return {**answer, "impulses": numbers.reshape(-1, n_rows) if n_rows else np.zeros((1, 0))}
+        if not self.core.holds(process):
+            self._misbehaved("it changed the cores that its process may use")
+            return None
+        probes = (probe, self.core.probe())
+        turn = self.visit.session, self.visit.number, number
+        record = timed.record(*turn, max(probes), self.core.is_steady(*probes))
+        uncounted = None if record.excluded else self._clock.fault(timed, worked)
+        if uncounted:
+            self._misbehaved(uncounted)
+            return None
+        return MeasuredRound(timed, record, impulses)
 
-    def goes_on(self, answer: dict[str, Any]) -> bool:
-        """Whether the solver says that it solved, and soon: a failing solve is not repeated."""
-        return bool(answer["status"] == Status.SOLVED) and float(np.sum(answer["times"])) < ENOUGH_SECONDS
+    def _answers(self, timed: TimedRound, numbers: FloatArray) -> FloatArray:
+        """Return the different answers of a round, shape (n, n_rows).
 
-    def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
-        """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
+        Raises:
+            NoRoundError: if there are too few numbers, or too many.
+        """
+        n_rows, count = self.problem.n_rows, len(timed.totals)
+        if not n_rows:
+            return np.zeros((1, 0))
+        if not n_rows <= len(numbers) <= n_rows * count or len(numbers) % n_rows:
+            raise NoRoundError(f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each")
+        return numbers.reshape(-1, n_rows)
+
+    def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
+        """Whether rounds without preemption are too few; a failing solve and a long one are not repeated for more."""
         last = answers[-1]
-        times = np.array([pair for answer in answers for pair in answer["times"]])
-        status = Status(last["status"])
-        outcome, own, coulomb, different, claims, kept = self._judged(value, status, answers)
-        reason = last["message"][:LONGEST_REASON] or ("" if status is Status.SOLVED else status.sentence)
-        late = late_reason(float(np.median(times[:, 1])), self.limits.solve_seconds)
+        excluded = [one.record.wall_seconds for one in answers if one.record.excluded]
+        if len(excluded) >= MAX_EXCLUDED or sum(excluded) > MAX_EXCLUDED_SECONDS or last.timed.status != Status.SOLVED:
+            return False
+        wanted = ROUNDS if last.record.wall_seconds < ENOUGH_SECONDS else 1
+        return len(answers) - len(excluded) < wanted
+
+    def point(self, value: float, answers: list[MeasuredRound]) -> Point:
+        """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
+        last = answers[-1].timed
+        rows = [impulses for answer in answers for impulses in answer.impulses]
+        found = judged_answers(self.problem, self.solver.model, value, last.status, rows, self.visit.verdicts)
+        outcome = found.outcome
+        reason = last.message[:LONGEST_REASON] or ("" if last.status is Status.SOLVED else last.status.sentence)
+        counted = [answer for answer in answers if not answer.record.excluded] or answers
+        totals = np.concatenate([answer.timed.totals for answer in counted])
+        late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        iterations, known = self._counted(last["iterations"]), self.problem.answer
-        found = [] if known is None else [known.impulse_error(impulses) for impulses in different]
-        errors = [error for error in found if error is not None]
-        rounds = [self._round(answer, turn) for turn, answer in enumerate(answers)]
-        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in claims][:MOST_ANSWERS]
+        iterations = self._counted(last.iterations)
+        rounds = [answer.record for answer in answers]
+        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in found.claims][:MOST_ANSWERS]
         measured = Measured(
             iterations=iterations,
-            claimed_iterations=None if iterations == last["iterations"] else last["iterations"],
-            residual=coulomb.residual,
-            model_residual=own.residual,
+            claimed_iterations=None if iterations == last.iterations else last.iterations,
+            residual=found.coulomb.residual,
+            model_residual=found.own.residual,
             **times_of(rounds),
             rounds=rounds,
             answers=len(hashes),
             hashes=hashes,
-            verdict=coulomb.numbers(),
-            impulses=kept,
-            impulse_error=max(errors, default=None),
+            verdict=found.coulomb.numbers(),
+            impulses=found.kept,
+            impulse_error=found.impulse_error(self.problem),
         )
-        point = Point(tolerance=value, outcome=outcome, status=status.value, reason=reason, measured=measured)
-        return self._with_answers_said(point)
+        return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
 
     def joined(self, before: Point, now: Point) -> Point:
         """Return a point with the rounds of both; the worse end, the worse answer and all hashes count."""
-        return self._with_answers_said(joined(before, now))
+        return joined(before, now)
 
     def end_after(self, point: Point) -> str:
         """Return that a point did not end solved in time, if so: finer ones will not."""
@@ -218,88 +272,37 @@ class Case(LadderCase):
         is_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
         return f"{point.tolerance:g} already ended {point.outcome.value}" if is_ended else ""
 
-    def _round(self, answer: dict[str, Any], turn: int) -> Round:
-        """Return the times of the answer to "round", as they are on a free core: first quartiles of its solves.
+    def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
+        """Keep one point of the ladder, once first solves in fresh processes confirm what was timed.
 
-        The first solves of a round find caches cold.
-        """
-        times, work, probes = (np.array(answer[name]) for name in TIMED)
-        totals, met = times.sum(axis=1), probes / free_probe_seconds()
-        self._slowness += met.tolist()
-        met = slowness(met, float(np.mean(self._slowness)), totals)
-        free = times * free_share(totals, work, met)[:, None]
-        prepare, solve = (float(np.quantile(column, 0.25)) for column in free.T)
-        wall = float(totals.sum())
-        return Round(
-            session=self.visit.session,
-            number=self.visit.number,
-            turn=turn,
-            prepare_seconds=prepare,
-            solve_seconds=solve,
-            total_seconds=float(np.quantile(free.sum(axis=1), 0.25)),
-            repeats=len(times),
-            cpu=float(work.sum()) / wall if wall > 0.0 else 1.0,
-            slowness=float(np.median(met)),
-        )
-
-    def _with_answers_said(self, point: Point) -> Point:
-        """Return a point that says so if a solver that declares no randomness answers differently."""
-        measured = point.measured
-        if measured is None or measured.answers < 2 or self.solver.is_randomised:
-            return point
-        count = f"{'at least ' if measured.answers == MOST_ANSWERS else ''}{measured.answers}"
-        said = point.reason.partition(DIFFERENT)[2].partition("; ")[2] if DIFFERENT in point.reason else point.reason
-        reason = f"{count}{DIFFERENT} in {measured.repeats} solves{said and '; '}{said}"
-        return replace(point, reason=reason)
-
-    def add_point(self, level: int, answers: list[dict[str, Any]]) -> None:
-        """Keep one point of the ladder, once a first solve in a fresh process confirms what was timed.
-
-        In later rounds this is done again where one is faster than that first solve explains.
+        In later passes they are repeated where a round is faster than the earlier ones explain.
         """
         super().add_point(level, answers)
-        self.points = marked_together(with_impulses_at_the_finest(self.points))
+        self.points = with_impulses_at_the_finest(self.points)
         point = self.points[level]
         measured = point.measured
-        if measured is None or not point.is_repeated or point.outcome is Outcome.WRONG or not self.problem.n_rows:
+        is_to_control = point.is_repeated and point.outcome is not Outcome.WRONG and self.problem.n_rows
+        if measured is None or not is_to_control:
             return
-        seconds, value = point.rounds[-1].total_seconds, self.ladder[level]
-        if measured.first_seconds is not None and explains(seconds, measured.first_seconds):
-            return
+        kept = [one for one in answers if not one.record.excluded] or answers
+        seconds = float(np.median([one.timed.undisturbed_seconds for one in kept]))
+        stop = self._stop(point.tolerance)
+        known = measured.first_seconds
         try:
-            first = self._controls.first_solve(self._stop(value), seconds, partial(self._median_again, value))
+            if level == self._copied_level and self.visit.points is None:
+                copies = [*measured.copy_seconds, *self._controls.copies(stop, seconds)]
+                measured = replace(measured, copy_seconds=copies)
+                point = replace(point, measured=measured)
+            if not known or not explains(seconds, float(np.median(known))):
+                firsts = self._controls.first_solves(stop, seconds, partial(self._seconds_again, stop))
+                point = confirmed(self.problem, self.solver.model, measured, point, firsts)
         except Fault as fault:
             self._fail(fault)
             return
-        self.points[level] = self._confirmed(
-            replace(point, measured=replace(measured, first_seconds=first.seconds)), first
-        )
+        self.points[level] = point
 
-    def _confirmed(self, point: Point, first: Solve) -> Point:
-        """Return a point as a first solve leaves it: its answer counts as all others do, but for want of time."""
-        if first.status is Status.TIME_LIMIT or point.measured is None:
-            return point
-        model, tolerance = self.solver.model, point.tolerance
-        own, coulomb = verdicts(self.problem, first.impulses, model)
-        outcome = point_outcome(first.status, tolerance, model, own, coulomb)
-        if outcome in (Outcome.SOLVED, Outcome.RELAXED):
-            return point
-        reason = claim_reason(outcome, tolerance, model, own.residual) or f"it ends {outcome.value}"
-        worse = {
-            "residual": max(point.measured.residual, coulomb.residual, key=number_of),
-            "model_residual": max(point.measured.model_residual, own.residual, key=number_of),
-            "impulses": worst([*point.measured.impulses, Impulses.of(first.impulses, own, coulomb)]),
-        }
-        return replace(
-            point,
-            outcome=outcome,
-            status=first.status.value,
-            reason=f"in a first solve in a fresh process, {reason}",
-            measured=replace(point.measured, **worse),
-        )
-
-    def _median_again(self, value: float) -> float:
-        """Return the median time [s] of one more round at a level.
+    def _seconds_again(self, stop: Stop) -> float:
+        """Return the median time [s] of one more round.
 
         Raises:
             Fault: if there is none.
@@ -307,34 +310,11 @@ class Case(LadderCase):
         if self._worker is None:
             raise no_answer()
         began = time.monotonic()
-        answer, _ = self._worker.ask("round", self._stop(value), ROUND_SECONDS)
-        fault = round_fault(answer, time.monotonic() - began)
-        if fault is not None:
-            raise Fault(Outcome.MISBEHAVED, fault)
-        return medians_on_free_core(answer)[0]
-
-    def _judged(
-        self, tolerance: float, status: Status, answers: list[dict[str, Any]]
-    ) -> tuple[Outcome, Verdict, Verdict, list[FloatArray], list[bytes], list[Impulses]]:
-        """Return outcome, worst verdicts under the solver's own model and Coulomb's law, answers, claims, what is kept.
-
-        All solves but the last one claim to have solved; times are those of all, so the residuals are the worst of all.
-        """
-        rows = [impulses for answer in answers for impulses in answer["impulses"]]
-        different = {impulses.tobytes(): impulses for impulses in rows}
-        judge, model = self.visit.verdicts, self.solver.model
-        judged = {key: judge.of(self.problem, impulses, model) for key, impulses in different.items()}
-        claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
-        outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
-        outcome = Outcome(status.value)
-        if Outcome.WRONG in outcomes:
-            outcome = Outcome.WRONG
-        elif status is Status.SOLVED and Outcome.RELAXED in outcomes:
-            outcome = Outcome.RELAXED
-        under_model, under_coulomb = (max(judged, key=lambda key: judged[key][law].residual) for law in (0, 1))
-        kept = worst(Impulses.of(different[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
-        own, coulomb = judged[under_model][0], judged[under_coulomb][1]
-        return outcome, own, coulomb, list(different.values()), claims, kept
+        answer, _ = self._worker.ask("round", stop, ROUND_SECONDS)
+        try:
+            return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
+        except NoRoundError as fault:
+            raise Fault(Outcome.MISBEHAVED, str(fault)) from None
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve that claims ``claimed``.
@@ -355,6 +335,7 @@ class Case(LadderCase):
             "solver": self.solver.name,
             "model": str(self.solver.model),
             "has_iterates": self.solver.has_iterates,
+            "is_randomised": self.solver.is_randomised,
             "n_rows": self.problem.n_rows,
             "n_contacts": self.problem.n_contacts,
         }
@@ -372,8 +353,14 @@ class Case(LadderCase):
         rows = iterates.reshape(len(iterations), problem.n_rows)
         return Curve(
             iteration=iterations,
-            residual=[float(residual(impulses, problem.relative_velocity(impulses))) for impulses in rows],
+            residual=[residual.judged(problem, impulses) for impulses in rows],
         )
+
+
+@lru_cache(maxsize=4)
+def warm_up_data(problem: ContactProblem) -> bytes:
+    """Return a copy of a problem to warm up on, as the content of a file, one for all its cases."""
+    return problem_bytes(moved_copy(problem))
 
 
 def _known_contradiction(point: Point) -> tuple[int, int] | None:

@@ -1,19 +1,22 @@
-"""First solves in fresh processes, which timed solves are held against: what is cheap to repeat need not be fast.
+"""First solves in fresh processes, to which timed solves are compared: repeating an answer is faster than finding it.
 
-A process that has only been warmed up, on another problem of the same laws, sizes and sparsity, is copied; the copy
-solves the problem once, in units in which a solver takes the same steps and knows no number again (``variants``), and
-is gone. With t₁ the time of that first solve and t the median of the timed ones, what caches and clock speed explain is
+A process that has only been warmed up, on a copy of the problem with another solution, is forked. The fork solves that
+copy again until its caches are warm, then the problem for the first time, in units that it has never seen
+(``variants``), and ends. With t₁ the median of several such first solves and t that of the repeated ones, repetition
+explains
 
-    t₁ ≤ FACTOR · t + ALLOWANCE.
+    t₁ ≤ (1 + SHARE) t + ALLOWANCE.
 
-On a busy machine time passes in which a process does not work, so t₁ is its processor time where that is less. Both are
-divided by the slowness of the core.
+First solves are added one by one until NEEDED more of them are within the bound than beyond it, or until REFUSED more
+are beyond it. Beyond it the ratio t₁/t becomes part of the row, and beyond LARGEST_RATIO the solver has misbehaved. A
+solver that loads or compiles something on its way does neither: once a process has solved a copy of the problem, the
+first solve of another one takes no longer there than the second, and first solves of the problem are within the bound.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,52 +25,54 @@ from ....problems.catalog.storage import problem_bytes
 from ....problems.contact.problem import ContactProblem
 from ....solvers.interface import Status, Stop
 from ...isolation.child import IN_A_COPY
-from ...isolation.worker import NO_ANSWER, Fault, Worker, no_answer, numbers_of
+from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.contestants import Contestant
-from ...store.outcome import Outcome, point_outcome, verdicts
+from ...store.notes import ALLOWANCE, COPY_RATIO, explains
+from ...store.outcome import Outcome
 from ...store.records import Limits
-from .protocol import MeasuringTask, medians_on_free_core, round_fault
-from .variants import Variant, another, first_variant, in_other_units
+from ..measuring_core import MeasuringCore
+from .protocol import MeasuringTask
+from .timed_round import NoRoundError, TimedRound
+from .variants import in_other_units, moved_copy, turned_copy
 
-FACTOR = 3.0
-"""Times of a first and of a repeated solve may differ by this factor."""
+NEEDED = 2
+"""First solves within the bound, more than beyond it, after which no further one follows."""
 
-ALLOWANCE = 2e-4
-"""What a first solve may take beyond that [s]: pages and caches that only repeated solves find."""
+LONG_SECONDS = 0.02
+"""Time of a solve from which on one within the bound is enough [s]: it scatters less."""
 
-ATTEMPTS = 4
-"""Copies, each with units of its own, that must all find the same before a solver is accused."""
+REFUSED = 4
+"""First solves beyond the bound, more than within it, after which no further one follows."""
 
-ROUND_SECONDS = 0.02
-"""Wall time of repeated solves in a copy [s]."""
+MAX_SOLVES = 9
+"""First solves of a point at most."""
 
+LARGEST_RATIO, LARGEST_ALLOWANCE = 1.5, 2e-4
+"""First solves that take so many times as long as repeated ones, and so many seconds more, show a repeated answer."""
 
-Found = TypeVar("Found")
+MAX_COPIES = 4
+"""Copies of the problem that are solved at most, where the first one is slower than the problem."""
 
 THOROUGH = Stop(1e-8, max_iterations=200, max_seconds=0.1)
-"""Limits of the solve that processes warm up with, once, so that timed solves and copies find loaded what they need."""
-
-
-def explains(repeated: float, first: float) -> bool:
-    """Whether a first solve [s] takes no longer than repeated ones [s], but for caches and clock speed."""
-    return first <= FACTOR * repeated + ALLOWANCE
+"""Limits of the solve with which processes warm up, so that timed solves and forks find everything loaded."""
 
 
 @dataclass(frozen=True)
-class Solve:
-    """Timed solves in a copy.
+class FirstSolve:
+    """One first solve.
 
     Attributes:
-        status: how the last one ended.
-        seconds: preparing and solving together; time or work, whichever is less.
-        impulses: of the last one [N s], in the units of the problem, shape (n_rows,).
-        is_explained: whether the timed solves of its case explain its time.
+        timed: a round that ends with it.
+        impulses: its answer in the units of the problem [N s], shape (n_rows,).
     """
 
-    status: Status
-    seconds: float
+    timed: TimedRound
     impulses: FloatArray
-    is_explained: bool = True
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds, or processor seconds where its process was preempted [s]."""
+        return float(self.timed.undisturbed[-1])
 
 
 class Controls:
@@ -75,17 +80,17 @@ class Controls:
 
     Attributes:
         problem: the problem.
-        other: another one of its kinds to warm up on, as the content of a file.
+        warm_up: a copy of it to warm up on, as the content of a file.
         solver: the solver.
         limits: those of its case.
-        short: when a solve stops that warms up.
+        core: where they are timed.
     """
 
-    def __init__(self, problem: ContactProblem, other: bytes, solver: Contestant, limits: Limits) -> None:
-        self.problem, self.other, self.solver, self.limits = problem, other, solver, limits
-        self.short = Stop(1e-1, max_iterations=20, max_seconds=limits.solve_seconds)
+    def __init__(self, problem: ContactProblem, warm_up: bytes, solver: Contestant, limits: Limits) -> None:
+        self.problem, self.warm_up, self.solver, self.limits = problem, warm_up, solver, limits
+        self.core = MeasuringCore(None)
         self._worker: Worker | None = None
-        self._can_copy = True
+        self._can_fork = True
 
     def dismiss(self) -> None:
         """Let the process end."""
@@ -98,116 +103,127 @@ class Controls:
             self._worker.close()
             self._worker = None
 
-    def first_solve(self, stop: Stop, seconds: float, again: Callable[[], float]) -> Solve:
-        """Return a first solve that the timed ones explain; in the units of the problem if those in others failed.
-
-        One that does not end SOLVED is returned too.
+    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[FirstSolve]:
+        """Return first solves of the problem; one that does not end SOLVED is the last.
 
         Args:
             stop: as of the timed solves, which ended SOLVED.
-            seconds: their median.
+            seconds: their median [s].
             again: measures that median once more: the machine may be slower by now.
 
         Raises:
-            Fault: MISBEHAVED if the timed solves explain none, or whatever ends the process.
+            Fault: MISBEHAVED if the timed solves repeat an answer, or whatever ends the process.
         """
-        slow: list[Solve] = []
-        for number in range(ATTEMPTS):
-            variant = in_other_units(self.problem, number) if number else first_variant(self.problem)
-            solve = self._solve(variant, stop, seconds, again)
-            if solve.is_explained and solve.status in (Status.SOLVED, Status.TIME_LIMIT):
-                return solve
-            slow += [] if solve.is_explained else [solve]
-        if len(slow) < ATTEMPTS:
-            as_it_is = Variant(self.problem.anonymous(), np.ones(self.problem.n_rows))
-            solve = self._solve(as_it_is, stop, seconds, again)
-            if solve.is_explained:
-                return solve
-            slow.append(solve)
-        least = min(solve.seconds for solve in slow)
-        raise Fault(
-            Outcome.MISBEHAVED,
-            f"a first solve to {stop.tolerance:g}, in a fresh process, took at least {least:.3g} s, and repeated ones "
-            f"{seconds:.3g} s: it repeats answers instead of solving",
-        )
+        solves: list[FirstSolve] = []
+        needed, balance = 1 if seconds > LONG_SECONDS else NEEDED, 0
+        for _ in range(MAX_SOLVES):
+            solve = self._first_solve(stop)
+            if solve.timed.status is not Status.SOLVED:
+                solves += [solve, self._as_it_is(stop)]
+                self._check_time_limit(stop, seconds, solves[-2:])
+                return [*solves[:-2], solves[-1]]
+            solves.append(solve)
+            balance += 1 if explains(seconds, solve.seconds) else -1
+            if balance >= needed:
+                return solves
+            if balance <= -REFUSED:
+                break
+        seconds = max(seconds, again())
+        if not self._in_fork(lambda: self._is_remembering(stop)):
+            loaded = [self._first_solve(stop, after=turned_copy(self.problem)) for _ in range(REFUSED)]
+            solves = min(solves, loaded, key=_median)
+        if _median(solves) > LARGEST_RATIO * seconds + LARGEST_ALLOWANCE:
+            raise Fault(
+                Outcome.MISBEHAVED,
+                f"first solves to {stop.tolerance:g}, in fresh processes, take {_median(solves):.3g} s and repeated "
+                f"ones {seconds:.3g} s: it repeats answers instead of solving",
+            )
+        return solves
 
-    def _solve(self, variant: Variant, stop: Stop, seconds: float, again: Callable[[], float]) -> Solve:
-        """Solve once, and find out why if the timed solves do not explain how long that takes."""
-        solve = self._in_copy(lambda: self._first(variant, stop))
-        if explains(seconds, solve.seconds) or solve.status not in (Status.SOLVED, Status.TIME_LIMIT):
-            return solve
-        timed = max(seconds, again())
-        is_explained = explains(timed, solve.seconds) or self._in_copy(lambda: self._is_loading(variant, stop, timed))
-        return replace(solve, is_explained=is_explained)
+    def _check_time_limit(self, stop: Stop, seconds: float, ended: Sequence[FirstSolve]) -> None:
+        """Raise a ``Fault`` if first solves reach the time limit, to which repeated ones [s] are not close."""
+        is_late = all(one.timed.status is Status.TIME_LIMIT and not one.timed.is_preempted for one in ended)
+        if is_late and LARGEST_RATIO * seconds + LARGEST_ALLOWANCE < stop.max_seconds:
+            raise Fault(
+                Outcome.MISBEHAVED,
+                f"first solves to {stop.tolerance:g}, in fresh processes, reach the time limit of "
+                f"{stop.max_seconds:g} s and repeated ones take {seconds:.3g} s: it repeats answers instead of solving",
+            )
 
-    def _in_copy(self, work: Callable[[], Found]) -> Found:
-        """Do work in copies; in processes of their own from the first time on that a copy fails."""
+    def copies(self, stop: Stop, seconds: float) -> list[float]:
+        """Return times of first solves of copies [s], one if the problem takes as long, several if it takes less."""
+        found: list[float] = []
+        for _ in range(MAX_COPIES):
+            copy = problem_bytes(turned_copy(self.problem))
+            timed, _ = self._in_fork(lambda copy=copy: self._ask(stop, [copy]))  # type: ignore[misc]
+            if timed.status is not Status.SOLVED:
+                break
+            found.append(float(timed.undisturbed[0]))
+            if found[-1] <= COPY_RATIO * seconds + ALLOWANCE:
+                break
+        return found
+
+    def _is_remembering(self, stop: Stop) -> bool:
+        """Whether the first solve of another problem takes longer than the second, though everything is loaded.
+
+        A solver that loads or compiles something on its way does so while it solves a copy of the problem.
+        """
+        loading, other = problem_bytes(turned_copy(self.problem)), problem_bytes(moved_copy(self.problem))
+        timed, _ = self._ask(stop, [loading, other, other])
+        return not float(timed.undisturbed[1]) <= LARGEST_RATIO * float(timed.undisturbed[2]) + LARGEST_ALLOWANCE
+
+    def _first_solve(self, stop: Stop, after: ContactProblem | None = None) -> FirstSolve:
+        """Return a first solve of the problem in other units, in a process that may solve another problem before."""
+        variant = in_other_units(self.problem)
+        before = [] if after is None else [problem_bytes(after)]
+        timed, rows = self._in_fork(lambda: self._ask(stop, [*before, variant.data]))
+        return FirstSolve(timed, variant.units * self._checked(rows))
+
+    def _as_it_is(self, stop: Stop) -> FirstSolve:
+        """Return a first solve of the problem in its own units."""
+        timed, rows = self._in_fork(lambda: self._ask(stop, [problem_bytes(self.problem.anonymous())]))
+        return FirstSolve(timed, self._checked(rows))
+
+    def _checked(self, rows: FloatArray) -> FloatArray:
+        """Return impulses; raise a ``Fault`` unless there is one for each row."""
+        if len(rows) != self.problem.n_rows:
+            raise Fault(Outcome.MISBEHAVED, f"it returned {len(rows)} numbers for {self.problem.n_rows} rows")
+        return rows
+
+    def _in_fork(self, work: Callable[[], Any]) -> Any:
+        """Do work in forks; in processes of their own from the first time on that a fork fails."""
         try:
             return work()
         except Fault as fault:
             self.close()
-            if not self._can_copy:
+            if not self._can_fork:
                 raise Fault(fault.outcome, f"in a fresh process {fault.reason}", fault.traceback) from None
-            self._can_copy = False
-            return self._in_copy(work)
+            self._can_fork = False
+            return self._in_fork(work)
 
-    def _first(self, variant: Variant, stop: Stop) -> Solve:
-        answer, rows = self._ask(stop, (variant.data, 0.0))
-        n_rows = variant.problem.n_rows
-        if len(rows) < n_rows:
-            raise no_answer()
-        first = min(_medians(answer)[0])
-        return Solve(Status(answer["status"]), first, variant.units * rows[len(rows) - n_rows :])
-
-    def _is_loading(self, variant: Variant, stop: Stop, timed: float) -> bool:
-        """Whether a first solve is slow because it loads or compiles something on its way.
-
-        Then the same problem is as fast as the timed solves from the second time on, and a first solve of another
-        problem after it, which it solves rightly, as fast as repeated ones of that.
-        """
-        sibling = another(self.problem)
-        of_sibling = (problem_bytes(sibling), 0.0), (b"", ROUND_SECONDS)
-        answer, rows = self._ask(stop, (variant.data, 0.0), (b"", ROUND_SECONDS), *of_sibling)
-        _, second, first_of_sibling, (second_of_sibling, _) = _medians(answer)
-        if answer["status"] == Status.SOLVED and not self._is_right(sibling, rows, stop.tolerance):
-            return False
-        return explains(timed, min(second)) and explains(second_of_sibling, min(first_of_sibling))
-
-    def _is_right(self, problem: ContactProblem, rows: FloatArray, tolerance: float) -> bool:
-        """Whether the last of the impulses that came back are what a solver may call a solution."""
-        if len(rows) < problem.n_rows:
-            raise no_answer()
-        impulses, model = rows[len(rows) - problem.n_rows :], self.solver.model
-        own, coulomb = verdicts(problem, impulses, model)
-        return point_outcome(Status.SOLVED, tolerance, model, own, coulomb) is not Outcome.WRONG
-
-    def _ask(self, stop: Stop, *rounds: tuple[bytes, float]) -> tuple[dict[str, Any], FloatArray]:
-        """Let a process that has only warmed up do rounds, and forget them.
+    def _ask(self, stop: Stop, problems: Sequence[bytes]) -> tuple[TimedRound, FloatArray]:
+        """Let a process that has only warmed up solve problems in turn; return the solves and the last answer.
 
         Raises:
             Fault: if what comes back cannot be that.
         """
         if self._worker is None:
-            task = MeasuringTask(self.other, self.solver)
+            task = MeasuringTask(self.warm_up, self.solver)
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
             self._worker.ask("warm_up", THOROUGH)
-        worker, request = self._worker, ("rounds", (self.short, stop, rounds))
+            self.core.pin(self._worker.process)
+        worker, request = self._worker, ("first_solves", (stop, problems))
         worker.busy_seconds = 0.0
         began = time.monotonic()
-        answer, content = worker.ask(IN_A_COPY, *request) if self._can_copy else worker.ask(request[0], *request[1])
+        answer, content = worker.ask(IN_A_COPY, *request) if self._can_fork else worker.ask(request[0], *request[1])
         passed = time.monotonic() - began
-        if not self._can_copy:
+        if not self._can_fork:
             self.close()
-        times = answer.get("rounds")
-        if not isinstance(times, list) or len(times) != len(rounds):
-            raise no_answer()
-        for one in times:
-            fault = round_fault({**answer, **one}, passed) if isinstance(one, dict) else NO_ANSWER
-            if fault is not None:
-                raise Fault(Outcome.MISBEHAVED, fault)
-        return answer, numbers_of(content)
+        try:
+            return TimedRound.read(answer, passed), numbers_of(content)
+        except NoRoundError as fault:
+            raise Fault(Outcome.MISBEHAVED, str(fault)) from None
 
 
-def _medians(answer: dict[str, Any]) -> list[tuple[float, float]]:
-    """Return the median time and the median work [s] of each round, as they are on a free core."""
-    return [medians_on_free_core(one) for one in answer["rounds"]]
+def _median(solves: Sequence[FirstSolve]) -> float:
+    return float(np.median([one.seconds for one in solves]))

@@ -20,7 +20,7 @@ from ..plan import DEFAULT_SOLVERS
 from ..selection import name_of
 
 PREPARING_SECONDS = 60.0
-"""Wall time that a cell may take beyond its solve, for preparing [s]."""
+"""Wall time that a cell of a built-in solver may take beyond its solve, for preparing [s]."""
 
 
 def default_solvers() -> list[str]:
@@ -42,7 +42,7 @@ def measured_matrix(
     Args:
         problems: names of problems, or problems.
         solvers: solvers, or their names with options.
-        stop: tolerance and limits of one solve.
+        stop: tolerance and limits of one solve; a solver that is not built in is ended a second after its time limit.
         memory_bytes: memory that a solver may take.
         on_cell: called with each cell as it is done.
 
@@ -55,7 +55,9 @@ def measured_matrix(
     taken, made = {name_of(one): resolved(one) for one in problems}, [contestant(solver) for solver in solvers]
     cells = []
     for solver in made:
-        with RemoteSolver(solver, PREPARING_SECONDS, memory_bytes) as remote:
+        # built-in solvers end by their own clock, which compiling their kernels and preparing do not count for
+        limit = np.inf if solver.is_built_in else stop.max_seconds
+        with RemoteSolver(solver, PREPARING_SECONDS, memory_bytes, limit) as remote:
             for name, problem in taken.items():
                 cells.append(_cell(remote, name, problem, stop))
                 on_cell(cells[-1])

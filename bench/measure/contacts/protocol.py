@@ -5,14 +5,16 @@ that everything a solver assembles is on its clock, and garbage collection stays
 stops when the impulses are copied, and those of every timed solve leave the process, equal ones once.
 """
 
+import _thread
 import gc
 import io
 import os
-import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
+from resource import RUSAGE_SELF, getrusage, struct_rusage
 from time import perf_counter, process_time, sleep
 from typing import Any
 
@@ -24,11 +26,9 @@ from ....problems.contact.problem import ContactProblem
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ....solvers.interface import Solution, Solver, Status, Stop, shows_iterates
 from ...isolation.child import MisbehaviourError, refuse
-from ...isolation.worker import NO_ANSWER
+from ...isolation.process_state import ProcessState, replaced_names
 from ...plugins.contestants import Contestant
-from ...plugins.remote_solver import answer_fault
 from ..ladder import LONGEST_REASON
-from ..pace import free_probe_seconds, free_share, probe_seconds
 
 FIRST_MARKS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -40,36 +40,65 @@ LATEST = 40
 """Last iterations that all appear in it: where several methods take turns the last one may need no more."""
 
 SUPPORTS_SECONDS = 0.1
-"""Processor time that ``supports`` may take [s]: it looks at a problem, and solves nothing."""
+"""Processor time that ``supports`` may take [s]: it examines a problem, and solves nothing."""
 
 REST_SECONDS = 0.05
 """Wall time of a rest, in which what a solver has started may end [s]."""
 
-TIMED = ("times", "work", "probes")
-"""What the answer to "round" has of each solve."""
+WARM_SECONDS = 0.004
+"""Wall time for which a process solves another problem before a first solve, so that its caches are warm [s]."""
 
-MOST_NUMBERS = 2**22
+MAX_NUMBERS = 2**22
 """Numbers of different answers after which a round ends."""
 
 
 @dataclass
-class Round:
-    """Timed solves.
+class TimedSolve:
+    """One solve on the clock.
 
     Attributes:
-        solution: the last one, with impulses of the harness's own.
-        times: seconds of preparing and of solving of each.
-        work: processor seconds of both together of each, of all threads and of processes that were waited for.
-        probes: mean time of a probe before and after each [s].
-        answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
-            (n_rows,).
+        solution: with impulses of the harness's own.
+        prepare: wall seconds of ``prepare`` [s].
+        solve: wall seconds of ``solve`` and of copying its impulses [s].
+        processor: processor seconds of both, of all threads and of processes that were waited for [s].
     """
 
     solution: Solution
-    times: list[tuple[float, float]]
-    work: list[float]
-    probes: list[float]
+    prepare: float
+    solve: float
+    processor: float
+
+
+@dataclass
+class Round:
+    """Timed solves in one go.
+
+    Attributes:
+        solves: in their order.
+        answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
+            (n_rows,).
+        involuntary, voluntary: context switches of the process meanwhile.
+        waited: seconds for which its main thread was ready to run while something else ran [s]; None where the system
+            does not count them.
+    """
+
+    solves: list[TimedSolve]
     answers: list[FloatArray]
+    involuntary: int
+    voluntary: int
+    waited: float | None
+
+    def as_answer(self) -> tuple[dict[str, Any], bytes]:
+        """Return the round as a case's process sends it."""
+        last = self.solves[-1].solution
+        answer = {
+            "status": last.status.value,
+            "iterations": int(last.iterations),
+            "message": str(last.message)[:LONGEST_REASON],
+            **{name: [getattr(one, name) for one in self.solves] for name in ("prepare", "solve", "processor")},
+            **{name: getattr(self, name) for name in ("involuntary", "voluntary", "waited")},
+        }
+        return answer, b"".join(impulses.tobytes() for impulses in self.answers)
 
 
 @dataclass
@@ -77,30 +106,31 @@ class Measurement:
     """One case in its process.
 
     Attributes:
-        problem: the problem; first another one of the same kinds, to warm up on.
+        problem: the problem; first a copy of it with other numbers, to warm up on.
         solver: the solver.
-        threads: the threads that ran before the solver was made.
+        before: the process before the solver was made.
     """
 
     problem: ContactProblem
     solver: Solver
-    threads: frozenset[threading.Thread] = field(default_factory=lambda: frozenset(threading.enumerate()))
+    before: ProcessState = field(default_factory=ProcessState.now)
     _digest: str = field(init=False)
 
     def __post_init__(self) -> None:
         self._digest = self.problem.digest
 
     def turn_to(self, problem: ContactProblem) -> None:
-        """Go on with another problem."""
+        """Switch to another problem."""
         self.problem, self._digest = problem, problem.digest
 
-    def refusal(self) -> str:
-        """Return why the solver does not support the problem; nothing if it does."""
+    def unsupported_reason(self) -> str:
+        """Return why the solver does not support the problem; empty if it does."""
         problem = self.problem.fresh()
         began = _processor_seconds()
         reason = self.solver.supports(problem)
         seconds = _processor_seconds() - began
-        refuse(reason_fault(reason) or self._left_behind())
+        refuse(reason_fault(reason))
+        self._refuse_threads()
         if seconds > SUPPORTS_SECONDS:
             raise MisbehaviourError(f"its supports worked for {seconds:.3g} s, where {SUPPORTS_SECONDS:g} s are enough")
         return reason or ""
@@ -109,7 +139,9 @@ class Measurement:
         """Run everything once, so that compilation and first touches are off the clock."""
         prepared = self.solver.prepare(self.problem.fresh())
         refuse(prepared_fault(prepared))
-        refuse(type_fault(prepared.solve(stop)) or self._left_behind())
+        refuse(type_fault(prepared.solve(stop)))
+        self._refuse_threads()
+        self.before = self.before.after_imports()
 
     def observe(self, stop: Stop) -> tuple[list[int], FloatArray, int, int]:
         """Return iterations of one observed solve, and their impulses, one row each, for the judge outside.
@@ -134,70 +166,113 @@ class Measurement:
 
         if shows_iterates(self.solver):
             solution = self.solver.prepare(problem).solve(stop, observe=note)
-            refuse(type_fault(solution) or self._left_behind())
+            refuse(type_fault(solution))
             claimed = int(solution.iterations)
+        self._refuse_threads()
         iterates = dict(sorted({**iterates, **dict(latest)}.items()))
         rows = np.array([*iterates.values()]).reshape(len(iterates), problem.n_rows)
         return [*iterates], rows, calls, claimed
 
-    def round(self, stop: Stop, seconds: float) -> Round:
-        """Do timed solves for ``seconds`` of wall time, at least one.
+    def round(self, stop: Stop, seconds: float, least: int = 1) -> Round:
+        """Do timed solves for ``seconds`` of wall time, ``least`` at least.
 
         A solve that does not end SOLVED ends the round: a failure is measured once.
         """
-        times: list[tuple[float, float]] = []
-        work: list[float] = []
-        probes: list[float] = []
+        solves: list[TimedSolve] = []
         answers: dict[bytes, FloatArray] = {}
-        end = perf_counter() + seconds
+        before, waited, end = getrusage(RUSAGE_SELF), _waited_seconds(), perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
-            before = probe_seconds()
-            worked = _processor_seconds()
-            solution, prepare_seconds, solve_seconds = self._solve(problem, stop)
-            work.append(_processor_seconds() - worked)
-            times.append((prepare_seconds, solve_seconds))
-            probes.append((before + probe_seconds()) / 2.0)
+            solves.append(self._solve(problem, stop))
+            solution = solves[-1].solution
             if solution.status is not Status.SOLVED:
                 break
             answers.setdefault(solution.impulses.tobytes(), solution.impulses)
-            if perf_counter() >= end or len(answers) * problem.n_rows > MOST_NUMBERS:
+            is_long = perf_counter() >= end and len(solves) >= least
+            if is_long or len(answers) * problem.n_rows > MAX_NUMBERS:
                 break
-        is_changed = problem.fresh().digest != self._digest
-        refuse("it changed the numbers of the problem" if is_changed else self._left_behind())
+        after, waited_after = getrusage(RUSAGE_SELF), _waited_seconds()
+        self._check_after(problem)
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
-        return Round(solution, times, work, probes, [*answers.values(), *last])
+        return Round(
+            solves,
+            [*answers.values(), *last],
+            *_switches(before, after),
+            None if waited is None or waited_after is None else waited_after - waited,
+        )
 
-    def _solve(self, problem: ContactProblem, stop: Stop) -> tuple[Solution, float, float]:
-        """Return the solution with a copy of its impulses that was made on the clock, and the seconds of both parts.
+    def first_solves(self, stop: Stop, problems: Sequence[ContactProblem]) -> Round:
+        """Return a round of one solve of each of several problems, with caches warmed on its own problem.
+
+        The process has seen none of them before.
+        """
+        warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
+        end = perf_counter() + WARM_SECONDS
+        while True:
+            self._solve(self.problem.fresh(), warm)
+            if perf_counter() >= end:
+                break
+        before = getrusage(RUSAGE_SELF)
+        solves = [self._solve(problem.fresh(), stop) for problem in problems]
+        after = getrusage(RUSAGE_SELF)
+        self.turn_to(problems[-1])
+        self._check_after(problems[-1])
+        return Round(solves, [solves[-1].solution.impulses], *_switches(before, after), None)
+
+    def compare_process(self) -> None:
+        """Compare the process with what it was before the solver was made.
 
         Raises:
-            MisbehaviourError: if it cannot be a solution.
+            MisbehaviourError: if something that all code of a process shares has been replaced or changed.
+        """
+        refuse(replaced_names(self.before))
+        self._refuse_changes(self.before.changed_for_timing())
+
+    def _solve(self, problem: ContactProblem, stop: Stop) -> TimedSolve:
+        """Prepare and solve within one limit of time, and copy the impulses on the clock.
+
+        Raises:
+            MisbehaviourError: if what is returned cannot be a solution.
         """
         collecting = gc.isenabled()
         impulses = np.zeros(problem.n_rows)
         gc.disable()
         try:
+            worked = _processor_seconds()
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
-            solution = prepared.solve(stop)
-            synchronise = getattr(prepared, "synchronise", None)
-            if synchronise is not None:
-                synchronise()
-            if _is_copied(solution, impulses):
+            left = stop.max_seconds - (ready - began)
+            if left > 0.0:
+                solution = prepared.solve(replace(stop, max_seconds=left))
+                synchronise = getattr(prepared, "synchronise", None)
+                if synchronise is not None:
+                    synchronise()
+            else:
+                solution = Solution(impulses, Status.TIME_LIMIT, 0, "preparing took longer than the time limit")
+            if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
+            worked = _processor_seconds() - worked
         finally:
             if collecting:
                 gc.enable()
         refuse(solution_fault(problem, solution))
-        return replace(solution, impulses=impulses), ready - began, done - ready
+        return TimedSolve(replace(solution, impulses=impulses), ready - began, done - ready, worked)
 
-    def _left_behind(self) -> str | None:
-        """Say which threads outlive a call, or None."""
-        left = [thread.name for thread in threading.enumerate() if thread not in self.threads]
-        return f"it leaves {len(left)} threads running, {left[0]!r:.60} first" if left else None
+    def _check_after(self, problem: ContactProblem) -> None:
+        """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
+        refuse("it changed the numbers of the problem" if problem.fresh().digest != self._digest else None)
+        self._refuse_threads()
+        self._refuse_changes(self.before.changed_for_timing())
+
+    def _refuse_threads(self) -> None:
+        """Raise ``MisbehaviourError`` if threads of Python outlive a call."""
+        left = _thread._count() - self.before.n_threads
+        refuse(f"it leaves {left} {'thread' if left == 1 else 'threads'} running" if left > 0 else None)
+
+    def _refuse_changes(self, changed: list[str]) -> None:
+        refuse(f"it changed {changed[0]} of its process, and did not restore it" if changed else None)
 
 
 @dataclass
@@ -214,81 +289,45 @@ class MeasuringTask:
 
     @cached_property
     def _measurement(self) -> Measurement:
-        threads = frozenset(threading.enumerate())
-        return Measurement(read_problem(io.BytesIO(self.problem_data), "problem"), self.contestant.make(), threads)
+        before = ProcessState.now()
+        return Measurement(_problem(self.problem_data), self.contestant.make(), before)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer a request: "supports", "warm_up", "problem" (another from here on), "observe", "round" or "rest".
+        """Answer one request, by its name and arguments.
 
-        "rounds" (stop to warm up, stop, problems or none each with seconds) warms up, and does a round on each problem,
-        or on the one before; the answer is that of the last round, with times and work of all.
+        "supports"                   why the solver does not support the problem
+        "warm_up" (stop)             run everything once
+        "problem" (data)             switch to another problem
+        "observe" (stop)             iterates of one solve
+        "round" (stop, seconds)      timed solves
+        "first_solves" (stop, data)  one timed solve of each of several problems that are new to the process
+        "rest"                       wait, so that what the solver has started may end
+        "compare"                    compare the process with what it was
         """
+        measurement = self._measurement
         if request == "supports":
-            return {"refusal": self._measurement.refusal()}, b""
-        if request == "warm_up":
-            self._measurement.warm_up(*arguments)
-            return {}, b""
-        if request == "problem":
-            self._turn_to(*arguments)
-            return {}, b""
-        if request == "rest":
-            sleep(REST_SECONDS)
-            return {}, b""
+            return {"refusal": measurement.unsupported_reason()}, b""
         if request == "observe":
-            iterations, iterates, calls, claimed = self._measurement.observe(*arguments)
+            iterations, iterates, calls, claimed = measurement.observe(*arguments)
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
-        return (self._rounds if request == "rounds" else self._round)(*arguments)
-
-    def _turn_to(self, problem_data: bytes) -> None:
-        self._measurement.turn_to(read_problem(io.BytesIO(problem_data), "problem"))
-
-    def _rounds(self, short: Stop, stop: Stop, rounds: Sequence[tuple[bytes, float]]) -> tuple[dict[str, Any], bytes]:
-        self._measurement.warm_up(short)
-        answer: dict[str, Any] = {}
-        impulses, rounds_done = b"", []
-        for problem_data, seconds in rounds:
-            if problem_data:
-                self._turn_to(problem_data)
-            answer, impulses = self._round(stop, seconds)
-            rounds_done.append({name: answer[name] for name in TIMED})
-        return {**answer, "rounds": rounds_done}, impulses
-
-    def _round(self, stop: Stop, seconds: float) -> tuple[dict[str, Any], bytes]:
-        found = self._measurement.round(stop, seconds)
-        answer = {
-            "status": found.solution.status.value,
-            "iterations": int(found.solution.iterations),
-            "message": str(found.solution.message)[:LONGEST_REASON],
-            "times": found.times,
-            "work": found.work,
-            "probes": found.probes,
-        }
-        return answer, b"".join(impulses.tobytes() for impulses in found.answers)
+        if request == "round":
+            return measurement.round(*arguments).as_answer()
+        if request == "first_solves":
+            stop, problems = arguments
+            return measurement.first_solves(stop, [_problem(data) for data in problems]).as_answer()
+        if request == "warm_up":
+            measurement.warm_up(*arguments)
+        elif request == "problem":
+            measurement.turn_to(_problem(*arguments))
+        elif request == "rest":
+            sleep(REST_SECONDS)
+        else:
+            measurement.compare_process()
+        return {}, b""
 
 
-def round_fault(answer: dict[str, Any], wall_seconds: float) -> str | None:
-    """Say why the answer to "round", which took ``wall_seconds`` from outside, cannot be one, or None."""
-    fault = answer_fault(answer)
-    if fault:
-        return fault
-    try:
-        times, work, probes = (np.array(answer[name], dtype=np.float64) for name in TIMED)
-    except (KeyError, TypeError, ValueError):
-        return NO_ANSWER
-    if times.ndim != 2 or times.shape[1] != 2 or not len(times) or not work.shape == probes.shape == times.shape[:1]:
-        return NO_ANSWER
-    if not (np.isfinite(work) & (work >= 0.0) & np.isfinite(probes) & (probes > 0.0)).all():
-        return NO_ANSWER
-    if not (times >= 0.0).all() or not times.sum() <= wall_seconds:
-        return f"the clock in its process counted {times.sum():g} s of solving in {wall_seconds:g} s of wall time"
-    return None
-
-
-def medians_on_free_core(answer: dict[str, Any]) -> tuple[float, float]:
-    """Return the median time and the median work [s] of the solves of a round, as they are on a free core."""
-    times, work, probes = (np.array(answer[name]) for name in TIMED)
-    totals, met = times.sum(axis=1), probes / free_probe_seconds()
-    return float(np.median(totals * free_share(totals, work, met))), float(np.median(work / met))
+def _problem(data: bytes) -> ContactProblem:
+    return read_problem(io.BytesIO(data), "problem")
 
 
 def _processor_seconds() -> float:
@@ -297,8 +336,21 @@ def _processor_seconds() -> float:
     return process_time() + children.children_user + children.children_system
 
 
-def _is_copied(solution: Any, impulses: FloatArray) -> bool:
-    """Whether the impulses of a solution can be copied; what is wrong with others is said when the clock stands."""
+def _switches(before: struct_rusage, after: struct_rusage) -> tuple[int, int]:
+    """Return the involuntary and the voluntary context switches between two moments."""
+    return after.ru_nivcsw - before.ru_nivcsw, after.ru_nvcsw - before.ru_nvcsw
+
+
+def _waited_seconds() -> float | None:
+    """Return for how long this thread was ready to run while others ran [s], as Linux counts it; None elsewhere."""
+    try:
+        return 1e-9 * float(Path("/proc/thread-self/schedstat").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+def _can_copy(solution: Any, impulses: FloatArray) -> bool:
+    """Whether the impulses of a solution can be copied; faults of others are reported when the clock has stopped."""
     if type(solution) is not Solution:
         return False
     given = solution.impulses

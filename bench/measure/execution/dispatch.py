@@ -135,9 +135,8 @@ class Dispatch(Progress):
         sessions = self._record.sessions
         for place, known in enumerate(sessions[self._n_before :], self._n_before):
             if known.host == session.host:
-                times = [*known.calibration_seconds, *session.calibration_seconds]
-                loads = [*known.load, *session.load]
-                joined = replace(known, finished=session.finished, calibration_seconds=times, load=loads)
+                busy = [*known.busy_cores, *session.busy_cores]
+                joined = replace(known, finished=session.finished, busy_cores=busy)
                 self._note(replace(self._record, sessions=[*sessions[:place], joined, *sessions[place + 1 :]]))
                 return place
         self._note(replace(self._record, sessions=[*sessions, session]))
@@ -145,9 +144,6 @@ class Dispatch(Progress):
 
     def _forget_other_machines(self) -> None:
         """Forget nothing: the machine of a worker is known there."""
-
-    def _note_machine(self) -> None:
-        """Note nothing of this machine."""
 
     def _note(self, record: RunRecord) -> None:
         """Store the record of the run, whose sessions are those of the workers."""

@@ -7,11 +7,23 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The plan is made and the folder exists."""
+    """The plan is made and the folder exists.
+
+    Attributes:
+        run_dir: the folder.
+        total: number of cases.
+        done: number of those that are finished.
+        points: number of points of all cases of a study, which progress counts; 0 in other runs.
+        points_done: number of those that are measured.
+        work: what a study has to do, in one line; empty in other runs.
+    """
 
     run_dir: Path
     total: int
     done: int
+    points: int = 0
+    points_done: int = 0
+    work: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,14 @@
 """A plan carried out in this process: in passes over all problems, stored point by point.
 
 Each pass takes problems and solvers in another order and measures one or two rounds of each point, so that a program
-that disturbs for a while hits few rounds of any of them. When the planned passes are over, points that are still
-uncertain are measured again. A reference workload between problems measures the drift of the machine; it is stored each
-time.
+that runs for a while hits few rounds of any of them. When the planned passes are over, points that are still uncertain
+are measured again.
 """
 
-import os
 import time
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -27,12 +26,14 @@ from ...store.store import Store
 from ..contacts.case import Case, Visit
 from ..contacts.verdicts import RememberedVerdicts
 from ..ladder import LadderCase, measure_ladder
-from ..machine import calibration_seconds, this_machine
+from ..machine import this_machine
+from ..measuring_core import MeasuringCore
 from ..passes import EXTRA_SHARE, shuffled, uncertain
 from ..refutation import refuted
 from ..trajectories.case import TrajectoryCase
 from ..trajectories.methods import Method
 from ..trajectories.problems import referenced, trajectory_of
+from ..trajectories.workload import compute_workload
 from .events import CaseFinished, OnEvent, PointFinished, ProblemStarted, RunStarted, VisitFinished
 
 Contestants = Sequence[Contestant] | Sequence[Method]
@@ -53,6 +54,7 @@ class Progress:
         self._mix = mix
         self.begun_anew: list[str] = []
         self._session = Session(started=_now(), machine=this_machine())
+        self._core = MeasuringCore(None)
         self._verdicts = RememberedVerdicts()
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
         self._done = 0
@@ -66,8 +68,8 @@ class Progress:
         count = len(plan.problems) * len(plan.solvers)
         self._done = sum(plan.has_finished(case) for case in stored.values())
         if self._done < count:
-            self._note_machine()
-        self._on_event(RunStarted(self._store.folder, count, self._done))
+            self._note(self._record)
+        self._on_event(self._started(count))
         try:
             self._generate()
             self._forget_other_problems()
@@ -78,15 +80,28 @@ class Progress:
             raise InterruptedRunError(self._store.folder) from None
         self._store.restore()
 
+    def _started(self, count: int) -> RunStarted:
+        plan = self._record.plan
+        if not plan.trajectories:
+            return RunStarted(self._store.folder, count, self._done)
+        methods = [one for one in self._contestants if isinstance(one, Method)]
+        work = compute_workload(methods, plan.trajectories)
+        measured = sum(len(case.points) for cases in self._cases.values() for case in cases.values())
+        return RunStarted(self._store.folder, count, self._done, work.points, measured, work.words)
+
     def _measure(self) -> None:
         """Measure what is left, and then more of what is uncertain, in a session of its own."""
         load_server()
-        if not self._session.calibration_seconds:  # there was nothing to measure before cases were forgotten
-            self._note_machine()
-        began = time.monotonic()
-        self._measure_passes()
-        if not self._record.plan.trajectories:
-            self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
+        self._core = MeasuringCore.claim()
+        self._session = replace(self._session, core=self._core.number)
+        self._note(self._record)
+        try:
+            began = time.monotonic()
+            self._measure_passes()
+            if not self._record.plan.trajectories:
+                self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
+        finally:
+            self._core.release()
         self._session = replace(self._session, finished=_now())
         self._note(self._record)
 
@@ -131,7 +146,7 @@ class Progress:
         self._on_event(ProblemStarted(name, visit.number, plan.passes))
         cases = self._cases_of(name, visit)
         try:
-            measure_ladder(cases, self._keep)
+            measure_ladder(cases, self._keep, self._core)
         finally:
             for case in cases:
                 self._put(case.record())
@@ -142,7 +157,9 @@ class Progress:
                 self._done += 1
                 total = len(plan.problems) * len(plan.solvers)
                 self._on_event(CaseFinished(name, solver, record.outcome, self._done, total))
-        self._note_machine()
+        busy = [*self._session.busy_cores, self._core.busy_cores]
+        self._session = replace(self._session, busy_cores=busy)
+        self._note(self._record)
 
     def _generate(self) -> None:
         """Generate the problems that are neither carried nor available, and simulate missing references."""
@@ -181,7 +198,7 @@ class Progress:
             return trajectory_of(plan.trajectory(name)).digest
         return problem_of(self._store, self._record, name).digest
 
-    def _cases_of(self, name: str, visit: Visit) -> list[LadderCase]:
+    def _cases_of(self, name: str, visit: Visit) -> list[LadderCase[Any]]:
         """Return the cases of a problem that are measured in a visit, in an order of its own."""
         record, known, plan = self._record, self._cases[name], self._record.plan
         if visit.points is None:
@@ -200,7 +217,7 @@ class Progress:
             for solver in shuffled(solvers, plan.seed, visit.number, plan.problems.index(name))
         ]
 
-    def _keep(self, case: LadderCase, value: float) -> None:
+    def _keep(self, case: LadderCase[Any], value: float) -> None:
         """Store a case that has come to another point, and name it; later rounds of a point follow with the visit."""
         record = case.record()
         before = self._cases[record.problem].get(record.solver)
@@ -213,13 +230,6 @@ class Progress:
     def _put(self, record: CaseRecord) -> None:
         self._cases[record.problem][record.solver] = record
         self._store.write_case(record)
-
-    def _note_machine(self) -> None:
-        """Store the speed and load of the machine at this moment."""
-        seconds, load, session = calibration_seconds(), os.getloadavg()[0], self._session
-        times = [*session.calibration_seconds, seconds]
-        self._session = replace(session, calibration_seconds=times, load=[*session.load, load])
-        self._note(self._record)
 
     def _note(self, record: RunRecord) -> None:
         """Store the record of the run."""

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Collection, Sequence
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,6 +14,7 @@ from ...isolation.worker import Fault, no_answer
 from ...store.fields import Count, Number
 from ...store.outcome import Outcome
 from ...store.records import CaseRecord, Limits, Measured, Point, QuantityError
+from ..contacts.timed_round import TOLERATED_SECONDS, TOLERATED_SHARE
 from ..ladder import LONGEST_REASON, LadderCase
 from ..points import quartiles
 from .methods import Method
@@ -63,7 +64,21 @@ def simulated(answer: dict[str, Any], seconds: float, names: Collection[str]) ->
     return read
 
 
-class TrajectoryCase(LadderCase):
+class Member(NamedTuple):
+    """A member of a problem as it was simulated.
+
+    Attributes:
+        number: of the member.
+        simulated: what its process says.
+        is_preempted: whether something else ran on its core for a part of the time that counts.
+    """
+
+    number: float
+    simulated: Simulated
+    is_preempted: bool
+
+
+class TrajectoryCase(LadderCase[Member]):
     """A stepper with a solver on a problem.
 
     Attributes:
@@ -85,11 +100,6 @@ class TrajectoryCase(LadderCase):
         super().__init__(method.record.values, limits, stored)
         self.problem, self.method = problem, method
 
-    @property
-    def rounds(self) -> Sequence[int]:
-        """One for each member."""
-        return range(len(self.problem.members))
-
     def is_left(self, level: int) -> bool:
         """Whether there is no such point yet."""
         return level >= len(self.points)
@@ -99,9 +109,12 @@ class TrajectoryCase(LadderCase):
         self._start(TrajectoryTask(self.problem, self.method, self.limits.solve_seconds))
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
 
-    def measure(self, value: float, number: int) -> dict[str, Any] | None:
-        """Simulate one member; return what came of it, or None if the case failed."""
-        began, member = time.monotonic(), self.problem.members[number]
+    def measure(self, value: float, number: int) -> Member | None:
+        """Simulate one member; return None if the case failed."""
+        if self._worker is None:
+            return None
+        worker, member = self._worker, self.problem.members[number]
+        began, waited = time.monotonic(), worker.waited_seconds()
         found = self._ask("simulate", value, member)
         if found is None:
             return None
@@ -110,20 +123,22 @@ class TrajectoryCase(LadderCase):
         except Fault as fault:
             self._fail(fault)
             return None
-        return {"member": member, "simulated": run}
+        lost = worker.waited_seconds() - waited
+        return Member(member, run, lost > TOLERATED_SHARE * run.wall + TOLERATED_SECONDS)
 
-    def goes_on(self, answer: dict[str, Any]) -> bool:
-        """Whether there was time enough: other members take as long."""
-        return answer["simulated"].status is not Status.TIME_LIMIT
+    def needs_round(self, answers: Sequence[Member]) -> bool:
+        """Whether members are left, and there was time enough: others take as long."""
+        return len(answers) < len(self.problem.members) and answers[-1].simulated.status is not Status.TIME_LIMIT
 
-    def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
+    def point(self, value: float, answers: list[Member]) -> Point:
         """Compute the error over the members."""
-        runs: dict[float, Simulated] = {answer["member"]: answer["simulated"] for answer in answers}
+        runs = {answer.number: answer.simulated for answer in answers}
         good = {member: run for member, run in runs.items() if run.status is Status.SOLVED}
         failed = [run for run in runs.values() if run.status is not Status.SOLVED]
         errors = self.problem.measure.estimates({member: run.values for member, run in good.items()})
         counted = list(good.values()) if errors else list(runs.values())
-        wall = quartiles(np.array([run.wall for run in counted]))
+        undisturbed = [one.simulated.wall for one in answers if one.simulated in counted and not one.is_preempted]
+        wall = quartiles(np.array(undisturbed or [run.wall for run in counted]))
         worst = max((one.error for one in errors.values()), default=np.inf)
         measured = Measured(
             iterations=round(median(run.solves for run in counted)),
@@ -133,6 +148,7 @@ class TrajectoryCase(LadderCase):
             solve_seconds=wall,
             total_seconds=wall,
             repeats=len(good),
+            is_excluded=not undisturbed,
             verdict={},
             impulse_error=None,
             errors=[

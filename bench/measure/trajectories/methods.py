@@ -8,11 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from msgspec import structs
+
 from ....problems.names import read_name
 from ....problems.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, Variable, make_stepper
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
 from ...plugins.describing import contestant
+from ...simulation.starts.registry import DEFAULT_START, check_start, default_start
 from ...store.trajectory_records import MethodRecord
 
 WITH, IN = " with ", " in "
@@ -37,6 +40,18 @@ class Method:
     record: MethodRecord
     stepper: str
     solver: Contestant
+
+    def started(self, start: str) -> "Method":
+        """Return the method with another start; a stepper that offers no impulses keeps its own.
+
+        Raises:
+            BenchError: for an unknown start, with the nearest name.
+        """
+        check_start(start)
+        stepper = make_stepper(self.stepper)
+        if not stepper.uses_last_impulses:
+            start = default_start(stepper)
+        return replace(self, record=structs.replace(self.record, start=start))
 
     def setting(self, value: float) -> tuple[Stepper, float]:
         """Return the stepper and the tolerance of the solver at a value of the ladder."""
@@ -67,6 +82,7 @@ def make_method(
     tolerance: float = 1e-12,
     max_iterations: int = ITERATIONS,
     given: Contestant | None = None,
+    start: str = DEFAULT_START,
 ) -> Method:
     """Return the method that ``name`` writes.
 
@@ -76,6 +92,7 @@ def make_method(
         tolerance: of the solver, where it is the stepper that varies.
         max_iterations: of the solver.
         given: the solver, if it is known.
+        start: what each solve starts from, by its name.
 
     Raises:
         BenchError: if it writes none, or a value is out of range.
@@ -97,13 +114,13 @@ def make_method(
     make_stepper(stepper)
     made, stepper = given or contestant(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
     written = over_solver(made, stepper) if varies_solver else over_stepper(stepper, made)
-    record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations)
-    return Method(record, stepper, made)
+    record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start)
+    return Method(record, stepper, made).started(start)
 
 
 def stored_method(record: MethodRecord) -> Method:
     """Return a method of a stored run; errors as in ``make_method``."""
-    return make_method(record.name, record.values, record.tolerance, record.max_iterations)
+    return make_method(record.name, record.values, record.tolerance, record.max_iterations, start=record.start)
 
 
 def neighbour(stepper: Stepper, factor: float, duration: float) -> Stepper:

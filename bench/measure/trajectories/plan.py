@@ -14,6 +14,7 @@ from ....solvers.interface import Solver
 from ...errors import BenchError
 from ...plugins.describing import contestant
 from ...plugins.remote_scene import local_or_remote_scene
+from ...simulation.starts.registry import DEFAULT_START
 from ...store.records import Limits
 from ...store.trajectory_records import TrajectoryRecord
 from ..plan import Plan
@@ -49,6 +50,7 @@ def make_study_plan(
     duration: float | None = None,
     members: Sequence[float] | None = None,
     limits: Limits | None = None,
+    start: str = DEFAULT_START,
 ) -> Plan:
     """Return the plan of the study of a scene.
 
@@ -60,6 +62,7 @@ def make_study_plan(
         duration: simulated time [s]; one that suits the scene if None.
         members: seeds of a scene of balls, else factors on steps and tolerances.
         limits: of each case; a simulation has those of a solve.
+        start: what each solve starts from: "warm", "cold" or "warm-then-cold".
 
     Raises:
         ProxbenchError: for an unknown scene, stepper, solver or option, or a number out of range.
@@ -70,6 +73,9 @@ def make_study_plan(
     else:
         chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
     chosen += added_methods(made, map(contestant, solvers))
+    chosen = [method.started(start) for method in chosen]
+    if trajectory.reference is not None:
+        trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
     nothing: Any = None  # a stepper looks at its solver when it steps
     for method in chosen:
         for value in method.record.values:

@@ -69,7 +69,7 @@ def _reference(record: TrajectoryRecord) -> Method:
 
 def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker, member: float) -> TrajectoryRecord:
     """Return the record with what is known of one more member."""
-    scale, failure = record.scale, ""
+    scale, way, failure = record.scale, record.way, ""
     if record.error == "end position":
         about, _ = worker.ask("known")
         values, start = dict(about["values"]), dict(about["start"])
@@ -78,7 +78,8 @@ def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker
         run = simulated(answer, math.inf, ())
         values, failure = run.values, "" if run.status is Status.SOLVED else run.reason
     if record.error == "end position" and not failure:
-        scale = max(float(about["length"]), *(abs(values[name] - start[name]) for name in values))
+        way = max(abs(values[name] - start[name]) for name in values)
+        scale = max(float(about["length"]), way)
     return replace(
-        record, scale=scale, known=[*record.known, KnownRecord(member=member, values=values, failure=failure)]
+        record, scale=scale, way=way, known=[*record.known, KnownRecord(member=member, values=values, failure=failure)]
     )

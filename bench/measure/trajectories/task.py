@@ -18,7 +18,7 @@ from ....solvers.interface import Status
 from ...errors import FailedSimulationError
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
-from ...simulation.step_solver import UnsupportedStepError
+from ...simulation.starts.step_solver import UnsupportedStepError
 from ...simulation.trajectory import Simulation
 from .methods import Method, neighbour
 
@@ -79,6 +79,7 @@ class TrajectoryTask:
             self.method.solver.make(),
             tolerance,
             self.method.record.max_iterations,
+            self.method.record.start,
             states=1,
         )
 

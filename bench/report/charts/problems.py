@@ -19,7 +19,7 @@ from ...store.outcome import Outcome
 from ...store.store import plain_name
 from ..accuracy import measured_points
 from ..layout.text import counted
-from ..studies import headline, spreads
+from ..studies import headline, motion_warning, spreads
 from ..tables import ending
 from .drawing import (
     FONT_SIZE,
@@ -149,8 +149,9 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         rows.append(alt.hconcat(*panels, spacing=40))
     drawn = set(points["solver"])
     names = key({name: look for name, look in _looks(frames).items() if name in drawn}, 2 * WIDTH + MARGIN)
-    notes = [*map(for_command_line, run_state(frames)), _absent(frames, problem, points)]
-    title = heading(headline(trajectory), notes, 2 * WIDTH + MARGIN)
+    state = map(for_command_line, run_state(frames))
+    notes = [*state, _absent(frames, problem, points), motion_warning(trajectory)]
+    title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + MARGIN)
     return stacked([*rows, names], title, {"color": "independent"}, spacing=20)
 
 

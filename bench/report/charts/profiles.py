@@ -13,8 +13,8 @@ from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
 from ..cells import exponent
 from ..layout.output_file import write_file
-from ..layout.text import counted
-from ..profiles import ALL, BUDGETS, RESIDUALS, profile_accuracies, profile_tables
+from ..layout.text import counted, csv_content
+from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, profile_accuracies, profile_tables
 from .drawing import by_name, heading, key, stacked, write_drawing
 from .palette import Look, looks
 
@@ -26,6 +26,15 @@ ROW = 24
 
 CURVES = ("performance", "data", "accuracy")
 """Kinds of profiles whose curves are shares of problems."""
+
+SHARE = "share of problems"
+"""Title of the axis of shares whose problems a page names."""
+
+_FAMILY_VIEWS = {
+    COMMON: "over the problems of a family that all solvers support which support any of it",
+    EVERY: "over all problems of a family, unsupported ones counted as not solved",
+}
+"""What the shares of a family are of in each view."""
 
 _TITLES = {
     "performance": "Performance profile",
@@ -42,8 +51,14 @@ _NOTES = {
 }
 
 
-def write_profiles(frames: RunFrames, baseline: str, folder: Path) -> list[Path]:
+def write_profiles(frames: RunFrames, baseline: str, folder: Path, view: str = COMMON) -> list[Path]:
     """Write the charts of all profiles as SVG and PNG, and the numbers behind each as CSV; return the files.
+
+    Args:
+        frames: the run.
+        baseline: the solver that speed-ups are against.
+        folder: where to.
+        view: the one of ``VIEWS`` that the charts show; the numbers are of both.
 
     Raises:
         UnwritableError: if they cannot be written.
@@ -51,22 +66,27 @@ def write_profiles(frames: RunFrames, baseline: str, folder: Path) -> list[Path]
     """
     tables = profile_tables(frames, baseline)
     files = []
-    for name, chart in profile_charts(frames, tables, baseline).items():
+    for name, chart in profile_charts(frames, tables, baseline, view).items():
         files += write_drawing(chart, folder / f"profile-{name}")
     for name, table in tables.items():
-        files.append(write_file(folder / f"profile-{name}.csv", table.to_csv(index=False).encode()))
+        files.append(write_file(folder / f"profile-{name}.csv", csv_content(table)))
     return files
 
 
-def profile_charts(frames: RunFrames, tables: Mapping[str, pd.DataFrame], baseline: str) -> dict[str, alt.VConcatChart]:
+def profile_charts(
+    frames: RunFrames, tables: Mapping[str, pd.DataFrame], baseline: str, view: str = COMMON
+) -> dict[str, alt.VConcatChart]:
     """Return the charts of profiles by name: of each kind over all problems, and of all kinds by family.
 
     Args:
         frames: the run.
         tables: its ``profile_tables``.
         baseline: the solver that speed-ups are against.
+        view: the one of ``VIEWS`` that is shown; all problems where none is common, which the title says.
     """
-    named, shown = looks(frames.info.plan.solvers), {name: _of_all(table) for name, table in tables.items()}
+    named = looks(frames.info.plan.solvers)
+    shown = {name: _seen(table[table["family"] == ALL], view) for name, table in tables.items()}
+    over = _over(frames, shown["accuracy"], view)
     charts = {}
     for name in (*CURVES, "speedup"):
         table, levels = shown[name], profile_accuracies(frames) if "accuracy" in shown[name] else (None,)
@@ -78,13 +98,20 @@ def profile_charts(frames: RunFrames, tables: Mapping[str, pd.DataFrame], baseli
         ]
         row = alt.hconcat(*panels, spacing=30)
         charts[name] = _page(
-            frames, _TITLES[name], _NOTES[name].format(baseline), [row], len(panels), name != "speedup"
+            frames,
+            _TITLES[name],
+            [*([over] if name in CURVES else []), _NOTES[name].format(baseline)],
+            [row],
+            len(panels),
+            name != "speedup",
         )
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
-    return charts | ({"families": _families_chart(frames, tables, families)} if families else {})
+    return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
 
 
-def _families_chart(frames: RunFrames, tables: Mapping[str, pd.DataFrame], families: list[str]) -> alt.VConcatChart:
+def _families_chart(
+    frames: RunFrames, tables: Mapping[str, pd.DataFrame], families: list[str], view: str
+) -> alt.VConcatChart:
     """Return the three kinds of curves side by side, one row a family."""
     level, named = summary_accuracies(frames)[-1], looks(frames.info.plan.solvers)
     levels = profile_accuracies(frames)
@@ -93,24 +120,45 @@ def _families_chart(frames: RunFrames, tables: Mapping[str, pd.DataFrame], famil
     for family in families:
         panels = []
         for name in CURVES:
-            own = tables[name][tables[name]["family"] == family]
+            own = _seen(tables[name][tables[name]["family"] == family], view)
             own = own[own["accuracy"] == level] if "accuracy" in own else own
             of_level = f" to {exponent(level)}" if name != "accuracy" else ""
             title = f"{family}: {_TITLES[name].split()[0].lower()}{of_level}"
             panels.append(profile_panel(name, named, own).properties(width=WIDTH, height=HEIGHT, title=title))
         rows.append(alt.hconcat(*panels, spacing=30))
-    note = "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)
-    return _page(frames, "Profiles by family", note, rows, len(CURVES), True)
+    notes = [_FAMILY_VIEWS[view], "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)]
+    return _page(frames, "Profiles by family", notes, rows, len(CURVES), True)
+
+
+def _seen(table: pd.DataFrame, view: str) -> pd.DataFrame:
+    """Return the rows of a view; those of all problems where it has none, and the whole of a table without views."""
+    if "view" not in table:
+        return table
+    own = table[table["view"] == view]
+    return own if len(own) else table[table["view"] == EVERY]
+
+
+def _over(frames: RunFrames, shown: pd.DataFrame, view: str) -> str:
+    """Return what the shares of a view are of, as a title says it."""
+    count, solvers = int(shown["problems"].iloc[0]), shown["solver"].nunique()
+    all_problems = counted(frames.cases["problem"].nunique(), "problem")
+    if (shown["view"] == COMMON).all():
+        left_out = frames.cases["solver"].nunique() - solvers
+        without = f"; {counted(left_out, 'solver')} that support none left out" if left_out else ""
+        return f"over the {count} of {all_problems} that {solvers} solvers all support{without}"
+    none = "no problem is supported by all solvers: " if view == COMMON else ""
+    return f"{none}over all {all_problems}, unsupported ones counted as not solved"
 
 
 def _page(
-    frames: RunFrames, title: str, note: str, rows: list[alt.HConcatChart], columns: int, has_key: bool
+    frames: RunFrames, title: str, notes: list[str], rows: list[alt.HConcatChart], columns: int, has_key: bool
 ) -> alt.VConcatChart:
     """Return rows of panels under a title, with the state of the run, above a key of all solvers."""
     width = columns * (WIDTH + 60)
     names = looks(frames.info.plan.solvers)
     problems = counted(frames.cases["problem"].nunique(), "problem")
-    head = heading(title, [f"{problems}; {note}", *map(for_command_line, run_state(frames))], width)
+    lines = notes if notes[1:] else [f"{problems}; {notes[0]}"]
+    head = heading(title, [*lines, *map(for_command_line, run_state(frames))], width)
     return stacked([*rows, *([key(names, width)] if has_key else [])], head, {"color": "independent"}, spacing=20)
 
 
@@ -124,6 +172,7 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any) -> Any:
     """
     if name == "speedup":
         return _speedup_panel(named, data)
+    shares = f"share of {_counts(data)}" if isinstance(data, pd.DataFrame) else SHARE
     column, title, scale = {
         "performance": ("ratio", "time over the least of any solver", alt.Scale(type="log", nice=False)),
         "data": ("seconds", "time, preparing included [s]", alt.Scale(type="log", nice=False)),
@@ -134,7 +183,7 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any) -> Any:
     ticks = {"values": list(RESIDUALS)} if name == "accuracy" else {"tickCount": 6}
     base = alt.Chart(data).encode(
         x=across.axis(format=form, labelOverlap=True, **ticks),
-        y=alt.Y("share:Q", title="share of problems").scale(domain=[0.0, 1.0]).axis(format="%", tickCount=5),
+        y=alt.Y("share:Q", title=shares).scale(domain=[0.0, 1.0]).axis(format="%", tickCount=5),
         color=by_name(alt.Color, "solver", named, "colour"),
         tooltip="solver:N",
     )
@@ -168,6 +217,9 @@ def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
     return alt.LayerChart(layer=[tie, tick, mean])
 
 
-def _of_all(table: pd.DataFrame) -> pd.DataFrame:
-    chosen: pd.DataFrame = table[table["family"] == ALL]
-    return chosen
+def _counts(rows: pd.DataFrame) -> str:
+    """Return which problems the shares of rows are of: ``"5 common problems"``; problems without rows."""
+    if rows.empty:
+        return "problems"
+    count, kind = int(rows["problems"].iloc[0]), "common " if (rows["view"] == COMMON).all() else ""
+    return counted(count, f"{kind}problem")

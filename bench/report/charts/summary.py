@@ -45,10 +45,10 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
     """
     limit = frames.info.plan.limits.solve_seconds
     tried = attempts(frames, summary_accuracies(frames))
-    tried["milliseconds"] = 1e3 * tried["seconds"]
+    tried["milliseconds"] = 1e3 * tried["seconds"].where(~tried["excluded"])
     rows: list[dict[str, Any]] = []
     for (solver, accuracy), own in tried.groupby(["solver", "accuracy"], sort=False):
-        mean = 1e3 * mean_time(own["seconds"][own["common"]].to_numpy(), limit)
+        mean = 1e3 * mean_time(own["seconds"][own["compared"]].to_numpy(), limit)
         reached = f"{own['seconds'].notna().sum()} of {len(own)}"
         rows.append({"solver": solver, "accuracy": accuracy, "milliseconds": mean, "reached": reached})
     means = pd.DataFrame(rows)

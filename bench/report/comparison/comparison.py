@@ -75,7 +75,7 @@ class Comparison:
         ]
         said = "; ".join(part for part in parts if part)
         if self.obstacle:
-            return f"times are not compared ({self.obstacle}); {said or 'the same is solved'}"
+            return f"cannot tell what is slower or faster: {self.obstacle}; {said or 'the same is solved'}"
         if not self.decides:
             return f"times are undecided, {self._undecided}; {said or 'the same is solved'}"
         return said or f"no solver is slower or faster by more than {100 * self.slowdown:g} %, and the same is solved"

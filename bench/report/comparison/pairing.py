@@ -7,15 +7,23 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from ...errors import BenchError
-from ...store.condition import differences, machines_by_problem, other_hardware, refuse_unfit, warnings
+from ...store.condition import (
+    BUSY,
+    busy_cores,
+    differences,
+    machines_by_problem,
+    other_hardware,
+    refuse_unfit,
+    warnings,
+)
 from ...store.frames import RunFrames
 from ...store.records import Machine
 
-FREE = 0.9
-"""Slowness below which no core works: a run that has it in many rounds took a shared core for a free one."""
+SAME_SPEED = 0.08
+"""Part by which the median probes of two runs may differ."""
 
-FREE_SHARE = 0.05
-"""Share of the rounds, the least disturbed ones, whose slowness is looked at for that."""
+MOST_EXCLUDED = 0.5
+"""Share of excluded rounds above which a run compares with none."""
 
 MOST_NAMES = 5
 """Names that a sentence lists."""
@@ -82,7 +90,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
         _restricted(after, keys, tolerances),
         (*notes, *left_out),
         tuple(sorted(tolerances, reverse=True)),
-        f"the machines differ: {'; '.join(hardware)}" if hardware else _clock_obstacle(before, after),
+        f"the machines differ: {'; '.join(hardware)}" if hardware else _load_obstacle(before, after),
         solvers if changed else ours,
         not changed,
     )
@@ -125,15 +133,19 @@ def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float])
     return replace(run, cases=run.cases.merge(keys, on=CASE), points=points, rounds=rounds)
 
 
-def _clock_obstacle(before: RunFrames, after: RunFrames) -> str:
-    """Say why the clocks of two runs on one machine do not compare; empty if they do."""
+def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
+    """Return why times of two runs on one machine do not compare; empty if they do."""
+    if before.rounds.empty or after.rounds.empty:
+        return ""
     for run in (before, after):
-        slowness = run.rounds["slowness"]
-        if len(slowness) and slowness.quantile(FREE_SHARE) < FREE:
-            return f"{run.folder} took a shared core for a free one, so its times are too long; measure it again"
-    probed = [bool((run.rounds["slowness"] != 1.0).any()) for run in (before, after)]
-    if probed[0] != probed[1] and len(before.rounds) and len(after.rounds):
-        return "the times of one run are those on a free core, the others are not; measure the older one again"
+        share, busy = float((run.rounds["excluded"] != "").mean()), busy_cores(run.info)
+        if share > MOST_EXCLUDED:
+            return f"something else used the core in {100.0 * share:.0f} % of the rounds of {run.folder}"
+        if busy > BUSY:
+            return f"other programs used {busy:.1f} cores while {run.folder} was measured"
+    speed = float(after.rounds["probe_seconds"].median() / before.rounds["probe_seconds"].median())
+    if max(speed, 1.0 / speed) > 1.0 + SAME_SPEED:
+        return f"a fixed piece of work took {speed:.2f} times as long on the core while {after.folder} was measured"
     return ""
 
 

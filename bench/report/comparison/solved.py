@@ -4,7 +4,6 @@ import pandas as pd
 
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
-from ...store.records import UNDISTURBED
 from .pairing import CASE, Pairing
 from .times import reaching_tolerances
 
@@ -12,7 +11,7 @@ SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"
 """What can change: reached now and not before, the other way round, and not reached because time was short."""
 
 SHARED = 2.0
-"""Times as long a solve can take on a core that something else shares."""
+"""Factor by which a solve can take longer on a core that something else shares."""
 
 CHANGES = [*CASE, "accuracy", "change", "reason"]
 """Columns of ``compared_solved``."""
@@ -21,8 +20,8 @@ CHANGES = [*CASE, "accuracy", "change", "reason"]
 def compared_solved(pairing: Pairing) -> pd.DataFrame:
     """Return one row for each solver, problem and accuracy that one of two runs reaches alone, columns ``CHANGES``.
 
-    Undecided is what ends at a limit of time, of a solve or of a case, that a shared core can explain: its process
-    waited, the limits are not the same, or the run that reaches it took more than 1/``SHARED`` of the limit.
+    Undecided is what ends at a limit of time, of a solve or of a case, that a shared core can explain: all its rounds
+    are excluded, the limits are not the same, or the run that reaches it took more than 1/``SHARED`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]
@@ -55,10 +54,8 @@ def _ending(
     point = finer.sort_values("tolerance").iloc[-1]
     reason = f"{point['outcome']}, {point['reason'] or 'judged residual {:.0e}'.format(point['residual'])}"
     limits = [run.info.plan.limits.solve_seconds for run in (own, other)]
-    rounds = _of_case(other.rounds, case)
-    waited = bool((rounds["cpu"][rounds["tolerance"] == point["tolerance"]] < UNDISTURBED).all())
-    taken = _of_case(own.points, case).set_index("tolerance")["solve_seconds"][tolerance]
-    short = waited or limits[0] != limits[1] or taken * SHARED > limits[1]
+    taken = _of_case(own.points, case).set_index("tolerance")["total_seconds"][tolerance]
+    short = bool(point["is_excluded"]) or limits[0] != limits[1] or taken * SHARED > limits[1]
     return bool(point["outcome"] == Outcome.TIME_LIMIT and short), reason
 
 

@@ -107,7 +107,8 @@ def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the passes of all points that both runs reach, and the points."""
     key, parts, rounds = [*CASE, "accuracy"], [], []
     for side, run in enumerate((pairing.before, pairing.after)):
-        own = reaching_tolerances(run, pairing.accuracies).merge(_undisturbed(run.rounds), on=[*CASE, "tolerance"])
+        kept = run.rounds[(run.rounds["total_seconds"] > 0.0) & (run.rounds["excluded"] == "")]
+        own = reaching_tolerances(run, pairing.accuracies).merge(kept, on=[*CASE, "tolerance"])
         own = own.assign(side=side, time=np.log(own["total_seconds"]))
         rounds.append(own)
         parts.append(own.groupby([*key, "side", "session", "number"], sort=False)["time"].min().reset_index())
@@ -126,12 +127,6 @@ def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
         medians = [float(np.exp(np.median(time))) for time in times]
         rows.append((*name, *medians, medians[1] / medians[0], *found[1:]))
     return passes, pd.DataFrame(rows, columns=POINTS)
-
-
-def _undisturbed(rounds: pd.DataFrame) -> pd.DataFrame:
-    """Return the rounds that are not marred; a point that others disturbed in all of its rounds compares with none."""
-    timed: pd.DataFrame = rounds[(rounds["total_seconds"] > 0.0) & ~rounds["is_marred"].astype(bool)]
-    return timed
 
 
 def _cases(points: pd.DataFrame) -> pd.DataFrame:

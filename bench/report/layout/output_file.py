@@ -9,7 +9,7 @@ from ....problems.catalog.atomic_file import replacing
 from ....problems.errors import said
 from ....problems.spelling import either, option, switch
 from ...errors import BenchError, UnwritableError
-from ...store.links import refuse_links_out
+from ...store.store import refuse_links_out
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
 """Endings of pictures and pages that are never part of a name."""

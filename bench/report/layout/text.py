@@ -1,4 +1,4 @@
-"""Words and text in reports: numbers of things, JSON, and text of others that stays text in Markdown."""
+"""Words and text in reports: numbers of things, JSON, and text of others that stays text in Markdown and CSV."""
 
 import json
 import shutil
@@ -8,6 +8,10 @@ from typing import Any
 
 PIPE_WIDTH = 1000
 """Characters of a line that goes to a file or a pipe: names and commands stay in one piece there."""
+
+
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
+"""What a spreadsheet takes as the beginning of a formula, after OWASP's page on CSV injection."""
 
 
 def output_width() -> int:
@@ -27,6 +31,29 @@ def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> 
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
+def csv_content(table: Any) -> bytes:
+    """Return a frame of pandas as a CSV file, in which a spreadsheet runs nothing.
+
+    A text that begins like a formula gets an apostrophe before it, by which spreadsheets show it as text; texts that
+    are numbers, and all other values, stay as they are. Carriage returns become line feeds.
+    """
+    content: str = table.rename(columns=_inert).map(_inert).to_csv(index=False)
+    return content.encode()
+
+
+def _inert(value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    text = value.replace("\r\n", "\n").replace("\r", "\n")  # pandas quotes no \r, which would end the row
+    if not text.startswith(FORMULA_STARTS):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
 def print_json(document: Any) -> None:
     """Print one JSON document."""
     print(json.dumps(document, indent=1, ensure_ascii=False), flush=True)
@@ -43,6 +70,6 @@ def counted(number: int, noun: str, many: str = "") -> str:
     return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
-def unsolved_words(number: int, steps: int, tolerance: float) -> str:
+def unsolved_words(number: int, steps: int, tolerance: str) -> str:
     """Say how many of all steps are not solved: ``"1 of 20 steps is not solved to 1e-04"``."""
-    return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance:.0e}"
+    return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance}"

@@ -2,6 +2,14 @@
 
 const MARKS = { actions: false, ast: true, defaultStyle: false, mode: "vega", renderer: "svg" };
 
+const SHARE = "share_title";
+
+// Lets the axis of shares of a specification take its title from a signal.
+function nameShares(chart, title, value) {
+  chart.signals = [...(chart.signals ?? []), { name: SHARE, value }];
+  for (const axis of chart.axes ?? []) if (axis.title === title) axis.title = { signal: SHARE };
+}
+
 // Charts of one kind in one place, one for each group of rows, redrawn as the rows change.
 class Figure {
   // With `across`, a group whose rows have one value of that name is not drawn: an axis needs two.
@@ -17,7 +25,7 @@ class Figure {
     this.tools = element("div", { class: "tools" }, csvButton);
   }
 
-  // Groups: {label, rows}.
+  // Groups: {label, rows, axis}; `axis` is what shares are of.
   show(groups) {
     this.groups = groups;
     this.drawn = this.drawn.then(() => this.redraw()).catch((error) => console.error(error));
@@ -35,7 +43,7 @@ class Figure {
     while (this.plots.length < groups.length) this.plots.push(this.plot());
     const plots = element("div", { class: "plots" }, this.plots.map((plot) => plot.home));
     this.home.replaceChildren(plots, ...(groups.some(({ rows }) => rows.length) ? [this.tools] : []));
-    for (const [k, { label, rows }] of groups.entries()) await this.draw(this.plots[k], label, rows);
+    for (const [k, group] of groups.entries()) await this.draw(this.plots[k], group);
   }
 
   plot() {
@@ -49,7 +57,7 @@ class Figure {
     return plot;
   }
 
-  async draw(plot, label, rows) {
+  async draw(plot, { label, rows, axis }) {
     plot.title.textContent = label;
     plot.title.hidden = !label;
     if (!rows.length || (this.across && rows.every((row) => row[this.across] === rows[0][this.across]))) {
@@ -60,12 +68,14 @@ class Figure {
     }
     const width = plot.drawing.clientWidth || 480;
     if (plot.view) {
+      if (axis) plot.view.signal(SHARE, axis);
       await plot.view.data(this.run.rows, structuredClone(rows)).width(width).runAsync();
       return;
     }
     const chart = structuredClone(this.run.charts[this.name]);
     chart.data.find((data) => data.name === this.run.rows).values = structuredClone(rows);
     chart.width = width;
+    if (axis) nameShares(chart, this.run.share, axis);
     const tooltip = (handler, event, item, value) => {
       const texts = value && typeof value === "object" ? Object.entries(value).map((pair) => pair.join(": ")) : [value ?? ""];
       plot.drawing.title = texts.join("\n");

@@ -22,9 +22,10 @@ from ...store.records import Machine, RunRecord
 from ...store.store import plain_name
 from ..accuracy import SHIFT_SECONDS, counted_cases, summary_accuracies
 from ..charts.palette import looks
+from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
-from ..tables import ending
+from ..tables import case_notes, ending
 from .commands import option, protocol_options, run_command
 
 LONGEST_TEXT = 4000
@@ -44,11 +45,11 @@ RECORDINGS = "recordings"
 
 _UP = Context(prec=6, rounding=ROUND_CEILING)
 
-_OF_ENDING = ("tolerance", "outcome", "status", "reason", "model_residual")
+_OF_ENDING = ("tolerance", "outcome", "status", "reason", "model_residual", "notes")
 """Columns of points that say how a case ended."""
 
-_COUNTS, _CLAIMS = 1, 2
-"""Marks of points: one that may reach an accuracy, one that says so itself."""
+_COUNTS, _CLAIMS, _EXCLUDED = 1, 2, 4
+"""Marks of points: one that may reach an accuracy, one that says so itself, one whose time is excluded."""
 
 
 def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
@@ -65,7 +66,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
     accuracies = sorted({*info.plan.tolerances, *profile_accuracies(frames)}, reverse=True)
     return {
         "run": _about(frames),
-        "machine": _machine(info),
+        "machine": _machine(frames),
         "accuracies": accuracies,
         "profiles": list(profile_accuracies(frames)),
         "accuracy": summary_accuracies(frames)[-1],
@@ -79,6 +80,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         "cases": _cases(frames, problems, solvers, texts),
         "charts": templates({name: named[name] for name in solvers}, frames.residual),
         "rows": ROWS,
+        "share": SHARE,
         "texts": texts.all,
     }
 
@@ -116,9 +118,10 @@ def _about(frames: RunFrames) -> dict[str, Any]:
     }
 
 
-def _machine(info: RunRecord) -> dict[str, list[tuple[str, str]]]:
+def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     """Return tables of names and values: the machine, versions, the protocol, sessions and plugins."""
-    plan, factor = info.plan, drift(info)
+    info, factor = frames.info, drift(frames)
+    plan = info.plan
     limits = plan.limits
     protocol = {
         "passes": plan.passes,
@@ -127,7 +130,7 @@ def _machine(info: RunRecord) -> dict[str, list[tuple[str, str]]]:
         "time of a solve": f"{limits.solve_seconds:g} s",
         "time of a case": f"{limits.case_seconds:g} s",
         "memory of a case": f"{limits.memory_bytes / 2**20:.0f} MiB",
-        "drift": "unknown" if np.isnan(factor) else f"{factor:.2f} (slowest / fastest reference workload)",
+        "probes": "unknown" if np.isnan(factor) else f"90 % over 10 % quantile: {factor:.2f}",
     }
     machines = {one.host for one in info.sessions if one.machine is not None}
     names = [f"{one.started} on {one.host}" if len(machines) > 1 else one.started for one in info.sessions]
@@ -221,14 +224,15 @@ def _cases(frames: RunFrames, problems: list[str], solvers: list[str], texts: _T
     columns: dict[str, list[Any]] = {}
     for place, case in zip(frames.cases.index, frames.cases.to_dict("records"), strict=True):
         name = case["problem"], case["solver"]
-        outcome, reason = ending(case, attempts.get(name, measured.iloc[:0]))
+        of_case = attempts.get(name, measured.iloc[:0])
+        outcome, reason = ending(case, of_case)
         own = places.get(name, ())
         row = {
             "problem": problems.index(name[0]),
             "solver": solvers.index(name[1]),
             "supported": int(place in counted),
             "outcome": outcome,
-            "reason": texts.number(reason),
+            "reason": texts.number("; ".join(filter(None, (reason, case_notes(of_case))))),
             "traceback": texts.number(case["traceback"][-LONGEST_TEXT:]),
             "stderr": texts.number(case["stderr"][-LONGEST_TEXT:]),
             "wall": _digits([case["wall_seconds"]], 4)[0],
@@ -246,12 +250,13 @@ def _points(frames: RunFrames, texts: _Texts) -> list[list[Any]]:
     points, plan = frames.points, frames.info.plan
     counts = points.index.isin(reaching(points, np.inf, plan.limits.solve_seconds).index)
     marks = _COUNTS * counts + _CLAIMS * (points["status"] == Status.SOLVED).to_numpy(dtype=bool)
+    marks += _EXCLUDED * points["is_excluded"].fillna(False).to_numpy(dtype=bool)
     distances = np.abs(np.subtract.outer(np.log(points["tolerance"].to_numpy()), np.log(plan.tolerances)))
     outcomes = {one.value: number for number, one in enumerate(Outcome)}
     return [
         distances.argmin(axis=1).tolist(),
         [outcomes[outcome] for outcome in points["outcome"]],
-        [texts.number(reason) for reason in points["reason"]],
+        [texts.number("; ".join(filter(None, both))) for both in zip(points["reason"], points["notes"], strict=True)],
         marks.astype(int).tolist(),
         [None if np.isnan(count) else int(count) for count in points["iterations"].tolist()],
         [_rounded_up(value) for value in points["residual"].tolist()],

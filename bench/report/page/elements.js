@@ -59,14 +59,14 @@ function swatch(solver) {
   return drawing;
 }
 
-// A table that its heads sort. Columns: {name, numeric}; cells: {text, value, node, best, share}, or texts.
+// A table that its heads sort. Columns: {name, numeric}; cells: {text, value, node, share}, or texts.
 function table(columns, rows, caption) {
   const body = element("tbody");
   let sorted = null;
   const show = (ordered) => body.replaceChildren(...ordered.map((row) => element("tr", {}, row.map(cell))));
   function cell(one, index) {
-    const { text, node, best, share } = typeof one === "object" ? one : { text: one };
-    const kinds = [columns[index].numeric ? "number" : "words", best ? "best" : "", share === undefined ? "" : "share"];
+    const { text, node, share } = typeof one === "object" ? one : { text: one };
+    const kinds = [columns[index].numeric ? "number" : "words", share === undefined ? "" : "share"];
     const made = element("td", { class: kinds.filter(Boolean).join(" ") }, node ?? text ?? NONE);
     if (share !== undefined) made.style.setProperty("--share", `${Math.round(100 * share)}%`);
     return made;

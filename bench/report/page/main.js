@@ -11,7 +11,7 @@ const FILTERS = {
 };
 const chosen = {
   ...Object.fromEntries(Object.entries(FILTERS).map(([name, values]) => [name, new Set(values)])),
-  fewest: 0, most: Infinity, name: "", accuracy: run.accuracy, baseline: run.baseline, split: false,
+  fewest: 0, most: Infinity, name: "", accuracy: run.accuracy, baseline: run.baseline, split: false, isCommon: true,
 };
 const open = { problem: 0, solver: null };
 const figures = Object.fromEntries(["performance", "data", "accuracy", "speedup"].map((name) => [name, new Figure(run, name, name)]));
@@ -27,6 +27,7 @@ function currentView() {
     solvers: everything(run.solvers).filter((solver) => chosen.solver.has(solver) && chosen.model.has(run.solvers[solver].model)),
     accuracy: chosen.accuracy,
     baseline: chosen.baseline,
+    isCommon: chosen.isCommon,
   };
 }
 
@@ -42,8 +43,13 @@ async function render() {
   place("baseline-name").textContent = run.solvers[view.baseline].name;
   const tables = { summary: summaryTable, budgets: budgetsTable, families: familiesTable, problems: problemsTable, endings: endingsTable };
   for (const [name, made] of Object.entries(tables)) fill(`${name}-table`, made(view));
-  const drawn = Object.entries(figures).map(([name, figure]) =>
-    figure.show(parts.map(({ family, ...part }) => ({ label: family, rows: part.problems.length ? PROFILES[name](part) : [] }))));
+  place("profiles-over").textContent = `Shares ${profileView(view, view.isCommon).over}.`;
+  const group = (name, { family, ...part }) => {
+    const own = name === "accuracy" ? part : comparedView(part);
+    const shown = name === "speedup" ? own : profileView(own, view.isCommon);
+    return { label: family, rows: part.problems.length ? PROFILES[name](shown) : [], axis: shown.axis };
+  };
+  const drawn = Object.entries(figures).map(([name, figure]) => figure.show(parts.map((part) => group(name, part))));
   await Promise.all([...drawn, renderDetail(view)]);
 }
 
@@ -100,6 +106,7 @@ function buildFilters() {
   fill("filters", element("details", { open: isWide }, element("summary", {}, "Filters"),
     select("Accuracy", accuracies, run.accuracies.indexOf(run.accuracy), (index) => { chosen.accuracy = run.accuracies[index]; render(); }),
     select("Baseline", run.solvers.map((solver) => solver.name), run.baseline, (index) => { chosen.baseline = index; render(); }),
+    select("Profiles over", ["common problems", "all problems"], 0, (index) => { chosen.isCommon = index === 0; render(); }),
     element("label", {}, split, "profiles by family"),
     element("label", { class: "field" }, "Problem", name),
     element("fieldset", {}, element("legend", {}, "Size [contacts]"),

@@ -3,6 +3,7 @@
 
 const COUNTS = 1;
 const CLAIMS = 2;
+const EXCLUDED = 4;
 const ROOM = 1.1; // of the last corner of a profile to the largest value
 const POINT = ["tolerance", "outcome", "reason", "marks", "iterations", "residual", "own", "prepare", "seconds", "low", "high"];
 
@@ -32,6 +33,19 @@ function timeTo(one, accuracy) {
     if (reaches(point, accuracy) && point.seconds !== null && !(least <= point.seconds)) least = point.seconds;
   }
   return least;
+}
+
+// Whether that time is of excluded rounds alone, so that it takes part in no comparison.
+function isExcluded(one, accuracy) {
+  const least = timeTo(one, accuracy);
+  const found = one?.points.find((point) => reaches(point, accuracy) && point.seconds === least);
+  return Boolean(found && found.marks & EXCLUDED);
+}
+
+// The view without the problems of which a solver shown has an excluded time.
+function comparedView(view) {
+  const isCompared = (problem) => !view.solvers.some((solver) => isExcluded(view.run.at(problem, solver), view.accuracy));
+  return { ...view, problems: view.problems.filter(isCompared) };
 }
 
 // The least residual of a case that counts; NaN without one.
@@ -64,7 +78,8 @@ function summary(view) {
   const supporters = new Map();
   for (const { cases } of tried) for (const one of cases) supporters.set(one.problem, (supporters.get(one.problem) ?? 0) + 1);
   const isCommon = (one) => supporters.get(one.problem) === tried.length;
-  const gains = speedups(view);
+  const gains = speedups(comparedView(view));
+  const compared = new Set(comparedView(view).problems);
   return tried.map(({ solver, cases }) => {
     const seconds = cases.map((one) => timeTo(one, accuracy));
     const own = gains.filter((row) => row.number === solver).map((row) => Math.log(row.speedup));
@@ -74,9 +89,9 @@ function summary(view) {
       common: cases.filter(isCommon).length,
       says: cases.filter((one) => claims(one, accuracy)).length,
       correct: seconds.filter((time) => !Number.isNaN(time)).length,
-      mean: meanTime(run.run, seconds.filter((_, k) => isCommon(cases[k]))),
-      ownMean: meanTime(run.run, seconds),
-      fastest: cases.filter((one, k) => seconds[k] === virtualBest(view, one.problem)).length,
+      mean: meanTime(run.run, seconds.filter((_, k) => isCommon(cases[k]) && compared.has(cases[k].problem))),
+      ownMean: meanTime(run.run, seconds.filter((_, k) => !isExcluded(cases[k], accuracy))),
+      fastest: cases.filter((one, k) => compared.has(one.problem) && seconds[k] === virtualBest(view, one.problem)).length,
       speedup: own.length ? Math.exp(mean(own)) : NaN,
       compared: own.length,
       wrong: cases.flatMap((one) => one.points).filter((point) => point.outcome === "wrong").length,
@@ -87,6 +102,32 @@ function summary(view) {
 const virtualBest = (view, problem) => least(view.solvers.map((solver) => timeTo(view.run.at(problem, solver), view.accuracy)));
 const least = (values) => values.reduce((low, value) => (Number.isNaN(value) || low <= value ? low : value), NaN);
 const most = (values) => -least(values.map((value) => -value));
+
+// Solvers of a view that support any of its problems, and the problems that all of these support.
+function commonView(view) {
+  const supports = (problem, solver) => Boolean(view.run.at(problem, solver)?.supported);
+  const solvers = view.solvers.filter((solver) => view.problems.some((problem) => supports(problem, solver)));
+  const problems = solvers.length ? view.problems.filter((problem) => solvers.every((solver) => supports(problem, solver))) : [];
+  return { ...view, problems, solvers };
+}
+
+// The part of a view that profiles are over, and what their shares are of, in a note and on an axis.
+function profileView(view, isCommon) {
+  const own = isCommon ? commonView(view) : view;
+  const plural = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
+  const all = plural(view.problems.length, "problem");
+  if (isCommon && own.problems.length) {
+    const without = view.solvers.length - own.solvers.length;
+    const left = without ? `; ${plural(without, "solver")} that support none left out` : "";
+    return {
+      ...own,
+      over: `over the ${own.problems.length} of ${all} that ${own.solvers.length} solvers all support${left}`,
+      axis: `share of ${plural(own.problems.length, "common problem")}`,
+    };
+  }
+  const none = isCommon && view.problems.length ? "no problem is supported by all solvers: " : "";
+  return { ...view, over: `${none}over all ${all}, unsupported ones counted as not solved`, axis: `share of ${all}` };
+}
 
 // Corners of the stairs by which the share of values at most x grows with x, one staircase a solver.
 function stairs(view, values, column, first, last) {

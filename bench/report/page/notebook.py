@@ -16,10 +16,10 @@ def run_page(frames: RunFrames) -> str:
     n_problems, n_solvers = len(info.plan.problems), len(info.plan.solvers)
     counts = f"{n_problems} problems, {n_solvers} solvers"
     if frames.is_study:
-        counts = f"{headline(info.plan.trajectories[0])}, {n_solvers} methods"
+        counts = f"{headline(info.plan, info.plan.problems[0])}, {n_solvers} methods"
     lines = [f"<h4>{escape(info.run_id)}: {counts}</h4>"]
     lines += [f"<p><strong>{escape(for_python(warning))}</strong></p>" for warning in warnings(frames)]
-    lines += [f"<p>{escape(sentence)}</p>" for sentence in (*basis(frames), steadiness(info))]
+    lines += [f"<p>{escape(sentence)}</p>" for sentence in (*basis(frames), steadiness(frames))]
     if frames.is_study:
         lines.append(points_table(frames).to_html(index=False, border=0, escape=True, na_rep="–"))
     elif len(summary := summary_table(frames)):

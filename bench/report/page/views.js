@@ -5,20 +5,19 @@ const problemLink = (run, problem) =>
   ({ node: element("a", { href: `#problem-${problem}` }, run.problems[problem].name), value: run.problems[problem].name });
 const caseLink = (run, one, text) =>
   ({ node: element("a", { href: `#case-${one.problem}-${one.solver}` }, text), value: text });
-const timeCell = (seconds) => ({ text: duration(seconds), value: seconds });
+const timeCell = (seconds, excluded = false) => ({ text: duration(seconds) + (excluded ? "*" : ""), value: seconds });
 const counts = (part, all) => ({ text: `${part}/${all}`, value: all ? part / all : NaN, share: all ? part / all : 0 });
 const numeric = (name) => ({ name, numeric: true });
 
 function summaryTable(view) {
   const rows = summary(view);
-  const leastMean = least(rows.map((row) => row.mean));
   const columns = [{ name: "solver" }, { name: "model" }, ...["says", "true", "mean", "own mean", "fastest", "speed-up", "wrong"].map(numeric)];
   return table(columns, rows.map((row) => [
     solverCell(view.run.solvers[row.solver]),
     view.run.solvers[row.solver].model,
     { text: `${row.says}/${row.problems}`, value: row.says / row.problems },
     counts(row.correct, row.problems),
-    { ...timeCell(row.mean), best: row.mean === leastMean },
+    timeCell(row.mean),
     timeCell(row.ownMean),
     { text: row.fastest, value: row.fastest },
     row.solver === view.baseline
@@ -30,7 +29,7 @@ function summaryTable(view) {
 
 function budgetsTable(view) {
   const columns = [{ name: "solver" }, ...view.run.budgets.map((budget) => numeric(`within ${duration(budget)}`))];
-  const rows = budgets(view).map(({ solver, solved, problems }) =>
+  const rows = budgets(profileView(comparedView(view), view.isCommon)).map(({ solver, solved, problems }) =>
     [solverCell(view.run.solvers[solver]), ...solved.map((number) => counts(number, problems))]);
   return table(columns, rows, "Problems solved within a time");
 }
@@ -58,14 +57,15 @@ function problemsTable(view) {
     const tried = view.solvers.map((solver) => run.at(problem, solver)).filter((one) => one?.supported);
     const seconds = tried.map((one) => timeTo(one, view.accuracy));
     const best = virtualBest(view, problem);
-    const fastest = tried[seconds.indexOf(best)];
+    const isCompared = comparedView({ ...view, problems: [problem] }).problems.length > 0;
+    const fastest = isCompared ? tried[seconds.indexOf(best)] : undefined;
     const residual = least(tried.map(bestResidual));
     return [
       problemLink(run, problem), about.family, about.law,
       { text: about.contacts, value: about.contacts }, { text: about.rows, value: about.rows },
       counts(seconds.filter((time) => !Number.isNaN(time)).length, tried.length),
       fastest ? caseLink(run, fastest, run.solvers[fastest.solver].name) : { text: NONE, value: null },
-      timeCell(best), { text: power(residual), value: residual },
+      timeCell(best, !isCompared), { text: power(residual), value: residual },
     ];
   });
   return table(columns, rows, "Problems");
@@ -124,14 +124,15 @@ function problemView(view, problem) {
   const { run } = view;
   const about = run.problems[problem];
   const columns = [{ name: "solver" }, ...["time", "over the best", "residual", "iterations"].map(numeric), { name: "ended" }, { name: "why" }];
-  const best = virtualBest(view, problem);
+  const isCompared = comparedView({ ...view, problems: [problem] }).problems.length > 0;
+  const best = isCompared ? virtualBest(view, problem) : NaN;
   const rows = view.solvers.map((solver) => run.at(problem, solver)).filter(Boolean).map((one) => {
     const seconds = timeTo(one, view.accuracy);
     const residual = bestResidual(one);
     const finest = one.points.find((point) => reaches(point, residual));
     return [
       { ...caseLink(run, one, run.solvers[one.solver].name), value: run.solvers[one.solver].name },
-      { ...timeCell(seconds), best: seconds === best }, { text: digits(seconds / best, 3), value: seconds / best },
+      timeCell(seconds, isExcluded(one, view.accuracy)), { text: digits(seconds / best, 3), value: seconds / best },
       { text: power(residual), value: residual }, { text: finest?.iterations ?? NONE, value: finest?.iterations ?? NaN },
       one.outcome, run.texts[one.reason],
     ];
@@ -156,7 +157,7 @@ function caseView(view, one) {
   const rows = one.points.map((point) => [
     { text: power(point.tolerance), value: point.tolerance }, { text: power(point.residual, 3), value: point.residual },
     { text: power(point.own, 3), value: point.own }, point.outcome,
-    { text: point.iterations ?? NONE, value: point.iterations }, timeCell(point.prepare ?? NaN), timeCell(point.seconds ?? NaN),
+    { text: point.iterations ?? NONE, value: point.iterations }, timeCell(point.prepare ?? NaN), timeCell(point.seconds ?? NaN, point.marks & EXCLUDED),
     { text: point.low === null ? NONE : `${duration(point.low)} to ${duration(point.high)}`, value: point.low },
     run.texts[point.reason],
   ]);

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ...arrays import FloatArray
+from ...contact.coupling import row_lengths
 from ...contact.problem import ContactProblem
-from ...contact.residual import row_lengths
 from ...errors import ProblemError
 from .contents import LocalContents
 from .conversion import LARGEST_ASYMMETRY, Asymmetry, problem_of

@@ -51,3 +51,14 @@ def test_a_terminal_shows_how_many_are_done_and_the_table_of_the_last_problem() 
     assert "funnel-100 · 122 contacts" in text.getvalue()
     assert "SafeguardedSORprox" in text.getvalue()
     assert "funnel-1000" not in text.getvalue()
+
+
+def test_a_study_shows_its_work_and_counts_its_points_from_the_start() -> None:
+    text = io.StringIO()
+    with RunProgress(Console(file=text, force_terminal=True, width=120)) as shown:
+        shown(RunStarted(Path("run"), 2, 0, points=7, points_done=2, work="7 points, 35 simulations"))
+        shown(ProblemStarted("bouncing_ball"))
+        shown(PointFinished("bouncing_ball", "Moreau with SORprox", 1e-3))
+    assert "to do: 7 points, 35 simulations" in text.getvalue()
+    assert "3/7" in text.getvalue()
+    assert "/?" not in text.getvalue().split("to do")[1]

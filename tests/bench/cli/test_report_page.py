@@ -42,6 +42,48 @@ def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mista
     assert "did you mean 'NSGS'?" in mistake(f"report {REFERENCE} {switch} --baseline NSG")
 
 
+@pytest.fixture
+def faultless(copied: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run whose exit code is that of its files alone: what its solvers did counts as no fault."""
+    monkeypatch.setattr("proxbench.bench.cli.run._has_failed", lambda frames: False)
+    return copied
+
+
+@pytest.mark.parametrize("options", [["--no-charts"], ["--problem", "funnel-30"]])
+def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
+    options: list[str], faultless: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["report", str(faultless), *options]) == 0
+    capsys.readouterr()
+    file = next(faultless.glob("cases/funnel-30--SORprox.json"))
+    file.write_bytes(file.read_bytes()[:-40])
+    assert run_command(["report", str(faultless), *options]) == 1
+    printed = capsys.readouterr()
+    assert "funnel-30" in printed.out
+    assert f"proxbench: {file.name} is left out: " in printed.err
+
+
+@pytest.mark.parametrize(
+    "options", [["--no-charts"], ["--html"], ["--problem", "funnel-30"], ["--quiet", "--no-charts"]]
+)
+def test_a_run_of_damaged_cases_is_refused_by_their_names(
+    options: list[str], faultless: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = sorted(faultless.glob("cases/*.json"))
+    for file in files:
+        file.write_bytes(b"{}")
+    assert run_command(["report", str(faultless), *options]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(f"proxbench: no case of {faultless} can be read: {files[0].name}, ")
+    assert f" and {len(files) - 5} more; " in printed.err
+    assert printed.err.count("\n") == 1
+
+
+def test_profiles_over_unknown_problems_are_refused(mistake: Callable[[str], str]) -> None:
+    assert "did you mean 'common'?" in mistake(f"report {REFERENCE} --profiles comon")
+
+
 @pytest.mark.slow
 def test_a_run_without_cases_has_no_page(
     finished_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -58,7 +100,14 @@ def test_a_run_without_cases_has_no_page(
 
 @pytest.mark.parametrize(
     "options",
-    ["--html --problem funnel-100", "--html --no-charts", "--html --quiet --json", "--baseline NSGS --problem x"],
+    [
+        "--html --profiles all",
+        "--no-charts --profiles all",
+        "--html --problem funnel-100",
+        "--html --no-charts",
+        "--html --quiet --json",
+        "--baseline NSGS --problem x",
+    ],
 )
 def test_options_that_exclude_each_other_are_refused(options: str, mistake: Callable[[str], str]) -> None:
     sentence = mistake(f"report {REFERENCE} {options}")

@@ -6,9 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from proxbench.bench import load, study
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.measure.execution.events import Event, PointFinished, RunStarted
 from proxbench.bench.measure.trajectories import defaults
+from proxbench.bench.store.store import Store
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +44,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --output a.json", "name the folder"),
         ("funnel --study --case-seconds 0", "case_seconds must be positive"),
         ("funnel --study --solver SORprx", "'SORprox'"),
+        ("funnel --study --start hot", "there is no start 'hot'"),
         ("funnel --solver SORprox --solver Jprox", "one solver"),
         ("funnel --solve-seconds 3", "leave --solve-seconds out"),
         ("--study --resume nowhere.npz", "holds no study"),
@@ -85,7 +89,7 @@ def test_a_study_is_shown_again_by_whatever_shows_a_run(
     before = {file: file.read_bytes() for file in (folder / "cases").iterdir()}
     assert run_command(line.format(folder).split()) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "sliding_sphere · 0.01 s · error of the last position" in printed
+    assert "sliding_sphere · 0.01 s · warm starts · error of the last position" in printed
     assert "Moreau with SORprox" in printed
     assert "least median time of a simulation, to that error" in printed
     assert (folder / "tables" / "points.csv").is_file()
@@ -95,7 +99,7 @@ def test_a_study_is_shown_again_by_whatever_shows_a_run(
 
 @pytest.mark.slow
 def test_what_is_stored_with_a_study_cannot_be_changed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for given in ("--duration 3", "--solver NSGS", "--case-seconds 9", "woodpecker"):
+    for given in ("--duration 3", "--solver NSGS", "--case-seconds 9", "--start cold", "woodpecker"):
         assert run_command(f"simulate --resume {folder} {given}".split()) == 2
         assert "is stored with the study and cannot be changed" in capsys.readouterr().err
 
@@ -118,3 +122,37 @@ def test_a_study_of_an_older_version_is_refused_in_one_sentence(
         printed = capsys.readouterr().err
         assert printed.count("\n") == 1
         assert "proxbench simulate SCENE --study" in printed
+
+
+def test_a_run_over_contact_problems_is_no_simulation_to_resume(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = Store.open(folder)
+    record = store.read_run()
+    store.write_run(replace(record, plan=replace(record.plan, methods=[], trajectories=[])))
+    before = sorted(folder.rglob("*"))
+    assert run_command(f"simulate --resume {folder} --no-progress".split()) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "is a run over contact problems, not a simulation" in printed.err
+    assert f"proxbench run --resume {folder}" in printed.err
+    assert printed.err.count("\n") == 1
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    ladder = {"Moreau with SORprox": (2e-3,)}
+    for scene, moves in (("stack", False), ("sliding_sphere", True)):
+        made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
+        assert run_command(["report", str(made.folder), "--no-charts"]) == 0
+        assert ("moves in 0.01 s: errors have no motion" in " ".join(capsys.readouterr().out.split())) is not moves
+
+
+def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) -> None:
+    events: list[Event] = []
+    ladder = {"Moreau with SORprox": (2e-3, 1e-3), "Extrapolated with SORprox": (1e-3,)}
+    study("sliding_sphere", results=tmp_path, duration=0.01, members=[1.0, 2.0], methods=ladder, on_event=events.append)
+    started = events[0]
+    assert isinstance(started, RunStarted)
+    assert started.points == sum(isinstance(event, PointFinished) for event in events) == 3
+    assert started.work == "3 points, 6 simulations, 45 steps in those of a fixed size"

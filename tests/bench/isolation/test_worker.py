@@ -1,5 +1,6 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
+import itertools
 from collections.abc import Iterator
 
 import psutil
@@ -17,13 +18,13 @@ from proxbench.problems import load
 from proxbench.problems.catalog.storage import problem_bytes
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
-ENDLESS = {"sleep", "spin"}
-"""Actions that only a time limit ends; the others have all the time that they need on a busy machine."""
+ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
+"""Time limits of actions that nothing else ends [s]; the others have all the time that they need on a busy machine."""
 
 
 def carried_out(action: str) -> Case:
     problem = load("hard-sticking-box")
-    limits = replace(LIMITS, case_seconds=1.0) if action in ENDLESS else LIMITS
+    limits = replace(LIMITS, case_seconds=ENDLESS.get(action, LIMITS.case_seconds))
     case = Case(problem, contestant(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
     try:
         case.begin()
@@ -45,6 +46,10 @@ def carried_out(action: str) -> Case:
         ("sleep", Outcome.TIMEOUT, "its 1 s"),
         ("spin", Outcome.TIMEOUT, "its 1 s"),
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
+        ("allocate for ever", Outcome.OUT_OF_MEMORY, "it filled its 256 MB of memory and did not end in time"),
+        ("allocate in c", Outcome.OUT_OF_MEMORY, "as its 256 MB of memory were full"),
+        ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor"),
+        ("die", Outcome.CRASHED, "killed by SIGKILL"),
         ("none", Outcome.MISBEHAVED, "NoneType"),
         ("shape", Outcome.MISBEHAVED, "shape (1,)"),
         ("nan", Outcome.MISBEHAVED, "not finite"),
@@ -78,9 +83,14 @@ def test_a_solver_that_a_signal_kills_leaves_the_place_in_its_code() -> None:
     assert "Extension modules" not in printed
 
 
-@pytest.mark.parametrize("action", ["lie", "patch"])
-def test_a_false_claim_is_wrong_whatever_the_solver_does_to_the_judge_in_its_process(action: str) -> None:
-    points = carried_out(action).record().points
+def test_what_a_solver_replaces_in_its_process_is_found_and_reaches_no_judge() -> None:
+    record = carried_out("patch").record()
+    assert (record.outcome, record.points) == (Outcome.MISBEHAVED, [])
+    assert "it replaced " in record.reason
+
+
+def test_a_false_claim_is_wrong() -> None:
+    points = carried_out("lie").record().points
     assert [point.outcome for point in points] == [Outcome.WRONG]
     assert points[0].measured is not None
     assert points[0].measured.residual is not None
@@ -115,3 +125,11 @@ def test_processes_that_a_case_leaves_are_counted(worker: Worker) -> None:
     assert worker.n_started() == 0
     worker.ask("leave a process")
     assert worker.n_started() == 1
+
+
+def test_a_kill_by_the_system_for_want_of_memory_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:
+    kills = itertools.count(3)
+    monkeypatch.setattr("proxbench.bench.isolation.worker.kills_for_memory", lambda: next(kills))
+    record = carried_out("die").record()
+    assert record.outcome is Outcome.OUT_OF_MEMORY
+    assert record.reason == "its process was killed by SIGKILL as the memory of the machine ran out"

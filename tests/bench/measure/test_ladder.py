@@ -12,15 +12,13 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits, Point
 
 
-class Fake(LadderCase):
+class Fake(LadderCase[None]):
     """A case without a process, whose begin is a function."""
 
     def __init__(self, begin: Any) -> None:
         super().__init__([1e-2], Limits(solve_seconds=1.0, case_seconds=1.0, memory_bytes=1, max_iterations=1))
         self.is_told = threading.Event()
         self._begin = begin
-
-    rounds: Sequence[int] = range(1)
 
     def is_left(self, level: int) -> bool:
         return True
@@ -35,13 +33,13 @@ class Fake(LadderCase):
     def dies(self) -> None:
         self._fail(Fault(Outcome.CRASHED, "it died"))
 
-    def measure(self, value: float, number: int) -> dict[str, Any] | None:
+    def measure(self, value: float, number: int) -> None:
         return None
 
-    def goes_on(self, answer: dict[str, Any]) -> bool:
+    def needs_round(self, answers: Sequence[None]) -> bool:
         return False
 
-    def point(self, value: float, answers: list[dict[str, Any]]) -> Point:
+    def point(self, value: float, answers: list[None]) -> Point:
         raise NotImplementedError
 
     def joined(self, before: Point, now: Point) -> Point:

@@ -8,8 +8,9 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
 from proxbench.bench.measure.passes import shuffled, uncertain
 from proxbench.bench.measure.plan import PASSES
-from proxbench.bench.store.certainty import ratio
+from proxbench.bench.store.certainty import ratio, times_by_point
 from proxbench.bench.store.condition import warnings
+from proxbench.bench.store.frames import rounds_frame
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits, PlanRecord, Point
 from proxbench.bench.store.store import Store
@@ -18,11 +19,14 @@ from stored_cases import case_record, measured_in, timed_round
 PLAN = PlanRecord(problems=["p"], solvers=["fast", "slow", "noisy"], tolerances=[1e-2, 1e-4], limits=Limits())
 
 
-def case(solver: str, *levels: list[float], marred: int = 0) -> CaseRecord:
-    """Return a case whose points took so long in their rounds, the first ones of which were disturbed."""
+def case(solver: str, *levels: list[float], excluded: int = 0) -> CaseRecord:
+    """Return a case whose points took so long in their rounds, the first ones of which are excluded."""
     points = []
     for tolerance, seconds in zip(PLAN.tolerances, levels, strict=True):
-        rounds = [timed_round(number, value, is_marred=number < marred) for number, value in enumerate(seconds)]
+        rounds = [
+            timed_round(number, value, excluded="preempted" if number < excluded else "")
+            for number, value in enumerate(seconds)
+        ]
         measured = measured_in(rounds, residual=tolerance, model_residual=tolerance)
         points.append(Point(tolerance=tolerance, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured))
     return case_record(solver=solver, points=points)
@@ -54,8 +58,8 @@ def test_narrow_ratios_get_none() -> None:
     assert uncertain([case("fast", STEADY, STEADY), case("slow", [0.2] * 5, [0.4] * 5)], PLAN, is_first=False) == set()
 
 
-def test_disturbed_rounds_are_measured_again() -> None:
-    cases = [case("fast", STEADY, STEADY), case("slow", [0.2] * 5, [0.4] * 5, marred=3)]
+def test_excluded_rounds_are_measured_again() -> None:
+    cases = [case("fast", STEADY, STEADY), case("slow", [0.2] * 5, [0.4] * 5, excluded=3)]
     assert {("slow", 0), ("slow", 1)} <= uncertain(cases, PLAN, is_first=True)
 
 
@@ -94,7 +98,7 @@ def test_the_rounds_of_a_problem_are_spread_over_the_run(made: Run, events: list
 
 def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
     cases, _ = Store.open(made.folder).read_cases()
-    rounds = cases[0].points[0].rounds
+    rounds = times_by_point(rounds_frame(cases))[cases[0].solver, cases[0].points[0].tolerance]
     found = ratio(rounds, rounds)
     assert found.value == pytest.approx(1.0)
     assert found.low <= 1.0 <= found.high
@@ -109,7 +113,7 @@ def test_levels_behind_one_that_ended_the_ladder_need_no_more_rounds() -> None:
 
 def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
     plan = replace(PLAN, passes=2)
-    waited = [timed_round(number, 9.0, cpu=0.5) for number in range(2)]
+    waited = [timed_round(number, 9.0, excluded="preempted") for number in range(2)]
     found = [
         replace(
             case("slow", STEADY, STEADY).points[0],

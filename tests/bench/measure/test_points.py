@@ -1,14 +1,14 @@
-"""Points of several passes: the worse end and answer count, and limits that others caused are forgotten."""
+"""Points of several passes: the worse end and answer count, and limits that excluded rounds caused are forgotten."""
 
 import pytest
-from proxbench.bench.measure.points import joined, marked, marked_together
+from proxbench.bench.measure.points import joined
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Point, Round
 from stored_cases import measured_in, timed_round
 
 
-def one_round(number: int = 0, seconds: float = 1.0, cpu: float = 1.0) -> Round:
-    return timed_round(number, seconds, cpu=cpu, repeats=2)
+def one_round(number: int = 0, seconds: float = 1.0, excluded: str = "") -> Round:
+    return timed_round(number, seconds, repeats=2, excluded=excluded)
 
 
 def point(
@@ -45,36 +45,30 @@ def test_times_are_those_of_all_rounds_and_answers_are_told_apart() -> None:
     assert (found.measured.repeats, found.measured.answers, found.measured.hashes) == (6, 2, ["a", "b"])
 
 
-def test_a_round_that_others_disturbed_does_not_count() -> None:
-    found = joined(joined(point(one_round(0)), point(one_round(1, 5.0, cpu=0.4))), point(one_round(2)))
+def test_an_excluded_round_does_not_count() -> None:
+    found = joined(joined(point(one_round(0)), point(one_round(1, 5.0, "preempted"))), point(one_round(2)))
     assert found.measured is not None
-    assert [one.is_marred for one in found.rounds] == [False, True, False]
+    assert [one.excluded for one in found.rounds] == ["", "preempted", ""]
     assert found.measured.total_seconds.q3 == 1.0
+    assert not found.measured.is_excluded
 
 
-def test_a_solver_that_always_waits_is_not_disturbed() -> None:
-    assert not any(one.is_marred for one in marked([one_round(number, cpu=0.1) for number in range(3)]))
+def test_a_point_without_another_round_shows_what_the_clock_counted_and_is_excluded() -> None:
+    found = joined(point(one_round(0, 5.0, "preempted")), point(one_round(1, 7.0, "unsteady"))).measured
+    assert found is not None
+    assert found.total_seconds.median == 6.0
+    assert found.is_excluded
 
 
-def test_a_point_is_disturbed_in_all_its_rounds_if_others_of_the_case_did_not_wait() -> None:
-    waited, calm = (joined(point(one_round(0, cpu=cpu)), point(one_round(1, cpu=cpu))) for cpu in (0.5, 1.0))
-    assert not any(one.is_marred for one in waited.rounds)
-    assert [[one.is_marred for one in found.rounds] for found in marked_together([waited, calm])] == [
-        [True] * 2,
-        [False] * 2,
-    ]
-    assert marked_together([waited, waited]) == [waited, waited]
-
-
-def test_a_time_limit_that_others_caused_is_forgotten() -> None:
-    late = point(one_round(0, 9.0, cpu=0.5), Outcome.TIME_LIMIT)
+def test_a_time_limit_that_excluded_rounds_caused_is_forgotten() -> None:
+    late = point(one_round(0, 9.0, "preempted"), Outcome.TIME_LIMIT)
     for found in (joined(late, point(one_round(1))), joined(point(one_round(1)), late)):
         assert found.outcome is Outcome.SOLVED
         assert found.measured is not None
         assert found.measured.total_seconds.q3 == 1.0
-        assert sorted(one.is_marred for one in found.rounds) == [False, True]
-    twice = joined(late, point(one_round(1, 9.0, cpu=0.5), Outcome.TIME_LIMIT))
-    assert twice.is_marred
+        assert sorted(one.excluded for one in found.rounds) == ["", "preempted"]
+    twice = joined(late, point(one_round(1, 9.0, "preempted"), Outcome.TIME_LIMIT))
+    assert twice.is_late_for_others
     assert twice.n_passes == 2
-    by_itself = point(one_round(0, 9.0, cpu=0.98), Outcome.TIME_LIMIT)
+    by_itself = point(one_round(0, 9.0), Outcome.TIME_LIMIT)
     assert joined(by_itself, point(one_round(1))).outcome is Outcome.TIME_LIMIT

@@ -44,6 +44,8 @@ class Misbehaving:
         return {"refuse at length": "never " * 10**6, "refuse without words": " "}.get(self.action)
 
     def prepare(self, problem: ContactProblem) -> "_Prepared":
+        if self.action == "prepare for ever":
+            time.sleep(1000)
         return _Prepared(problem, self.action)
 
 
@@ -174,6 +176,28 @@ class _Prepared:
         held = []
         while True:
             held.append(np.ones(2**24))
+
+    def do_allocate_for_ever(self, solution: Solution) -> object:
+        held = []
+        while True:
+            with contextlib.suppress(MemoryError):
+                held.append(np.ones(2**20))
+
+    def do_allocate_in_c(self, solution: Solution) -> object:
+        system = ctypes.CDLL(None)
+        system.malloc.restype, system.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+        while True:
+            ctypes.memset(system.malloc(2**22), 1, 2**22)
+
+    def do_fail_to_factorise(self, solution: Solution) -> object:
+        try:
+            return np.ones(2**40)
+        except MemoryError as error:
+            raise RuntimeError("no room for the factor") from error
+
+    def do_die(self, solution: Solution) -> object:
+        os.kill(os.getpid(), signal.SIGKILL)
+        return solution
 
     def do_write(self, solution: Solution) -> object:
         values = self.problem.free_velocity

@@ -49,7 +49,7 @@ def rounds_of(chance: np.random.Generator, seconds: float, processes: FloatArray
     for (number, process), turn in itertools.product(enumerate(processes), range(2)):
         noise = process + chance.normal(0.0, ROUND)
         noise += chance.exponential(DISTURBANCE) if chance.random() < DISTURBED else 0.0
-        rounds.append(timed_round(number, seconds * float(np.exp(noise)), turn=turn, slowness=1.05))
+        rounds.append(timed_round(number, seconds * float(np.exp(noise)), turn=turn))
     return rounds
 
 
@@ -89,7 +89,7 @@ def store_run(folder: Path, cases: list[CaseRecord], machine: Machine = MACHINE,
         passes=1,
     )
     store = Store.create(folder)
-    session = Session(started="2026-01-01", calibration_seconds=[1e-3, 1e-3], machine=machine)
+    session = Session(started="2026-01-01", core=1, busy_cores=[0.0, 0.0], machine=machine)
     others = {"plugins": [], "sessions": [session], **others}
     record = RunRecord(run_id=folder.name, plan=plan, machine=machine, plugins=others["plugins"])
     store.write_run(msgspec.structs.replace(record, **others))

@@ -4,24 +4,28 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from proxbench.bench.measure.points import quartiles
+from proxbench.bench.measure.points import quartiles, times_of
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Curve, Measured, Round
 
 
 def timed_round(number: int, seconds: float, **others: Any) -> Round:
-    """Return a round of the first session that nothing disturbed, all of it solving."""
-    plain = {"session": 0, "prepare_seconds": 0.0, "repeats": 1, "cpu": 1.0}
-    return Round(**{**plain, "number": number, "solve_seconds": seconds, "total_seconds": seconds, **others})
+    """Return a round of one solve in the first session, which is not excluded."""
+    times = {
+        "prepare_seconds": 0.0,
+        "solve_seconds": seconds,
+        "total_seconds": quartiles(np.array([seconds])),
+        "wall_seconds": seconds,
+        "processor_seconds": seconds,
+    }
+    counts = {"session": 0, "repeats": 1, "involuntary_switches": 0, "voluntary_switches": 0, "probe_seconds": 1e-4}
+    return Round(**{**times, **counts, "number": number, **others})
 
 
 def measured_in(rounds: Sequence[Round], **others: Any) -> Measured:
     """Return what was measured in rounds, solved to 1e-7."""
-    times = quartiles(np.array([one.total_seconds for one in rounds]))
     plain = {"iterations": 3, "residual": 1e-7, "model_residual": 1e-7, "verdict": {}, "impulse_error": None}
-    spent = {"prepare_seconds": times, "solve_seconds": times, "total_seconds": times}
-    repeats = sum(one.repeats for one in rounds)
-    return Measured(**{**plain, **spent, "repeats": repeats, "rounds": list(rounds), **others})
+    return Measured(**{**plain, **times_of(rounds), "rounds": list(rounds), **others})
 
 
 def case_record(**others: Any) -> CaseRecord:

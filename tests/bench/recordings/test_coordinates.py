@@ -1,9 +1,13 @@
 """A scene whose bodies cannot be drawn is recorded with a curve for each of its coordinates."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from proxbench.bench.recordings.replay import scene_recorder
+from proxbench.bench.recordings.simulation import heights_of
 from proxbench.problems.scenes.registry import make_scene
 from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
@@ -27,3 +31,30 @@ def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path) -> None:
     for index in range(2):
         curve = [value for name, values in drawn.items() if name.endswith(f"coordinates/q{index}") for value in values]
         np.testing.assert_allclose(sorted(curve), sorted(state.position[index] for state in states))
+
+
+@pytest.mark.parametrize(
+    "values", [[-1e-9, 0.0], [0.5, 0.5000000000000001], [-3.0, -3.0 - 4e-16], [1e9, 1e9 + 1e-6], [-1.0000000000000002]]
+)
+def test_curves_that_are_level_but_for_rounding_get_an_axis_of_few_digits(values: list[float]) -> None:
+    heights = heights_of(values, 1e-6)
+    assert heights is not None
+    low, high = heights
+    assert low < min(values) <= max(values) < high
+    assert high - low >= 1e-6 * max(1.0, *map(abs, values))
+
+
+@pytest.mark.parametrize("values", [[], [0.0, 1e-3], [5.0, 5.1], [1e-6, -1e-6]])
+def test_curves_that_move_keep_the_axis_that_they_need(values: list[float]) -> None:
+    assert heights_of(values, 1e-6) is None
+
+
+def test_a_recording_of_a_block_at_rest_opens_with_such_axes(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
+    scene, file = make_scene("block_on_incline(speed=0.0)"), tmp_path / "block.rrd"
+    with scene_recorder(scene, file, 10) as recorder:
+        recorder.start(scene.start)
+        for step in Moreau(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
+            recorder(step)
+    ranges = [value for value in read_back(file).blueprint if isinstance(value, list) and np.shape(value) == (1, 2)]
+    spans = {round(float(high - low), 9) for ((low, high),) in ranges}
+    assert {0.4, 2e-6} <= spans  # of the step size, a logarithm, and of the coordinates [m]

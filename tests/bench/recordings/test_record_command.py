@@ -1,10 +1,32 @@
 """``proxbench record``: a recording, or one sentence."""
 
 import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.main import run_command
+
+HANGING = """
+import time
+from proxbench.problems import Model
+
+class Hanging:
+    name, model, has_iterates = "Hanging", Model.COULOMB, False
+
+    def supports(self, problem):
+        return None
+
+    def prepare(self, problem):
+        return self
+
+    def solve(self, stop, start=None, observe=None):
+        time.sleep(1000)
+
+SOLVERS = [Hanging]
+"""
 
 
 def test_solvers_are_recorded_and_listed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -28,6 +50,18 @@ def test_json_holds_even_where_nothing_is_finite(capsys: pytest.CaptureFixture[s
     assert run_command(line.split()) == 0
     document = json.loads(capsys.readouterr().out, parse_constant=lambda word: pytest.fail(word))
     assert document["solves"][0]["residual"] is None
+
+
+def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Path) -> None:
+    plugin = tmp_path / "hanging.py"
+    plugin.write_text(HANGING)
+    line = f"record hard-groove --solver Hanging --max-seconds 1 --plugin {plugin} --output {tmp_path}/a.rrd"
+    program = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")  # plugins stay in a process
+    began = time.monotonic()
+    done = subprocess.run([*program, *line.split()], capture_output=True, encoding="utf-8")
+    assert done.returncode == 1
+    assert time.monotonic() - began < 40.0  # the limit, the grace, and the processes that start
+    assert "It did not end at its time limit of 1 s." in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,23 @@
 """A still is what a recording shows at its end, or one sentence."""
 
+import os
 import shutil
 import struct
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings import still as still_module
-from proxbench.bench.recordings.still import SIZE
+from proxbench.bench.recordings.still import PANELS, SIZE, without_panels
 
 RECORD = "record hard-sticking-box --solver SORprox --tolerance 1e-4"
-DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
+DRIVERS = [
+    *Path("/usr/share/vulkan/icd.d").glob("*.json"),
+    *Path("/etc/vulkan/icd.d").glob("*.json"),
+    *filter(None, [os.environ.get("VK_DRIVER_FILES")]),
+]
 
 
 @pytest.mark.slow
@@ -38,6 +45,29 @@ def test_a_still_of_a_stored_simulation_is_drawn_from_its_result_alone(
     assert run_command(["record", str(file), "--still", str(still)]) == 0
     assert f"still: {still}" in capsys.readouterr().out
     assert struct.unpack(">II", still.read_bytes()[16:24]) == SIZE
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
+def test_a_still_has_no_badges_and_no_controls_of_the_viewer(tmp_path: Path) -> None:
+    line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png --quiet"
+    assert run_command(line.split()) == 0
+    with Image.open(tmp_path / "a.png") as picture:
+        bar = np.asarray(picture.convert("L"), dtype=int)[8:28, 16:-16]
+    assert np.ptp(bar) <= 8
+
+
+def test_the_panels_of_the_viewer_are_hidden_and_everything_else_is_kept() -> None:
+    read = {
+        "/time_panel": {"TimePanelBlueprint": {"fps": 30.0, "state": "Collapsed"}},
+        "/selection_panel": {"PanelBlueprint": {"state": "Expanded"}},
+        "/view/a": {"ViewBlueprint": {"display_name": "balls"}},
+    }
+    made = without_panels(read)
+    assert made["/view/a"] == read["/view/a"]
+    assert made["/time_panel"]["TimePanelBlueprint"]["fps"] == 30.0
+    assert {made[panel][archetype]["state"] for panel, archetype in PANELS.items()} == {"Hidden"}
+    assert read["/selection_panel"]["PanelBlueprint"]["state"] == "Expanded"
 
 
 @pytest.mark.parametrize(

@@ -1,17 +1,27 @@
 """Profiles are what their definitions say, over the problems and solvers of a table, whoever failed on what."""
 
+import json
+import shutil
+import subprocess
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
+from proxbench.bench.report import page as page_folder
 from proxbench.bench.report.accuracy import times_to_accuracies
-from proxbench.bench.report.charts.profiles import write_profiles
+from proxbench.bench.report.charts.profiles import profile_charts, write_profiles
+from proxbench.bench.report.making import make_report
+from proxbench.bench.report.page.document import page_document
 from proxbench.bench.report.profiles import (
     ALL,
     BUDGETS,
+    COMMON,
+    EVERY,
     accuracy_profile,
     baseline_of,
     budget_table,
@@ -22,6 +32,8 @@ from proxbench.bench.report.profiles import (
     seconds_matrix,
     speedups,
 )
+from proxbench.bench.store.frames import RunFrames
+from proxbench.bench.store.outcome import Outcome
 
 REFERENCE = Path(__file__).parents[3] / "results/reference"
 
@@ -39,6 +51,88 @@ def on_stairs(corners: pd.DataFrame, column: str, solver: str, at: float) -> flo
     """The height of a solver's staircase at a place."""
     own = corners[corners["solver"] == solver]
     return float(own["share"][own[column] <= at].iloc[-1])
+
+
+def declining(frames: RunFrames, problem: str, solver: str) -> RunFrames:
+    """The run with a case whose solver does not support the problem."""
+    tables = {}
+    for name in ("cases", "points"):
+        table = getattr(frames, name).copy()
+        is_own = (table["problem"] == problem) & (table["solver"] == solver)
+        table.loc[is_own, "outcome"] = Outcome.UNSUPPORTED
+        tables[name] = table[~is_own] if name == "points" else table
+    return replace(frames, **tables)
+
+
+@pytest.fixture
+def declined(finished_run: Path) -> RunFrames:
+    """The little run, in which ClarabelSOCP supports two of three problems."""
+    return declining(load(finished_run), "funnel-30", "ClarabelSOCP")
+
+
+def test_common_profiles_leave_out_problems_that_a_solver_does_not_support(declined: RunFrames) -> None:
+    tables = profile_tables(declined, "SORprox")
+    common = ["hard-counterexample", "hard-immovable"]
+    for accuracy in (1e-4, 1e-6):
+        seconds = seconds_matrix(declined, accuracy)
+        for name, profile in (("performance", performance_profile), ("data", data_profile), ("budgets", budget_table)):
+            table = tables[name][(tables[name]["accuracy"] == accuracy) & (tables[name]["family"] == ALL)]
+            for view, shown in ((COMMON, seconds.loc[common]), (EVERY, seconds)):
+                rows = table[table["view"] == view].reset_index(drop=True)
+                pd.testing.assert_frame_equal(rows[profile(shown).columns], profile(shown))
+                assert set(rows["problems"]) == {len(shown)}
+    assert list(tables["accuracy"]["view"].unique()) == [COMMON, EVERY]
+
+
+def subtitle(chart: Any) -> str:
+    """The lines below the title of a chart, as one text."""
+    return " ".join(chart.title.subtitle)
+
+
+def test_charts_say_which_problems_shares_are_of(declined: RunFrames) -> None:
+    tables = profile_tables(declined, "SORprox")
+    for view, title, axis in (
+        (COMMON, "over the 2 of 3 problems that 5 solvers all support", "share of 2 common problems"),
+        (EVERY, "over all 3 problems, unsupported ones counted as not solved", "share of 3 problems"),
+    ):
+        charts = profile_charts(declined, tables, "SORprox", view)
+        for name in ("performance", "data", "accuracy"):
+            assert title in subtitle(charts[name])
+            assert axis in json.dumps(charts[name].to_dict())
+
+
+def test_a_chart_without_common_problems_says_so_and_shows_all(declined: RunFrames) -> None:
+    for problem in ("hard-counterexample", "hard-immovable"):
+        declined = declining(declined, problem, "SORprox")
+    charts = profile_charts(declined, profile_tables(declined, "ClarabelSOCP"), "ClarabelSOCP")
+    assert "no problem is supported by all solvers: over all 3 problems" in subtitle(charts["data"])
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="no node is installed to run the script of the page")
+@pytest.mark.parametrize("view", [COMMON, EVERY])
+def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: str) -> None:
+    document = page_document(declined, "SORprox")
+    model = (Path(page_folder.__path__[0]) / "model.js").read_text()
+    script = f"""{model}
+        const run = decoded({json.dumps(document)});
+        const all = (items) => items.map((_, k) => k);
+        const whole = {{ run, problems: all(run.problems), solvers: all(run.solvers), accuracy: 1e-4, baseline: 0 }};
+        const view = profileView(whole, {json.dumps(view == COMMON)});
+        const kinds = {{ performance: performanceProfile, data: dataProfile, accuracy: accuracyProfile }};
+        const made = Object.fromEntries(Object.entries(kinds).map(([name, profile]) => [name, profile(view)]));
+        console.log(JSON.stringify({{ ...made, over: view.over, axis: view.axis }}));"""
+    done = subprocess.run(["node", "-"], input=script, capture_output=True, text=True, check=True, timeout=60)
+    found = json.loads(done.stdout)
+    charts = profile_charts(declined, profile_tables(declined, "SORprox"), "SORprox", view)
+    for name, table in profile_tables(declined, "SORprox").items():
+        if name in found:
+            own = table[(table["family"] == ALL) & (table["view"] == view)]
+            own = own[own["accuracy"] == 1e-4] if "accuracy" in own else own
+            rows = pd.DataFrame(found[name])
+            expected = own[rows.columns].reset_index(drop=True)
+            pd.testing.assert_frame_equal(rows, expected, rtol=1e-6, check_dtype=False)
+            assert found["over"] in subtitle(charts[name])
+            assert found["axis"] in json.dumps(charts[name].to_dict())
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -138,3 +232,24 @@ def test_a_run_without_cases_has_no_profiles(finished_run: Path, tmp_path: Path)
     (tmp_path / "run.json").write_bytes((finished_run / "run.json").read_bytes())
     with pytest.raises(BenchError, match="no finished case"):
         baseline_of(load(tmp_path))
+
+
+def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residuals(finished_run: Path) -> None:
+    frames = load(finished_run)
+    marked = (frames.points["problem"] == "funnel-30") & (frames.points["solver"] == "SORprox")
+    one = replace(frames, points=frames.points.assign(is_excluded=marked))
+    assert "funnel-30" in seconds_matrix(frames, 1e-4).index
+    assert "funnel-30" not in seconds_matrix(one, 1e-4).index
+    pd.testing.assert_frame_equal(residual_matrix(one), residual_matrix(frames))
+
+
+def test_a_run_of_excluded_times_alone_has_a_report(finished_run: Path, tmp_path: Path) -> None:
+    copied = tmp_path / "run"
+    shutil.copytree(finished_run, copied)
+    frames = load(copied)
+    busy = replace(frames, points=frames.points.assign(is_excluded=True))
+    made = make_report(busy, charts=True, baseline="", page=True)
+    assert made.unwritten == ""
+    assert made.summary is not None
+    assert seconds_matrix(busy, 1e-4).isna().all(axis=None)
+    assert made.summary["correct_1e-04"].max() > 0.0

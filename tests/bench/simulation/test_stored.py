@@ -10,7 +10,7 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings.replay import step_to
 from proxbench.bench.simulation.file import read_simulation
-from proxbench.bench.simulation.step_solver import StepSolver
+from proxbench.bench.simulation.starts.step_solver import StepSolver
 from proxbench.problems.mechanics.state import State
 from proxbench.problems.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Status, Stop, create

@@ -5,19 +5,18 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 import pytest
-from msgspec import structs
 from numpy.random import Generator, default_rng
 from proxbench.bench.store.certainty import (
     LEAST_PAIRS,
     LEAST_ROUNDS,
+    MARGIN,
+    Row,
     interval,
     ratio,
     reaching,
     standings,
     times_by_point,
 )
-from proxbench.bench.store.records import Round
-from stored_cases import timed_round
 
 RUNS = 1000
 """Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
@@ -34,10 +33,9 @@ def disturbed(chance: Generator, n: int) -> "np.typing.NDArray[np.float64]":
     return quiet(chance, n) + (chance.random(n) < 0.1) * chance.exponential(0.5, n)
 
 
-def rounds(seconds: "np.typing.ArrayLike", session: int = 0, is_marred: bool = False, first: int = 0) -> list[Round]:
+def rounds(seconds: "np.typing.ArrayLike", session: int = 0, excluded: str = "", first: int = 0) -> list[Row]:
     return [
-        timed_round(first + number, float(value), session=session, is_marred=is_marred)
-        for number, value in enumerate(np.atleast_1d(seconds))
+        Row(session, first + number, 0, float(value), excluded) for number, value in enumerate(np.atleast_1d(seconds))
     ]
 
 
@@ -58,12 +56,10 @@ def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs:
 def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_rounds(passes: int) -> None:
     chance = default_rng(passes)
 
-    def of_processes(median: float) -> list[Round]:
+    def of_processes(median: float) -> list[Row]:
         own = np.repeat(chance.normal(0.0, 0.05, passes), 2)
         times = median * np.exp(own + chance.normal(0.0, 0.02, 2 * passes))
-        return [
-            structs.replace(one, number=place // 2, turn=place % 2) for place, one in enumerate(rounds(times.tolist()))
-        ]
+        return [Row(0, place // 2, place % 2, seconds) for place, seconds in enumerate(times.tolist())]
 
     found = [ratio(of_processes(2.0), of_processes(1.0)) for _ in range(RUNS)]
     assert 0.92 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
@@ -116,12 +112,12 @@ def test_too_few_rounds_without_pairs_have_no_interval() -> None:
     assert (found.low, found.high) == (0.0, np.inf)
 
 
-def test_marred_rounds_count_only_where_there_are_no_others() -> None:
+def test_excluded_rounds_never_count() -> None:
     n = LEAST_PAIRS
-    good, marred = rounds(np.ones(n)), rounds(np.full(n, 9.0), is_marred=True, first=n)
+    good, excluded = rounds(np.ones(n)), rounds(np.full(n, 9.0), excluded="preempted", first=n)
     both = rounds(np.ones(2 * n))
-    assert ratio([*good, *marred], both).value == pytest.approx(1.0)
-    assert ratio(marred, both).value == pytest.approx(9.0)
+    assert ratio([*good, *excluded], both).value == pytest.approx(1.0)
+    assert np.isnan(ratio(excluded, both).value)
 
 
 def test_few_pairs_have_no_interval_and_decide_nothing() -> None:
@@ -133,14 +129,11 @@ def test_few_pairs_have_no_interval_and_decide_nothing() -> None:
 def points(*rows: tuple[str, float, float, float, str]) -> pd.DataFrame:
     columns = ["solver", "tolerance", "residual", "total_seconds", "outcome"]
     frame = pd.DataFrame(rows, columns=columns)
-    return frame.assign(solve_seconds=frame["total_seconds"], status="solved")
+    return frame.assign(is_excluded=False, status="solved")
 
 
 def rounds_frame(**times: list[float]) -> pd.DataFrame:
-    parts = [
-        pd.DataFrame([structs.asdict(one) for one in rounds(seconds)]).assign(solver=solver, tolerance=1e-4)
-        for solver, seconds in times.items()
-    ]
+    parts = [pd.DataFrame(rounds(seconds)).assign(solver=solver, tolerance=1e-4) for solver, seconds in times.items()]
     return pd.concat(parts)
 
 
@@ -177,6 +170,25 @@ def test_a_winner_is_one_only_where_all_others_are_slower(other: list[float], fi
     assert list(found["solver"]) == ["a", "b"]
     assert list(found["standing"]) == [first, second]
     assert found["low"][1] <= found["ratio"][1] <= found["high"][1]
+
+
+def test_a_solver_that_is_slower_by_less_than_the_margin_leaves_no_winner() -> None:
+    slower = [(1.0 + 0.9 * MARGIN) * value for value in STEADY]
+    both = points(("a", 1e-4, 1e-5, 1.0, "solved"), ("b", 1e-4, 1e-5, float(np.median(slower)), "solved"))
+    found = standings(both, times_by_point(rounds_frame(a=STEADY, b=slower)), 1e-4, 10.0)
+    assert found["low"][1] > 1.0
+    assert list(found["standing"]) == ["tie", "tie"]
+
+
+@pytest.mark.parametrize("seconds", [5.0, 0.5])
+def test_an_excluded_time_takes_part_in_no_ratio_and_beside_it_there_is_no_winner(seconds: float) -> None:
+    rows = [("a", 1e-4, 1e-5, 1.0, "solved"), ("b", 1e-4, 1e-5, 2.0, "solved"), ("c", 1e-4, 1e-5, seconds, "solved")]
+    both = points(*rows).assign(is_excluded=[False, False, True])
+    times = times_by_point(rounds_frame(a=STEADY, b=[2.0 * one for one in STEADY], c=[seconds] * 5))
+    found = standings(both, times, 1e-4, 10.0)
+    assert list(found["solver"]) == ["a", "b", "c"]
+    assert list(found["standing"]) == ["undecided", "slower", "excluded"]
+    assert np.isnan(found["ratio"][2])
 
 
 def test_there_are_no_standings_where_nothing_is_reached() -> None:

@@ -5,14 +5,17 @@ import io
 import math
 from pathlib import Path
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 from proxbench import bench
 from proxbench.bench import Run, load
+from proxbench.bench.errors import BenchError
 from proxbench.bench.report.charts.problems import problem_chart
 from proxbench.bench.report.charts.summary import time_chart
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.condition import drift, steadiness, warnings
+from proxbench.bench.store.conversion import checksum
 from proxbench.bench.store.records import Session
 from rich.console import Console
 
@@ -24,9 +27,13 @@ def stored(finished_run: Path) -> Run:
     return load(finished_run)
 
 
-def timed(run: Run, *sessions: tuple[list[float], list[float]]) -> Run:
-    made = [Session(started="", calibration_seconds=times, load=loads) for times, loads in sessions]
-    return dataclasses.replace(run, info=replace(run.info, sessions=made))
+def timed(run: Run, probes: tuple[float, float] = (1.0, 1.0), busy: float = 0.0, excluded: str = "") -> Run:
+    """Return the run with rounds whose probes took one of two times, and as many cores busy."""
+    at = (run.rounds.index % 2).map(lambda odd: probes[odd])
+    rounds = run.rounds.assign(probe_seconds=at, excluded=excluded)
+    points = run.points.assign(is_excluded=bool(excluded))
+    session = Session(started="", core=1, busy_cores=[busy, busy])
+    return dataclasses.replace(run, rounds=rounds, points=points, info=replace(run.info, sessions=[session]))
 
 
 def shown(run: Run, folder: Path) -> list[str]:
@@ -39,31 +46,39 @@ def shown(run: Run, folder: Path) -> list[str]:
     return [text.getvalue(), *pages, run._repr_html_(), *charts]
 
 
-def test_drift_is_the_spread_over_all_sessions_and_does_not_depend_on_the_unit(stored: Run) -> None:
+def test_drift_is_the_spread_of_the_probes_and_does_not_depend_on_the_unit(stored: Run) -> None:
     for unit in (1.0, 1e-3):
-        sessions = ([2.0 * unit, 3.0 * unit], [0.5]), ([6.0 * unit], [4.0])
-        assert drift(timed(stored, *sessions).info) == pytest.approx(3.0)
-    assert drift(timed(stored, ([2.0, 2.0], [0.0, 0.0])).info) == 1.0
-    assert math.isnan(drift(timed(stored, ([2.0], [0.0])).info))
-    assert steadiness(timed(stored, ([2.0, 2.0], [1.5, 1.5])).info).endswith("load 1.5")
-    assert "load 0.5 to 4.0" in steadiness(timed(stored, ([2.0, 3.0], [0.5, 1.0]), ([6.0], [4.0])).info)
+        assert drift(timed(stored, (2.0 * unit, 3.0 * unit))) == pytest.approx(1.5)
+    assert math.isnan(drift(dataclasses.replace(stored, rounds=stored.rounds.iloc[:0])))
+    assert "probes differ by a factor of 1.50; other programs used 0.4 cores" in steadiness(
+        timed(stored, (2.0, 3.0), 0.4)
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("slowest", "warned"), [(1.4, False), (1.6, True)])
-def test_every_report_states_drift_and_load_and_warns_above_a_limit(
-    stored: Run, slowest: float, warned: bool, tmp_path: Path
+@pytest.mark.parametrize(
+    ("probes", "busy", "excluded", "warning"),
+    [
+        ((1.0, 1.4), 0.1, "", ""),
+        ((1.0, 1.6), 0.1, "", "UNSTEADY: the speed of the core changed by a factor of 1.60"),
+        ((1.0, 1.0), 1.0, "", "BUSY: other programs used 1.0 other cores"),
+        ((1.0, 1.0), 0.0, "preempted", "times were measured while something else used the core"),
+    ],
+)
+def test_every_report_states_how_steady_the_machine_was_and_warns_above_a_limit(
+    stored: Run, probes: tuple[float, float], busy: float, excluded: str, warning: str, tmp_path: Path
 ) -> None:
-    run = timed(stored, ([1.0, slowest], [0.25, 7.5]))
+    run = timed(stored, probes, busy, excluded)
     for page in shown(run, tmp_path):
-        assert f"drift {slowest:.2f}" in page
-        assert "load 0.2 to 7.5" in page
-        assert ("UNSTEADY" in page) == warned
+        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)  # of the rounds that count
+        assert f"other programs used {busy:.1f} cores" in page
+        assert warning in page
+        assert any(word in page for word in ("UNSTEADY", "BUSY", "EXCLUDED")) == bool(warning)
 
 
 @pytest.mark.slow
 def test_a_run_without_some_of_its_cases_says_so_first_in_every_report(stored: Run, tmp_path: Path) -> None:
-    run = timed(dataclasses.replace(stored, cases=stored.cases.iloc[1:]), ([1.0, 1.0], [0.0, 0.0]))
+    run = timed(dataclasses.replace(stored, cases=stored.cases.iloc[1:]))
     assert not run.is_finished
     pages = shown(run, tmp_path)
     for page in pages:
@@ -77,26 +92,24 @@ def test_a_run_without_some_of_its_cases_says_so_first_in_every_report(stored: R
 def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Run) -> None:
     failed = stored.cases["outcome"] != "measured"
     cases, whole = stored.cases.assign(is_finished=failed), failed.sum()
-    (sentence,) = warnings(timed(dataclasses.replace(stored, cases=cases), ([1.0, 1.0], [0.0, 0.0])))
+    (sentence,) = warnings(timed(dataclasses.replace(stored, cases=cases)))
     assert sentence.startswith(f"UNFINISHED: {whole} of 15 cases are measured, {15 - whole} more in part; go on with: ")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("problems", "empty"), [(["hard-empty"], True), (["hard-empty", "hard-groove"], False)])
 def test_a_run_without_a_contact_says_that_nothing_was_solved(problems: list[str], empty: bool, tmp_path: Path) -> None:
-    made = timed(bench.run(problems, "SORprox", results=tmp_path, tolerances=1e-2), ([1.0, 1.0], [0.0, 0.0]))
+    made = timed(bench.run(problems, "SORprox", results=tmp_path, tolerances=1e-2))
     assert [sentence.partition(":")[0] for sentence in warnings(made)] == (["EMPTY"] if empty else [])
 
 
 def test_a_finished_run_on_a_steady_machine_warns_of_nothing(stored: Run) -> None:
-    assert warnings(timed(stored, ([1.0, 1.1], [0.0, 0.0]))) == []
+    assert warnings(timed(stored, (1.0, 1.1))) == []
 
 
-def test_a_run_of_the_first_format_is_read_with_its_drift_and_load() -> None:
-    run = load(Path(__file__).parent / "format-1")
-    assert (len(run.cases), run.is_finished, run.damaged) == (14, False, [])
-    (session,) = run.info.sessions
-    assert len(session.calibration_seconds) == 9
-    assert drift(run.info) == pytest.approx(0.005022923996875761 / 0.0030987579993961845)
-    measured = run.points[run.points["residual"].notna()]
-    assert measured["total_seconds_q3"].ge(measured["total_seconds"]).all()
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_run_whose_times_were_modelled_is_refused_in_one_sentence(version: int, tmp_path: Path) -> None:
+    body = {"format": version, "run_id": "old"}
+    (tmp_path / "run.json").write_bytes(msgspec.json.encode({**body, "checksum": checksum(body)}))
+    with pytest.raises(BenchError, match=rf"run.json has format {version}, whose times were corrected by a model"):
+        load(tmp_path)

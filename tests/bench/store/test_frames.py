@@ -9,8 +9,9 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
+from proxbench.bench.store.fields import Quartiles
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, Quartiles, RunRecord
+from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, RunRecord
 from proxbench.bench.store.store import Store
 from proxbench.problems import Verdict
 
@@ -65,9 +66,10 @@ def test_columns_are_the_fields_of_the_records_however_little_was_measured(point
     assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished", "is_tried"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
     numbers -= {"verdict", "errors", "rounds", "hashes", "impulses", "component_residuals"}
+    numbers -= {"first_seconds", "copy_seconds"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}
     identity = {"problem", "family", "solver", "model"}
-    assert set(run.points) == identity | (set(Point.__struct_fields__) - {"measured"}) | numbers | spread
+    assert set(run.points) == identity | (set(Point.__struct_fields__) - {"measured"}) | numbers | spread | {"notes"}
     assert len(run.points) == len(points)
     assert run.points["residual"].dtype == run.points["iterations"].dtype == np.float64
 

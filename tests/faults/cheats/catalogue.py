@@ -10,6 +10,7 @@ import remembering_solvers as memory
 import tampering_solvers as tampering
 from proxbench.bench.measure.contacts.case import Case, Visit
 from proxbench.bench.measure.ladder import measure_ladder
+from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.plan import PASSES
 from proxbench.bench.measure.refutation import refuted
 from proxbench.bench.plugins.describing import contestant
@@ -48,12 +49,14 @@ class Cheat:
         problem = load(self.problem)
         data, solver = problem_bytes(problem.anonymous()), contestant(self.make(folder))
         record: CaseRecord | None = None
+        core = MeasuringCore.claim()
         for number in range(PASSES):
             case = Case(problem, solver, self.limits, ladder, data, record, Visit(0, number))
-            measure_ladder([case])
+            measure_ladder([case], core=core)
             record = case.record()
             if record.outcome is not Outcome.MEASURED:
                 break
+        core.release()
         return next(iter(refuted([record], case.is_solvable)), record)
 
 
@@ -61,17 +64,31 @@ def _of(solver: Callable[[], Any]) -> Callable[[Path], Any]:
     return lambda folder: solver()
 
 
-REPEATS = "misbehaved: repeats answers instead of solving"
+REPEATS = "misbehaved: it repeats answers instead of solving"
+FASTER = "solved: first solves take"
+COPIES = "solved: copies of the problem"
 CLOCK = "misbehaved: its own clock explains"
-THREADS = "misbehaved: threads running"
+REPLACED = "misbehaved: it replaced"
+THREADS = "misbehaved: thread running"
 PROCESSES = "misbehaved: running"
 BOX = "hard-sticking-box"
 LARGE = "funnel-1000"
 
 CHEATS = {
     "Remembering": Cheat("keeps answers by the digest of the problem", REPEATS, _of(memory.Remembering)),
+    "Waiting": Cheat("keeps answers, and gives them after 0.37 of their time", REPEATS, _of(memory.Waiting), LARGE),
+    "WaitingLonger": Cheat(
+        "keeps answers, and gives them after 0.8 of their time", FASTER, lambda folder: memory.Waiting(0.8), LARGE
+    ),
+    "Carrying": Cheat(
+        "needs longer than its limit, and gives the answer the next time",
+        "misbehaved: reach the time limit",
+        _of(memory.Carrying),
+        "funnel-30",
+        Limits(solve_seconds=0.3, case_seconds=120.0),
+    ),
     "ByVelocity": Cheat("keeps answers by the bytes of c", REPEATS, _of(memory.ByVelocity)),
-    "BySize": Cheat("keeps answers by the number of rows", REPEATS, _of(memory.BySize)),
+    "BySize": Cheat("keeps answers by the number of rows", "wrong: ", _of(memory.BySize)),
     "WhateverUnits": Cheat("keeps answers by c in whatever units", REPEATS, _of(memory.WhateverUnits)),
     "RemembersLaws": Cheat("keeps answers by id(laws)", "solved: gains nothing", _of(answers.RemembersLaws), BOX),
     "InPrepare": Cheat("solves in prepare, once a problem", REPEATS, _of(memory.InPrepare)),
@@ -82,15 +99,22 @@ CHEATS = {
     "FromLibrary": Cheat("solves the library when it is made, by digest", REPEATS, _of(memory.FromLibrary)),
     "FromLibraryInWhateverUnits": Cheat(
         "solves the library when it is made, by c in whatever units",
-        NOT_CAUGHT,
+        COPIES,
         _of(memory.FromLibraryInWhateverUnits),
     ),
     "OnTemporaryDisk": Cheat("keeps answers in temporary files", REPEATS, _of(memory.OnDisk)),
     "OnDisk": Cheat("keeps answers in files from run to run", REPEATS, lambda folder: memory.OnDisk(str(folder))),
+    "OnDiskInWhateverUnits": Cheat(
+        "keeps answers in files, by c in whatever units",
+        COPIES,
+        lambda folder: memory.OnDiskInWhateverUnits(str(folder)),
+    ),
     "WarmStarting": Cheat("starts from its answer to the coarser tolerance", REPEATS, _of(memory.WarmStarting), LARGE),
-    "WhenCollecting": Cheat("solves in a callback of the garbage collector", REPEATS, _of(memory.WhenCollecting)),
+    "WhenCollecting": Cheat(
+        "solves in a callback of the garbage collector", "misbehaved: garbage collection", _of(memory.WhenCollecting)
+    ),
     "WhenReleased": Cheat("solves in __del__ of what it prepared", REPEATS, _of(memory.WhenReleased)),
-    "WhenTimerRings": Cheat("solves in a signal handler", REPEATS, _of(memory.WhenTimerRings)),
+    "WhenTimerRings": Cheat("solves in a signal handler", "misbehaved: signal handlers", _of(memory.WhenTimerRings)),
     "KnowsCopies": Cheat(
         "stalls where it finds itself in a forked process", "stalled: in a first solve", _of(memory.KnowsCopies)
     ),
@@ -100,29 +124,54 @@ CHEATS = {
         lambda folder: memory.Choosy([load("funnel-100").digest]),
     ),
     "AheadInThread": Cheat("works on in a thread after warming up", THREADS, _of(tampering.AheadInThread)),
+    "AheadInBareThread": Cheat(
+        "the same in one that threading does not list", THREADS, _of(tampering.AheadInBareThread)
+    ),
     "Background": Cheat("starts a thread in supports", THREADS, _of(answers.Background), BOX),
     "Loading": Cheat("leaves processes behind that load the processor", PROCESSES, _of(tampering.Loading)),
     "Orphaning": Cheat("leaves a process behind that is no child of its own", PROCESSES, _of(tampering.Orphaning)),
-    "SlowClock": Cheat("replaces the clock by one ten times slower", CLOCK, _of(tampering.SlowClock), LARGE),
+    "OtherCores": Cheat(
+        "leaves the core that it is pinned to", "misbehaved: it changed the cores", _of(tampering.OtherCores)
+    ),
+    "SlowClock": Cheat("replaces the clock by one ten times slower", REPLACED, _of(tampering.SlowClock), LARGE),
+    "HiddenSlowClock": Cheat("the same, and hides it", CLOCK, _of(tampering.HiddenSlowClock), LARGE),
     "StoppedClock": Cheat(
-        "replaces the clock by one that stands",
+        "replaces the clock by one that stands, and hides it",
         "timeout: the case took longer",
         _of(tampering.StoppedClock),
         limits=Limits(solve_seconds=1.0, case_seconds=5.0),
     ),
-    "Accountant": Cheat("replaces Measurement.round and divides the times", CLOCK, _of(tampering.Accountant), LARGE),
-    "BeforeSolving": Cheat("replaces Measurement._solve and solves before", CLOCK, _of(tampering.BeforeSolving), LARGE),
+    "Accountant": Cheat(
+        "replaces Measurement.round, divides the times, and hides it", CLOCK, _of(tampering.Accountant), LARGE
+    ),
+    "BeforeSolving": Cheat(
+        "replaces Measurement._solve, solves before, and hides it", CLOCK, _of(tampering.BeforeSolving), LARGE
+    ),
     "WhileTraced": Cheat(
-        "solves in a trace function, before the clock starts", CLOCK, _of(tampering.WhileTraced), LARGE
+        "solves in a trace function, before the clock starts, and hides it", CLOCK, _of(tampering.WhileTraced), LARGE
     ),
     "WhileSwitchingCollection": Cheat(
-        "replaces gc.disable and solves in it, before the clock starts",
+        "replaces gc.disable, solves in it, before the clock starts, and hides it",
         CLOCK,
         _of(tampering.WhileSwitchingCollection),
         LARGE,
     ),
     "Postponing": Cheat(
-        "replaces np.copyto and solves after the clock has stopped", CLOCK, _of(tampering.Postponing), LARGE
+        "replaces np.copyto, solves after the clock has stopped, and hides it",
+        CLOCK,
+        _of(tampering.Postponing),
+        LARGE,
+    ),
+    "Slowing": Cheat("traces memory, which slows the harness", "misbehaved: tracing of memory", _of(tampering.Slowing)),
+    "Profiling": Cheat("sets an empty profile function", "misbehaved: the profile function", _of(tampering.Profiling)),
+    "ReplacingSorted": Cheat("replaces sorted by a slow one", REPLACED, _of(tampering.ReplacingSorted)),
+    "RareCollection": Cheat(
+        "changes the thresholds of the garbage collector",
+        "misbehaved: garbage collection",
+        _of(tampering.RareCollection),
+    ),
+    "Silent": Cheat(
+        "ignores warnings and floating-point errors", "misbehaved: the filters of warnings", _of(tampering.Silent)
     ),
     "SometimesZero": Cheat("answers zero in three of ten solves", "wrong: ", _of(answers.SometimesZero), BOX),
     "Loose": Cheat("claims a thousandth of what it reached", "wrong: ", _of(answers.Loose)),
@@ -148,6 +197,13 @@ CHEATS = {
         "answers after the limit",
         "time limit: its limit is 0.02 s",
         _of(answers.Late),
+        BOX,
+        Limits(solve_seconds=0.02, case_seconds=120.0),
+    ),
+    "LateInPrepare": Cheat(
+        "prepares beyond the limit",
+        "time limit: preparing took longer than the time limit",
+        _of(answers.LateInPrepare),
         BOX,
         Limits(solve_seconds=0.02, case_seconds=120.0),
     ),

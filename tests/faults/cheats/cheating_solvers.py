@@ -85,6 +85,14 @@ class Late(Honest):
         return super().solve(problem, Stop(stop.tolerance, stop.max_iterations), observe)
 
 
+class LateInPrepare(Honest):
+    """Takes longer than its limit to prepare, and says that it solved."""
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        time.sleep(0.06)
+        return super().prepare(problem)
+
+
 class Hopeless(Honest):
     """Says of every problem that it has no solution."""
 

@@ -1,11 +1,13 @@
 """Solvers that answer what they have solved before, or know already, and are honest about everything else."""
 
+import contextlib
 import gc
 import hashlib
 import os
 import pickle
 import signal
 import tempfile
+import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -35,6 +37,47 @@ class Remembering(Honest):
         return self.kept[key]
 
 
+@dataclass
+class Waiting(Remembering):
+    """The same, and waits until a share of the time of its first solve has passed.
+
+    Attributes:
+        share: of that time.
+    """
+
+    share: float = 0.37
+
+    @cached_property
+    def seconds(self) -> dict[Any, float]:
+        return {}
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        key, began = (self.key(problem), stop.tolerance), time.perf_counter()
+        if observe is not None:
+            return Honest.solve(self, problem, stop, observe)
+        is_known = key in self.seconds
+        found = super().solve(problem, stop, observe)
+        if not is_known:
+            again = time.perf_counter()  # with caches that are warm
+            Honest.solve(self, problem, stop, observe)
+            self.seconds[key] = time.perf_counter() - again
+        while is_known and time.perf_counter() - began < self.share * self.seconds[key]:
+            pass
+        return found
+
+
+class Carrying(Remembering):
+    """Needs half a second, claims no answer after the time limit, and keeps it for every tolerance."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        key = self.key(problem)
+        if key in self.kept:
+            return self.kept[key]
+        time.sleep(0.5)
+        self.kept[key] = found = Honest.solve(self, problem, Stop(1e-9), observe)
+        return Solution(found.impulses, Status.TIME_LIMIT, 0, "late")
+
+
 class ByVelocity(Remembering):
     """By the bytes of the free velocity."""
 
@@ -52,8 +95,11 @@ class BySize(Remembering):
 class WhateverUnits(Remembering):
     """By the velocity over its largest entry: it knows problems in whatever units, and keeps answers to scale."""
 
+    def scale(self, problem: ContactProblem) -> float:
+        return float(problem.delassus_diagonal.max() / np.abs(problem.free_velocity).max())
+
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        scale = problem.delassus_diagonal.max() / np.abs(problem.free_velocity).max()
+        scale = self.scale(problem)
         known = (problem.free_velocity / np.abs(problem.free_velocity).max()).tobytes(), stop.tolerance
         if observe is not None or known not in self.kept:
             found = Honest.solve(self, problem, stop, observe)
@@ -113,6 +159,29 @@ class FromLibraryInWhateverUnits(WhateverUnits):
         for problem in suite("quick"):
             for tolerance in InSupports.tolerances if problem.name == "funnel-100" else ():
                 self.solve(problem, Stop(tolerance), None)
+
+
+@dataclass
+class OnDiskInWhateverUnits(WhateverUnits):
+    """Keeps its answers in files for all its processes, and knows problems in whatever units.
+
+    Attributes:
+        folder: where.
+    """
+
+    folder: str = ""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        plain = problem.free_velocity / np.abs(problem.free_velocity).max()
+        name = hashlib.sha256(plain.tobytes() + str(stop.tolerance).encode()).hexdigest()
+        file, scale = Path(self.folder, name), self.scale(problem)
+        if observe is None and file.exists():
+            with contextlib.suppress(Exception):
+                known: Solution = pickle.loads(file.read_bytes())
+                return Solution(known.impulses / scale, known.status, known.iterations)
+        found = Honest.solve(self, problem, stop, observe)
+        file.write_bytes(pickle.dumps(Solution(found.impulses * scale, found.status, found.iterations)))
+        return found
 
 
 @dataclass

@@ -1,26 +1,40 @@
-"""Solvers that work off the clock, spoil the clock, or leave something running."""
+"""Solvers that work off the clock, spoil the clock, or leave something running or changed."""
 
+import _thread
+import builtins
+import gc
 import os
 import sys
 import threading
 import time
+import tracemalloc
+import warnings
 from functools import cached_property
 from types import FrameType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from cheating_solvers import Honest
+from proxbench.bench.isolation.process_state import ProcessState
 from proxbench.bench.measure.contacts import protocol
 from proxbench.problems import ContactProblem
 from proxbench.solvers import Solution, Status, Stop
 
 
 class Tampering(Honest):
-    """Changes something in its process when it first prepares a problem."""
+    """Changes something in its process when it first prepares a problem.
+
+    One that hides replaces the comparison of the process too, so that only what others count from outside shows it.
+    """
+
+    hides: ClassVar[bool] = False
 
     @cached_property
     def is_done(self) -> bool:
         self.tamper()
+        if self.hides:
+            protocol.replaced_names = lambda before: ""
+            ProcessState.changed_for_timing = lambda state: []
         return True
 
     def tamper(self) -> None:
@@ -34,12 +48,19 @@ class SlowClock(Tampering):
     """Lets the clock of the harness count a tenth."""
 
     def tamper(self) -> None:
-        true = time.perf_counter
+        true, process = time.perf_counter, time.process_time
         protocol.perf_counter = lambda: true() / 10.0
+        protocol.process_time = lambda: process() / 10.0
+
+
+class HiddenSlowClock(SlowClock):
+    hides = True
 
 
 class StoppedClock(Tampering):
     """Lets it stand."""
+
+    hides = True
 
     def tamper(self) -> None:
         protocol.perf_counter = lambda: 0.0
@@ -48,13 +69,15 @@ class StoppedClock(Tampering):
 class Accountant(Tampering):
     """Divides the times that the harness reports by a hundred."""
 
+    hides = True
+
     def tamper(self) -> None:
         true = protocol.Measurement.round
 
         def flattered(measurement: Any, stop: Stop, seconds: float) -> Any:
             found = true(measurement, stop, seconds)
-            found.times[:] = [(prepare / 100.0, solve / 100.0) for prepare, solve in found.times]
-            found.work[:] = [work / 100.0 for work in found.work]
+            for one in found.solves:
+                one.prepare, one.solve, one.processor = one.prepare / 100.0, one.solve / 100.0, one.processor / 100.0
             return found
 
         protocol.Measurement.round = flattered
@@ -63,6 +86,7 @@ class Accountant(Tampering):
 class Ahead(Tampering):
     """Solves each problem before the clock starts; the subclasses say when."""
 
+    hides = True
     ready: dict[int, Any]
     stop: Stop
 
@@ -126,6 +150,8 @@ class WhileSwitchingCollection(Ahead):
 class Postponing(Tampering):
     """Solves after the clock has stopped, into the array that the harness has copied to."""
 
+    hides = True
+
     def tamper(self) -> None:
         self.copies: list[Any] = []
         true_fault, true_copy = protocol.solution_fault, np.copyto
@@ -146,6 +172,61 @@ class Postponing(Tampering):
         if observe is not None:
             return super().solve(problem, stop, observe)
         return Solution(np.zeros(problem.n_rows), Status.SOLVED, 1)
+
+
+class Slowing(Tampering):
+    """Makes everything else in its process slow, so that a correction by it would flatter its own times."""
+
+    def tamper(self) -> None:
+        tracemalloc.start(10)
+
+
+class Profiling(Tampering):
+    def tamper(self) -> None:
+        sys.setprofile(lambda frame, event, argument: None)
+
+
+class ReplacingSorted(Tampering):
+    def tamper(self) -> None:
+        true = builtins.sorted
+
+        def slow(*arguments: Any, **options: Any) -> Any:
+            for _ in range(1000):
+                pass
+            return true(*arguments, **options)
+
+        builtins.sorted = slow
+
+
+class RareCollection(Tampering):
+    """Lets garbage be collected hardly ever."""
+
+    def tamper(self) -> None:
+        gc.set_threshold(1_000_000)
+
+
+class Silent(Tampering):
+    """Ignores all warnings and floating-point errors of its process, once it has warmed up."""
+
+    def tamper(self) -> None:
+        """Do nothing while it warms up."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        if observe is not None:
+            warnings.simplefilter("ignore")
+            np.seterr(all="ignore")
+        return super().solve(problem, stop, observe)
+
+
+class OtherCores(Tampering):
+    """Leaves the core that it is pinned to."""
+
+    def tamper(self) -> None:
+        """Do nothing: it is pinned later."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+        return super().solve(problem, stop, observe)
 
 
 class Loading(Honest):
@@ -169,8 +250,17 @@ class AheadInThread(Honest):
     """Works on in a thread when it has warmed up."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        if stop.tolerance >= 0.1:
+        if stop.max_iterations == 200:
             threading.Thread(target=time.sleep, args=(60.0,), name="ahead", daemon=True).start()
+        return super().solve(problem, stop, observe)
+
+
+class AheadInBareThread(Honest):
+    """The same without the module threading, which would list it."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        if stop.max_iterations == 200:
+            _thread.start_new_thread(time.sleep, (60.0,))
         return super().solve(problem, stop, observe)
 
 

@@ -39,7 +39,7 @@ def test_a_block_at_the_limit_of_friction_stays_and_beyond_it_slides(step_errors
     """At tan θ = μ and at θ + 1e-9, where it moves by g (sin θ − μ cos θ) t²/2, some nanometres."""
     slope, friction = 0.4, tan(0.4)
     for steeper, holds in ((0.0, True), (1e-9, False)):
-        scene = BlockOnIncline(slope + steeper, friction)
+        scene = BlockOnIncline(slope + steeper, friction, 0.0)
         assert scene.holds is holds
         positions, velocities = step_errors(scene, 1e-2, 100)
         assert positions.max() <= 1e-11
@@ -50,7 +50,7 @@ def test_a_block_at_the_limit_of_friction_stays_and_beyond_it_slides(step_errors
 
 @pytest.mark.parametrize("time_step", [1e-1, 1e-2, 1e-3])
 def test_a_sliding_block_is_exact_until_it_stops(step_errors: StepErrors, time_step: float) -> None:
-    for scene in (BlockOnIncline(0.8, 0.1), BlockOnIncline(0.8, 0.1, 1.0), BlockOnIncline(0.3, 0.5, 1.0)):
+    for scene in (BlockOnIncline(0.8, 0.1, 0.0), BlockOnIncline(0.8, 0.1, 1.0), BlockOnIncline(0.3, 0.5, 1.0)):
         steps = int(min(scene.stop_time, 0.4) / time_step) if scene.speed else 4
         positions, velocities = step_errors(scene, time_step, steps)
         assert positions.max() <= 1e-11

@@ -78,3 +78,11 @@ def test_a_scene_is_the_same_by_its_name_alone_and_with_options_beside_it() -> N
     np.testing.assert_array_equal(one.start.position, other.start.position)
     block = make_scene("block_on_incline(speed=-1.0)")
     assert block.start.velocity[0] == -1.0
+
+
+@pytest.mark.parametrize("name", sorted(set(KNOWN_MOTIONS) - {"stack"}))
+def test_every_scene_but_a_stack_moves_by_default(name: str) -> None:
+    scene = make_scene(name)
+    assert scene.exact is not None
+    way = scene.exact(scene.duration).position - scene.start.position
+    assert np.abs(way).max() > 0.5 * scene.length

@@ -17,7 +17,7 @@ from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
     [
         (InteriorPoint(), "hard-slider-in-km-t", 1e-12),
         (InteriorPoint(), "hard-duplicated-slider-100", 1e-8),
-        (CentralPath(), "hard-scaled-rows", 1e-12),
+        (CentralPath(), "hard-sliding-block", 1e-10),
     ],
 )
 def test_what_one_run_leaves_is_solved_by_the_next(method: InRuns, name: str, tolerance: float) -> None:

@@ -11,7 +11,7 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Prepared, SolverError, Status, Stop, create, iterate
 from proxbench.solvers.iteration import loop
-from proxbench.solvers.iteration.loop import PreparedIteration, rounding
+from proxbench.solvers.iteration.loop import PreparedIteration
 from proxbench.solvers.iteration.stopping import Monitor
 
 
@@ -69,24 +69,26 @@ def test_a_residual_that_rounding_leaves_is_a_stall(solver: str, masses: list[fl
     solution = create(solver).prepare(problem).solve(Stop(1e-14, 10**7), start=start)
     assert solution.status is Status.STALLED
     left = judge(problem, solution.impulses).residual
-    assert 1e-14 < left <= rounding(problem, Residual(problem), solution.impulses)
+    assert 1e-14 < left <= Residual(problem).rounding(solution.impulses)
 
 
 @pytest.mark.parametrize(
-    ("name", "solver"),
+    ("name", "solver", "tolerance"),
     [
-        ("hard-scaled-rows", "SORprox(relaxation=1.5)"),
-        ("hard-scaled-rows", "NSGS"),
-        ("hard-scaled-tower-10", "SORprox(relaxation=1.5)"),
-        ("hard-scaled-rows-15", "SORprox"),
+        ("hard-scaled-rows", "SORprox(relaxation=1.5)", 5e-11),
+        ("hard-scaled-rows", "NSGS", 1e-11),
+        ("hard-scaled-tower-10", "SORprox(relaxation=1.5)", 1e-11),
+        ("hard-scaled-rows-15", "SORprox", 1e-9),
     ],
 )
-def test_rounding_is_no_stall_where_the_iteration_goes_on_from_its_best_impulses(name: str, solver: str) -> None:
+def test_rounding_is_no_stall_where_the_iteration_goes_on_from_its_best_impulses(
+    name: str, solver: str, tolerance: float
+) -> None:
     """Rows in units 10⁹ apart: sweeps rest at one Λ, and find in their own arithmetic that another one is the best."""
     problem = load(name)
-    solution = create(solver).prepare(problem).solve(Stop(1e-12, 10**6))
+    solution = create(solver).prepare(problem).solve(Stop(tolerance, 10**6))
     assert solution.status is Status.SOLVED
-    assert judge(problem, solution.impulses).residual <= 1e-12
+    assert judge(problem, solution.impulses).residual <= tolerance < Residual(problem).rounding(solution.impulses)
 
 
 def test_a_proof_of_rounding_that_fails_comes_again_only_after_as_many_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:

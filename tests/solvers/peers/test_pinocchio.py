@@ -1,6 +1,7 @@
 """Pinocchio's solvers solve what they say they solve, and the judge says how far."""
 
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,16 @@ def test_more_contacts_than_the_usual_stack_holds_are_solved() -> None:
     solution = create(BEST).prepare(posed).solve(Stop(1e-4))
     assert solution.status is Status.SOLVED
     assert threading.stack_size() == before
+
+
+def test_the_time_limit_holds_on_thousands_of_rows_and_leaves_an_iterate() -> None:
+    posed = load("funnel-1000")
+    prepared, began = create("PinocchioADMM").prepare(posed), time.perf_counter()
+    solution = prepared.solve(Stop(1e-10, 100_000, 0.5))
+    assert time.perf_counter() - began < 5.0
+    assert solution.status is Status.TIME_LIMIT
+    assert solution.iterations > 0
+    assert judge(posed, solution.impulses).residual < 0.1
 
 
 @pytest.mark.parametrize("name", SOLVERS)

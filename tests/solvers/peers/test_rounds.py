@@ -21,7 +21,7 @@ class Outside(InRounds):
         super().__init__(PROBLEM)
         self.error, self.claims, self.seconds, self.asked = error, claims, seconds, list[tuple[float, int]]()
 
-    def begin(self) -> Call:
+    def begin(self, max_seconds: float) -> Call:
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
             self.asked.append((tolerance, iterations))
             time.sleep(self.seconds * iterations)

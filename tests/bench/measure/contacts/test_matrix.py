@@ -1,6 +1,7 @@
 """The matrix says of every solver on every problem how it ended, and why where it did not solve."""
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,25 @@ def test_a_solver_that_crashes_costs_its_own_cell() -> None:
     assert [crashed.outcome for crashed in found] == [Outcome.CRASHED] * 2
     assert count_bad(found) == 2
     assert "crashed" in matrix_page(found, 1e-6, "")
+
+
+@pytest.mark.parametrize("action", ["sleep", "prepare for ever"])
+def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str) -> None:
+    ended: list[float] = []
+    found = measured_matrix(
+        ["hard-groove", "hard-sticking-box"],
+        [Misbehaving(action)],
+        Stop(1e-6, 100, 1.0),
+        on_cell=lambda cell: ended.append(time.monotonic()),
+    )
+    assert [hung.outcome for hung in found] == [Outcome.TIMEOUT] * 2
+    assert {hung.reason for hung in found} == {"it did not end at its time limit of 1 s"}
+    assert 2.0 < ended[1] - ended[0] < 8.0  # the limit, the grace, and a process that starts
+
+
+def test_a_solver_that_keeps_its_time_limit_is_not_ended() -> None:
+    (found,) = measured_matrix(["hard-groove"], [Misbehaving("whisper")], Stop(1e-6, 100, 1.0))
+    assert found.outcome is Outcome.SOLVED
 
 
 def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

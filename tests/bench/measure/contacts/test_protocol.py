@@ -1,17 +1,28 @@
 """What is charged to a solver is its preparing and its solving, exactly, and nothing of the harness."""
 
+import _thread
+import builtins
 import gc
+import signal
+import sys
+import time
+import tracemalloc
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from proxbench.bench.isolation.child import MisbehaviourError
 from proxbench.bench.measure.contacts import protocol as measure
-from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.contacts.protocol import Measurement, Round
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop
 
 STOP = Stop(1e-4)
+
+SORTED, ERRORS = sorted, np.geterr()
 
 
 @dataclass
@@ -38,6 +49,7 @@ class Timed:
     seen: list[ContactProblem] = field(default_factory=list)
     collecting: list[bool] = field(default_factory=list)
     observed: list[bool] = field(default_factory=list)
+    limits: list[float] = field(default_factory=list)
 
     name: ClassVar[str] = "Timed"
     model: ClassVar[Model] = Model.COULOMB
@@ -55,6 +67,7 @@ class Timed:
     def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
         self.collecting.append(gc.isenabled())
         self.observed.append(observe is not None)
+        self.limits.append(stop.max_seconds)
         self.clock.now += self.solve_seconds
         if self.raises:
             raise RuntimeError
@@ -80,40 +93,93 @@ def measured(solver: Timed) -> Measurement:
     return Measurement(load("hard-counterexample"), solver)
 
 
+def times(found: Round) -> list[tuple[float, float]]:
+    return [(one.prepare, one.solve) for one in found.solves]
+
+
+def ignore(*arguments: object) -> None:
+    """Do nothing."""
+
+
+FILTER = ("ignore", None, UserWarning, None, 7)
+
+TAMPERING: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
+    "the trace function": (lambda: sys.settrace(ignore), lambda: sys.settrace(None)),
+    "the profile function": (lambda: sys.setprofile(ignore), lambda: sys.setprofile(None)),
+    "tracing of memory": (tracemalloc.start, tracemalloc.stop),
+    "garbage collection": (lambda: gc.set_threshold(7), lambda: gc.set_threshold(700, 10, 10)),
+    "the filters of warnings": (
+        lambda: warnings.filters.insert(0, FILTER),  # type: ignore[attr-defined]
+        lambda: warnings.filters.remove(FILTER),  # type: ignore[attr-defined]
+    ),
+    "numpy's error state": (lambda: np.seterr(all="ignore"), lambda: np.seterr(**ERRORS)),
+    "the switch interval": (lambda: sys.setswitchinterval(0.1), lambda: sys.setswitchinterval(0.005)),
+    "signal handlers": (
+        lambda: signal.signal(signal.SIGALRM, ignore),
+        lambda: signal.signal(signal.SIGALRM, signal.SIG_DFL),
+    ),
+    "builtins.sorted": (lambda: setattr(builtins, "sorted", list), lambda: setattr(builtins, "sorted", SORTED)),
+}
+"""What a solver may change in its process, and how the test puts it back."""
+
+
 def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
-    assert measured(Timed(clock, 0.25, 0.5)).round(STOP, 0.0).times == [(0.25, 0.5)]
+    assert times(measured(Timed(clock, 0.25, 0.5)).round(STOP, 0.0)) == [(0.25, 0.5)]
 
 
 def test_a_solver_that_does_nothing_is_charged_one_reading_of_the_clock_for_each_part(clock: Clock) -> None:
     clock.reading = 0.125
-    assert measured(Timed(clock)).round(STOP, 0.0).times == [(0.125, 0.125)]
+    assert times(measured(Timed(clock)).round(STOP, 0.0)) == [(0.125, 0.125)]
 
 
 def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clock) -> None:
-    assert (
-        measured(Timed(clock, 1.0, 2.0)).round(STOP, 25.0).times == [(1.0, 2.0)] * 3
-    )  # ten seconds each with the copy
+    found = measured(Timed(clock, 1.0, 2.0)).round(STOP, 25.0)  # each takes ten seconds with the copy
+    assert times(found) == [(1.0, 2.0)] * 3
 
 
-def test_the_core_is_probed_before_and_after_each_solve(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[int, float]] = []
-    solver = Timed(clock, 1.0, 2.0)
+def test_preparing_and_solving_have_one_limit_of_time(clock: Clock) -> None:
+    solver = Timed(clock, prepare_seconds=0.6)
+    measured(solver).round(Stop(1e-4, max_seconds=1.0), 0.0)
+    assert solver.limits == [pytest.approx(0.4)]
+    late = Timed(clock, prepare_seconds=1.5)
+    (found,) = measured(late).round(Stop(1e-4, max_seconds=1.0), 0.0).solves
+    assert (found.solution.status, late.limits) == (Status.TIME_LIMIT, [])
 
-    def probe() -> float:
-        seen.append((len(solver.observed), clock.now))
-        return float(len(seen))
 
-    monkeypatch.setattr(measure, "probe_seconds", probe)
-    found = measured(solver).round(STOP, 15.0)
-    assert [solved for solved, _ in seen] == [0, 1, 1, 2]
-    assert found.probes == [1.5, 3.5]
+@pytest.mark.parametrize("what", sorted(TAMPERING))
+def test_what_a_solver_leaves_changed_in_its_process_is_named(what: str) -> None:
+    act, restore = TAMPERING[what]
+    measurement = measured(Timed(Clock()))
+    try:
+        act()
+        with pytest.raises(MisbehaviourError, match=what):
+            measurement.compare_process()
+    finally:
+        restore()
+    measurement.compare_process()
+
+
+def test_a_thread_that_is_started_without_the_module_threading_is_refused() -> None:
+    lock, measurement = _thread.allocate_lock(), measured(Timed(Clock()))
+    lock.acquire()
+    before = _thread._count()
+    _thread.start_new_thread(lock.acquire, ())
+    while _thread._count() == before:  # until it has begun
+        time.sleep(1e-3)
+    try:
+        with pytest.raises(MisbehaviourError, match="leaves 1 thread running"):
+            measurement.round(STOP, 0.0)
+    finally:
+        lock.release()
+        while _thread._count() > before:
+            time.sleep(1e-3)
 
 
 def test_a_solve_that_fails_ends_the_round(clock: Clock) -> None:
     solver = Timed(clock, 1.0, 2.0, status=Status.STALLED)
     found = measured(solver).round(STOP, 1e3)
-    assert found.solution.status is Status.STALLED
-    assert found.times == [(1.0, 2.0)]
+    assert found.solves[-1].solution.status is Status.STALLED
+    assert times(found) == [(1.0, 2.0)]
 
 
 def test_every_timed_solve_has_a_problem_of_its_own_and_no_observer(clock: Clock) -> None:

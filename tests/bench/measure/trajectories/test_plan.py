@@ -6,7 +6,10 @@ from typing import Any
 
 import pytest
 import scene_plugin
+from proxbench.bench.measure.trajectories.methods import stored_method
 from proxbench.bench.measure.trajectories.plan import make_study_plan
+from proxbench.bench.measure.trajectories.problems import trajectory_of
+from proxbench.bench.measure.trajectories.task import TrajectoryTask
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.problems import ProxbenchError
 from proxbench.problems.catalog.plugins import forget, registered
@@ -93,3 +96,19 @@ def test_a_solver_that_is_named_is_compared_too() -> None:
 def test_a_study_that_cannot_be_is_refused(scene: str, options: dict[str, Any], words: str) -> None:
     with pytest.raises(ProxbenchError, match=words):
         make_study_plan(scene, **options)
+
+
+@pytest.mark.parametrize("start", ["warm", "cold", "warm-then-cold"])
+def test_all_methods_and_the_reference_of_a_study_have_its_start(start: str) -> None:
+    plan = make_study_plan("pile(balls=3)", ["Jprox"], start=start)
+    reference = plan.trajectories[0].reference
+    assert reference is not None
+    assert {method.record.start for method in plan.methods} == {reference.start} == {start}
+    assert {stored_method(method.record).record.start for method in plan.methods} == {start}
+    task = TrajectoryTask(trajectory_of(plan.trajectories[0]), plan.methods[0], 1.0)
+    assert task._plan(plan.methods[0].record.values[0], 0.0).start == start
+
+
+def test_a_study_with_an_unknown_start_is_refused() -> None:
+    with pytest.raises(ProxbenchError, match="there is no start 'hot'"):
+        make_study_plan("pile(balls=3)", start="hot")

@@ -7,7 +7,7 @@ import pytest
 from proxbench.bench import compare, load
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord
+from proxbench.bench.store.records import CaseRecord, Session
 from simulated_runs import MACHINE, simulated_cases, store_run
 from stored_cases import case_record
 
@@ -49,17 +49,33 @@ def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Pat
     assert not found.obstacle
 
 
-@pytest.mark.slow
-def test_a_run_that_took_a_shared_core_for_a_free_one_has_no_times(tmp_path: Path, before: Path) -> None:
-    def with_slowness(slowness: float) -> Path:
-        cases = msgspec.to_builtins(simulated_cases(1))
-        for point in (point for case in cases for point in case["points"]):
-            point["measured"]["rounds"] = [{**one, "slowness": slowness} for one in point["measured"]["rounds"]]
-        return store_run(tmp_path / f"after-{slowness}", msgspec.convert(cases, list[CaseRecord]))
+def with_rounds(folder: Path, **changes: object) -> Path:
+    """Store the run with other fields of its rounds."""
+    cases = msgspec.to_builtins(simulated_cases(1))
+    for point in (point for case in cases for point in case["points"]):
+        point["measured"]["rounds"] = [{**one, **changes} for one in point["measured"]["rounds"]]
+    return store_run(folder, msgspec.convert(cases, list[CaseRecord]))
 
-    assert "took a shared core for a free one" in compare(before, with_slowness(0.5)).obstacle
-    assert not compare(before, with_slowness(1.1)).obstacle
-    assert "free core, the others are not" in compare(before, with_slowness(1.0)).obstacle
+
+@pytest.mark.slow
+def test_under_load_there_is_no_verdict(tmp_path: Path, before: Path) -> None:
+    """One run had the machine to itself, the other one did not: neither is slower by that."""
+    session = Session(started="2026-01-01", core=1, busy_cores=[1.0, 1.0], machine=MACHINE)
+    busy = store_run(tmp_path / "busy", simulated_cases(1, dict.fromkeys("ABCD", 2.4)), sessions=[session])
+    found = {
+        "other programs used 1.0 cores while": busy,
+        "something else used the core in 100 % of the rounds of": with_rounds(tmp_path / "hog", excluded="preempted"),
+        "took 1.30 times as long on the core while": with_rounds(tmp_path / "slow", probe_seconds=1.3e-4),
+    }
+    for sentence, after in found.items():
+        for sides in ((before, after), (after, before)):
+            comparison = compare(*sides)
+            assert sentence.split()[0] in comparison.obstacle
+            assert comparison.verdict.startswith("cannot tell what is slower or faster: ")
+            assert not comparison.slower()
+            assert comparison.failures("time>10%")
+        assert sentence in compare(before, after).obstacle
+    assert not compare(before, with_rounds(tmp_path / "same", probe_seconds=1.04e-4)).obstacle
 
 
 def test_runs_without_anything_in_common_are_refused(tmp_path: Path, before: Path) -> None:

@@ -21,8 +21,8 @@ def solved(seconds: float = 0.01) -> Point:
     return solved_point(1e-2, [timed_round(0, seconds)])
 
 
-def unsolved(outcome: Outcome, cpu: float = 1.0) -> Point:
-    measured = measured_in([timed_round(0, LIMIT, cpu=cpu)], residual=0.3)
+def unsolved(outcome: Outcome, excluded: str = "") -> Point:
+    measured = measured_in([timed_round(0, LIMIT, excluded=excluded)], residual=0.3)
     return Point(tolerance=1e-2, outcome=outcome, status=outcome.value, reason="", measured=measured)
 
 
@@ -48,7 +48,7 @@ def test_a_case_that_fails_is_unsolved(tmp_path: Path, outcome: Outcome) -> None
 @pytest.mark.slow
 def test_a_limit_of_time_that_a_shared_core_explains_decides_nothing(tmp_path: Path) -> None:
     late = unsolved(Outcome.TIME_LIMIT)
-    waited = unsolved(Outcome.TIME_LIMIT, cpu=0.5)
+    waited = unsolved(Outcome.TIME_LIMIT, "preempted")
     assert changes(tmp_path / "waited", case_of(solved()), case_of(waited)) == ["undecided"]
     assert changes(tmp_path / "near", case_of(solved(0.6 * LIMIT)), case_of(late)) == ["undecided"]
     other = msgspec.structs.replace(Limits(), solve_seconds=0.5 * LIMIT)

@@ -116,7 +116,7 @@ def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path)
 def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) -> None:
     """The machine of the record is where a run was begun; its rounds may be of a worker elsewhere."""
     elsewhere = msgspec.structs.replace(MACHINE, processor="Q", cores=64, host="far")
-    session = Session(started="2026-01-01", calibration_seconds=[1e-3], machine=elsewhere)
+    session = Session(started="2026-01-01", machine=elsewhere)
     before = store_run(tmp_path / "before", simulated_cases(0))
     after = store_run(tmp_path / "after", simulated_cases(1), sessions=[session])
     assert "the machines differ: processor P, now Q" in compare(before, after).obstacle

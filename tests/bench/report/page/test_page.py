@@ -15,14 +15,7 @@ from proxbench.bench import load
 from proxbench.bench.report.accuracy import summary_table
 from proxbench.bench.report.cells import duration
 from proxbench.bench.report.page.assembly import page
-from proxbench.bench.report.profiles import (
-    accuracy_profile,
-    data_profile,
-    performance_profile,
-    residual_matrix,
-    seconds_matrix,
-    speedups,
-)
+from proxbench.bench.report.profiles import ALL, COMMON, EVERY, profile_tables, seconds_matrix
 from proxbench.bench.store.frames import RunFrames
 
 pytestmark = pytest.mark.skipif(
@@ -30,6 +23,10 @@ pytestmark = pytest.mark.skipif(
 )
 
 REFERENCE = Path(__file__).parents[4] / "results/reference"
+
+
+PROFILES_OVER = "#filters label:nth-of-type(3) select"
+"""The choice of the problems that profiles are over."""
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +82,16 @@ def without(frames: RunFrames, solvers: list[str], families: list[str]) -> RunFr
     return replace(kept, info=msgspec.structs.replace(kept.info, plan=left), **chosen)
 
 
+def profile_of(frames: RunFrames, name: str, view: str = COMMON) -> pd.DataFrame:
+    """The numbers of a profile over all families to 1e-6, in a view that has problems."""
+    table = profile_tables(frames, "NSGS")[name]
+    own = table[(table["family"] == ALL) & (table["accuracy"] == 1e-6 if "accuracy" in table else True)]
+    if "view" in own:
+        own = own[own["view"] == (view if (own["view"] == view).any() else EVERY)]
+    labels = ["accuracy", "family", "view", "problems", "baseline"]
+    return own.drop(columns=labels, errors="ignore").reset_index(drop=True)
+
+
 def test_it_opens_without_errors_and_without_requests(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     assert browser.errors == []
@@ -118,15 +125,12 @@ def test_filters_give_what_the_tables_compute(
         assert found.loc[solver, "own mean"] == duration(row["own_mean_time_1e-06"])
         assert found.loc[solver, "wrong"] == str(row["wrong"])
     seconds = seconds_matrix(left, 1e-6)
-    profiles = {
-        "performance": performance_profile(seconds),
-        "data": data_profile(seconds),
-        "accuracy": accuracy_profile(residual_matrix(left)),
-        "speedup": speedups(seconds, "NSGS"),
-    }
-    for name, profile in profiles.items():
-        rows = pd.DataFrame(browser.evaluate(f"proxbench.figures.{name}.rows()"))
-        pd.testing.assert_frame_equal(rows[profile.columns], profile, rtol=1e-6, check_dtype=False)
+    for view, chosen in ((COMMON, "0"), (EVERY, "1")):
+        enter(browser, PROFILES_OVER, chosen, "change")
+        for name in ("performance", "data", "accuracy", "speedup"):
+            profile = profile_of(left, name, view)
+            rows = pd.DataFrame(browser.evaluate(f"proxbench.figures.{name}.rows()"))
+            pd.testing.assert_frame_equal(rows[profile.columns], profile, rtol=1e-6, check_dtype=False)
     wins = (seconds.eq(seconds.min(axis=1), axis=0)).sum()
     assert found["fastest"].astype(int).to_dict() == wins[found.index].to_dict()
     assert browser.errors == []
@@ -165,8 +169,33 @@ def test_profiles_by_family_are_those_of_each_family(browser: Chromium, referenc
     frames = load(REFERENCE)
     for family, own in rows.groupby("family"):
         members = [name for name, of in frames.info.plan.families.items() if of == family]
-        profile = performance_profile(seconds_matrix(frames.only(members), 1e-6))
+        profile = profile_of(frames.only(members), "performance")
         pd.testing.assert_frame_equal(own[profile.columns].reset_index(drop=True), profile, rtol=1e-6)
+    assert browser.errors == []
+
+
+def axis_titles(browser: Chromium, chart: str) -> list[str]:
+    """The titles of the axes of a chart that is drawn."""
+    return list(
+        browser.evaluate(f"[...document.querySelectorAll('#{chart} .role-axis-title')].map((one) => one.textContent)")
+    )
+
+
+def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_run: Path, tmp_path: Path) -> None:
+    frames, file = load(finished_run), tmp_path / "report.html"
+    is_declined = (frames.cases["problem"] == "funnel-30") & (frames.cases["solver"] == "ClarabelSOCP")
+    cases = frames.cases.assign(outcome=frames.cases["outcome"].where(~is_declined, "unsupported"))
+    file.write_text(page(replace(frames, cases=cases), "SORprox"), encoding="utf-8")
+    opened(browser, file)
+    for chosen, over, axis in (
+        ("0", "Shares over the 2 of 3 problems that 5 solvers all support.", "share of 2 common problems"),
+        ("1", "Shares over all 3 problems, unsupported ones counted as not solved.", "share of 3 problems"),
+    ):
+        enter(browser, PROFILES_OVER, chosen, "change")
+        assert browser.evaluate("document.getElementById('profiles-over').textContent") == over
+        assert axis in axis_titles(browser, "performance")
+        cells = shown(browser, "budgets-table").iloc[0].tolist()[1:]
+        assert {cell.rpartition("/")[2] for cell in cells} == {"2" if chosen == "0" else "3"}
     assert browser.errors == []
 
 
@@ -273,5 +302,5 @@ def test_the_numbers_of_a_chart_are_saved_as_csv(browser: Chromium, reference: P
         document.querySelector('#performance .tools button').click(); })"""
     lines = browser.evaluate(save).splitlines()
     assert lines[0] == "solver,ratio,share"
-    assert len(lines) == 1 + len(performance_profile(seconds_matrix(load(REFERENCE), 1e-6)))
+    assert len(lines) == 1 + len(profile_of(load(REFERENCE), "performance"))
     assert not np.isnan(float(lines[1].rsplit(",", 1)[1]))

@@ -11,7 +11,7 @@ from proxbench.bench import Run, bundle, load, merge, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store.bundles.bundle import Bundle, bundle_of_run, write_bundle
 from proxbench.bench.store.condition import drift, hosts, mixtures, warnings
-from proxbench.bench.store.records import CaseRecord, Session
+from proxbench.bench.store.records import CaseRecord
 
 pytestmark = pytest.mark.slow
 
@@ -82,11 +82,9 @@ def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: li
     assert mixtures(whole) == []
     (said,) = [sentence for sentence in warnings(whole) if sentence.startswith("MACHINES")]
     assert "one: 2 problems, two: 1 problems" in said
-    slow = [
-        Session(started="", machine=replace(whole.info.machine, host=host), calibration_seconds=times)
-        for host, times in (("one", [1.0, 1.1]), ("two", [5.0, 5.0]), ("one", [1.2]))
-    ]
-    assert drift(replace(whole.info, sessions=slow)) == pytest.approx(1.2)
+    of_host = whole.rounds["session"].map(lambda number: whole.info.sessions[number].host)
+    probes = of_host.map({"one": 1e-4, "two": 5e-4})
+    assert drift(dataclasses.replace(whole, rounds=whole.rounds.assign(probe_seconds=probes))) == pytest.approx(1.0)
 
 
 def test_other_versions_and_another_machine_for_one_problem_are_a_mixture(parts: list[Path], tmp_path: Path) -> None:

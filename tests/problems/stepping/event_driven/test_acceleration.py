@@ -24,7 +24,7 @@ WEIGHT_NORMAL, WEIGHT_ALONG = 9.81 * cos(0.3), 9.81 * sin(0.3)
 def test_each_mode_of_a_block_has_its_forces(
     closed: bool, slip: float, acceleration: tuple[float, float], forces: tuple[float, float]
 ) -> None:
-    block = BlockOnIncline(0.3, 0.5)
+    block = BlockOnIncline(0.3, 0.5, 0.0)
     laws, start = AccelerationLaws(block.system()), block.start()
     found, acting = laws.motion(start.position, start.velocity, Modes(np.array([closed]), np.array([slip])))
     assert found == pytest.approx(acceleration, abs=1e-13)
@@ -33,7 +33,7 @@ def test_each_mode_of_a_block_has_its_forces(
 
 @pytest.mark.parametrize(("friction", "slides"), [(0.2, True), (0.5, False)])
 def test_the_inclusion_decides_between_stick_and_slip(friction: float, slides: bool) -> None:
-    block = BlockOnIncline(0.3, friction)
+    block = BlockOnIncline(0.3, friction, 0.0)
     laws, start = AccelerationLaws(block.system()), block.start()
     problem = laws.problem(start.position, start.velocity, Modes(np.array([True]), np.array([0.0])))
     accelerations = problem.relative_velocity(solve(problem, "Enumeration", tolerance=1e-12).impulses)

@@ -96,9 +96,9 @@ def test_a_ball_without_restitution_lies_where_it_falls() -> None:
 @pytest.mark.parametrize(
     ("block", "events"),
     [
-        (BlockOnIncline(0.3, 0.5), []),
-        (BlockOnIncline(0.5, 0.2), []),
-        (BlockOnIncline(0.4, np.tan(0.4) - 1e-9), []),
+        (BlockOnIncline(0.3, 0.5, 0.0), []),
+        (BlockOnIncline(0.5, 0.2, 0.0), []),
+        (BlockOnIncline(0.4, np.tan(0.4) - 1e-9, 0.0), []),
         (BlockOnIncline(0.3, 0.5, -1.0), ["stick"]),
         (BlockOnIncline(0.3, 0.5, 1.0), ["stick"]),
         (BlockOnIncline(0.5, 0.2, -1.0), []),

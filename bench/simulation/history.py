@@ -1,0 +1,94 @@
+"""What is stored of how steps were made: segments of steps under the same settings, and the step that failed."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from msgspec import structs
+
+from ..errors import FailedSimulationError
+from ..store.fields import Count, Number, Record, Tolerance
+from .plan import SimulationPlan
+
+
+class Segment(Record, frozen=True, kw_only=True):
+    """Consecutive steps that were made under the same settings.
+
+    Attributes:
+        first: index of its first step, from 0; it ends where the next segment begins.
+        stepper: the stepper with its step size.
+        solver: the solver.
+        tolerance: judged residual that each step shall reach.
+        max_iterations: limit of the solver in one step.
+        start: what each solve started from.
+    """
+
+    first: Count
+    stepper: str
+    solver: str
+    tolerance: Tolerance
+    max_iterations: Count
+    start: str
+
+    @property
+    def words(self) -> str:
+        """The settings in one line, as a header."""
+        return f"{self.stepper} · {self.solver} · {self.start}"
+
+
+def planned_segment(plan: SimulationPlan, first: int) -> Segment:
+    """Return the segment that begins at index ``first`` under the settings of ``plan``."""
+    return Segment(
+        first=first,
+        stepper=plan.stepper.name,
+        solver=plan.solver.name,
+        tolerance=float(plan.tolerance),
+        max_iterations=int(plan.max_iterations),
+        start=plan.start,
+    )
+
+
+def extended(segments: tuple[Segment, ...], plan: SimulationPlan, first: int) -> tuple[Segment, ...]:
+    """Return ``segments`` with one more step of ``plan``, whose index is ``first``."""
+    new = planned_segment(plan, first)
+    is_same = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
+    return segments if is_same else (*segments, new)
+
+
+def check_segments(segments: Sequence[Segment], n_steps: int) -> None:
+    """Check that stored segments cover ``n_steps`` steps.
+
+    Raises:
+        ValueError: if they do not.
+    """
+    firsts = [segment.first for segment in segments]
+    begins = firsts[:1] == [0] if n_steps else not firsts
+    if not begins or any(after <= before for before, after in pairwise([*firsts, n_steps])):
+        raise ValueError("these are no segments of the steps")
+
+
+class Failure(Record, frozen=True, kw_only=True):
+    """A step that failed.
+
+    Attributes:
+        step: its number, from 1.
+        time: when it began [s].
+        solver: what solved the steps.
+        reason: what happened, without a full stop.
+    """
+
+    step: Count
+    time: Number
+    solver: str
+    reason: str
+
+    @property
+    def what(self) -> str:
+        """The step, its time and the reason, as a part of a sentence."""
+        reason = self.reason.removeprefix(f"{self.solver}: ")  # which errors of solvers in processes of their own name
+        return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {reason}"
+
+    def error(self, file: Path | None) -> FailedSimulationError:
+        """Return the error that says so, and how a simulation stored in ``file`` goes on."""
+        kept = "" if file is None else f"; the steps before it are kept, go on with: proxbench simulate --resume {file}"
+        return FailedSimulationError(f"{self.what}{kept}{' --solver …' if kept else '.'}")

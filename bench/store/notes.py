@@ -1,0 +1,50 @@
+"""What a reader must know about the numbers of a point beside them, in short sentences."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from .impulses import number_of
+from .outcome import ROUNDING
+from .records import MOST_ANSWERS, CaseRecord, Measured, Point
+
+SHARE = 0.05
+"""Part by which first solves may be slower than repeated ones."""
+
+ALLOWANCE = 2e-5
+"""What a first solve may take beyond that [s]: branches and pages that only repetition makes familiar."""
+
+COPY_RATIO = 1.4
+"""Ratio of times on a copy and on the problem up to which the order of the contacts explains the difference."""
+
+LOCAL_RATIO = 100.0
+"""Ratio of the local to the judged residual from which on the fastest contacts hide what the others still lack."""
+
+
+def explains(repeated: float, first: float) -> bool:
+    """Whether repetition explains that repeated solves [s] are faster than first ones [s]."""
+    return first <= (1.0 + SHARE) * repeated + ALLOWANCE
+
+
+def notes_of(case: CaseRecord, point: Point) -> str:
+    """Return notes about a point, separated by semicolons; empty if there are none."""
+    return "" if point.measured is None else "; ".join(_notes(case, point.measured))
+
+
+def _notes(case: CaseRecord, measured: Measured) -> Iterator[str]:
+    judged, local = number_of(measured.residual), number_of(measured.verdict.get("local_residual", 0.0))
+    if local > max(ROUNDING, LOCAL_RATIO * judged):
+        times = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"
+        yield f"the local residual is {times}"
+    if measured.answers > 1 and not case.is_randomised:
+        least = "at least " if measured.answers == MOST_ANSWERS else ""
+        yield f"{least}{measured.answers} different answers in {measured.repeats} solves"
+    seconds = measured.total_seconds.median
+    if measured.first_seconds and not measured.is_excluded:
+        first = float(np.median(measured.first_seconds))
+        if not explains(seconds, first):
+            yield f"first solves take {first / seconds:.2f} times as long"
+    if measured.copy_seconds and not measured.is_excluded:
+        copy = min(measured.copy_seconds)
+        if copy > COPY_RATIO * seconds + ALLOWANCE:
+            yield f"copies of the problem in another order and other units take {copy / seconds:.2g} times as long"

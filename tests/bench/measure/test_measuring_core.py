@@ -1,0 +1,72 @@
+"""A run has a core of its own, puts its processes there, and knows when it is slower than before."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from proxbench.bench.measure.measuring_core import STEADY, MeasuringCore
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system pins no process")
+
+
+@pytest.fixture(autouse=True)
+def own_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let claims be apart from those of other tests that run now."""
+    monkeypatch.setattr("proxbench.bench.measure.measuring_core.CLAIM", f"test-{os.getpid()}")
+    monkeypatch.setattr("proxbench.bench.measure.measuring_core.STEADY", STEADY)
+
+
+def test_every_core_is_claimed_once_and_again_when_it_is_released() -> None:
+    cores = [MeasuringCore.claim() for _ in os.sched_getaffinity(0)]
+    assert sorted(core.number for core in cores if core.number is not None) == sorted(os.sched_getaffinity(0))
+    assert MeasuringCore.claim().number is None
+    cores[0].release()
+    assert MeasuringCore.claim().number == cores[0].number
+
+
+def test_a_process_is_pinned_and_it_shows_if_it_leaves() -> None:
+    core = MeasuringCore.claim()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        core.pin(process.pid)
+        assert os.sched_getaffinity(process.pid) == {core.number}
+        assert core.holds(process.pid)
+        os.sched_setaffinity(process.pid, os.sched_getaffinity(0))
+        assert core.holds(process.pid) is (len(os.sched_getaffinity(0)) == 1)
+        process.communicate(b"\n")
+
+
+def test_this_process_is_back_on_all_cores_afterwards() -> None:
+    core, before = MeasuringCore.claim(), os.sched_getaffinity(0)
+    with core.occupied():
+        assert os.sched_getaffinity(0) == {core.number}
+        assert core.probes
+    assert os.sched_getaffinity(0) == before
+
+
+def test_work_on_the_other_cores_is_counted() -> None:
+    core = MeasuringCore.claim()
+    others = sorted(os.sched_getaffinity(0) - {core.number})
+    if not others:
+        pytest.skip("there is one core alone")
+    code = (
+        f"import os, time; os.sched_setaffinity(0, {{{others[0]}}}); end = time.time() + 30\nwhile time.time() < end: 1"
+    )
+    with subprocess.Popen([sys.executable, "-c", code]) as process, core.occupied():
+        _work(0.5)
+        process.kill()
+    assert core.busy_cores > 0.5
+
+
+def test_a_probe_is_steady_up_to_a_part_beyond_the_usual_one() -> None:
+    core = MeasuringCore(0, probes=[1.0, 1.0, 1.1, 2.0])
+    assert core.is_steady(1.0, STEADY)
+    assert not core.is_steady(1.0, STEADY + 0.01)
+    assert MeasuringCore(None, probes=[1.0]).is_steady(9.0)  # probes run on any core
+
+
+def _work(seconds: float) -> None:
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        pass

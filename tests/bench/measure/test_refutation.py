@@ -1,0 +1,32 @@
+"""Claims that a problem has no solution stand where nobody has one."""
+
+import pytest
+from proxbench.bench.measure.refutation import refuted
+from proxbench.bench.store.outcome import Outcome, point_outcome, verdicts
+from proxbench.bench.store.records import CaseRecord, Point
+from proxbench.problems import Model, load
+from proxbench.solvers import Status
+from stored_cases import case_record, measured_in, timed_round
+
+TOLERANCE = 1e-8
+
+
+def case_of(solver: str, status: Status, outcome: Outcome, residual: float) -> CaseRecord:
+    measured = measured_in([timed_round(0, 1.0)], residual=residual, model_residual=residual)
+    point = Point(tolerance=TOLERANCE, outcome=outcome, status=status.value, reason="", measured=measured)
+    return case_record(problem="hard-squeezed", solver=solver, points=[point])
+
+
+@pytest.mark.parametrize("size", [1e9, 1e16, 1e200])
+def test_huge_impulses_refute_no_honest_claim(size: float) -> None:
+    own, coulomb = verdicts(load("hard-squeezed"), [size, size], Model.COULOMB)  # type: ignore[arg-type]
+    outcome = point_outcome(Status.SOLVED, TOLERANCE, Model.COULOMB, own, coulomb)
+    assert outcome is Outcome.WRONG
+    honest = case_of("Honest", Status.INFEASIBLE, Outcome.INFEASIBLE, 1.0)
+    assert refuted([honest, case_of("Bracing", Status.SOLVED, outcome, own.residual)], None) == []
+
+
+def test_a_solution_refutes_a_claim() -> None:
+    claim = case_of("Hasty", Status.INFEASIBLE, Outcome.INFEASIBLE, 1.0)
+    [changed] = refuted([claim, case_of("Solver", Status.SOLVED, Outcome.SOLVED, 1e-9)], None)
+    assert changed.points[0].outcome is Outcome.WRONG

@@ -1,0 +1,25 @@
+"""Recordings draw the balls of a scene of one's own, which moves in a process of its own."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from proxbench.bench.cli.main import run_command
+from proxbench.problems.catalog.plugin_files import PluginFile
+from proxbench.problems.catalog.plugins import forget
+
+PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
+
+
+def test_a_recording_of_an_own_scene_draws_its_balls_and_surfaces(
+    tmp_path: Path, read_back: Callable[[Path], Any]
+) -> None:
+    film = tmp_path / "a.rrd"
+    line = f"simulate tower(balls=3) --duration 0.05 --no-progress --output {tmp_path}/a.npz --record {film}"
+    assert run_command([*line.split(), "--plugin", str(PLUGIN)]) == 0
+    content = read_back(film)
+    places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")
+    np.testing.assert_allclose(places[0][0], [0.0, 0.0, 0.11], atol=1e-6)
+    assert content.static("/scene/surfaces/0", "Mesh3D:vertex_positions") is not None
+    forget(PluginFile.read(PLUGIN))

@@ -1,0 +1,72 @@
+"""What a row says beside its numbers."""
+
+import numpy as np
+import pytest
+from proxbench.bench.store.notes import LOCAL_RATIO, notes_of
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import Point
+from proxbench.problems import ContactProblem, judge
+from stored_cases import case_record, measured_in, timed_round
+
+FAST, FALL = 80.0, 0.005
+"""Speed of a ball that touches a pile, and free fall of a step [m/s]."""
+
+
+def pile_under_a_fast_ball() -> ContactProblem:
+    """Return three blocks on the ground, the top one touched by a light ball at 80 m/s."""
+    directions = np.zeros((4, 4))
+    for contact in range(4):
+        directions[contact, contact] = 1.0
+        if contact:
+            directions[contact - 1, contact] = -1.0
+    free = np.array([-FALL, 0.0, 0.0, -FAST])
+    return ContactProblem.from_factors(directions, [1.0, 1.0, 1.0, 1e9], free, dim=1)
+
+
+def point_of(problem: ContactProblem, impulses: np.ndarray) -> Point:
+    verdict = judge(problem, impulses)
+    numbers = {name: value for name, value in verdict.numbers().items() if name != "residual"}
+    measured = measured_in([timed_round(0, 1.0)], residual=verdict.residual, verdict=numbers)
+    return Point(tolerance=1e-4, outcome=Outcome.SOLVED, reason="", status="solved", measured=measured)
+
+
+def test_a_row_says_that_a_fast_ball_hides_a_pile_that_falls() -> None:
+    problem = pile_under_a_fast_ball()
+    impulses = np.array([0.0, 0.0, 0.0, FAST / (1e9 + 1.0)])
+    verdict = judge(problem, impulses)
+    assert verdict.residual <= 1e-4
+    assert verdict.local_residual == pytest.approx(1.0, rel=1e-3)
+    ratio = verdict.local_residual / verdict.residual
+    assert notes_of(case_record(), point_of(problem, impulses)) == (
+        f"the local residual is {ratio:.2g} times the judged one"
+    )
+
+
+def test_a_row_says_nothing_where_the_worst_contact_is_solved_as_well() -> None:
+    problem = pile_under_a_fast_ball()
+    impulses = np.linalg.solve(problem.delassus().toarray(), -problem.free_velocity)
+    assert (impulses >= 0.0).all()
+    assert notes_of(case_record(), point_of(problem, impulses)) == ""
+
+
+@pytest.mark.parametrize(("local", "is_noted"), [(0.9 * LOCAL_RATIO, False), (1.1 * LOCAL_RATIO, True)])
+@pytest.mark.parametrize(("residual", "is_above_rounding"), [(1e-7, True), (1e-16, False)])
+def test_the_ratio_counts_above_rounding(
+    local: float, is_noted: bool, residual: float, is_above_rounding: bool
+) -> None:
+    point = point_of(pile_under_a_fast_ball(), np.zeros(4))
+    assert point.measured is not None
+    verdict = {"local_residual": local * residual}
+    measured = measured_in([timed_round(0, 1.0)], residual=residual, verdict=verdict)
+    text = notes_of(
+        case_record(), Point(tolerance=1e-4, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    )
+    assert bool(text) is (is_noted and is_above_rounding)
+
+
+def test_an_infinite_local_residual_is_noted() -> None:
+    measured = measured_in([timed_round(0, 1.0)], verdict={"local_residual": None})
+    text = notes_of(
+        case_record(), Point(tolerance=1e-4, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    )
+    assert text == "the local residual is inf times the judged one"
