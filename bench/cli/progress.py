@@ -10,7 +10,15 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from ..measure.execution.events import Event, PointFinished, ProblemStarted, RunStarted, VisitFinished
+from ..measure.execution.events import (
+    CasePassFinished,
+    Event,
+    PointFinished,
+    ProblemStarted,
+    ReferenceSimulated,
+    RunStarted,
+)
+from ..store.trajectory_records import TrajectoryRecord
 
 LOADING = "loading kernels; the first time they are compiled, for about a minute"
 """What a run does before the first solver starts."""
@@ -90,6 +98,8 @@ class RunProgress(ProgressBar):
                     self._bar.refresh()
                 if event.work and not self._hidden:
                     self._console.print(f"to do: {event.work}", soft_wrap=True, highlight=False, markup=False)
+        elif isinstance(event, ReferenceSimulated):
+            self._warn(event.trajectory)
         elif isinstance(event, ProblemStarted):
             self.name(f"{event.problem}{_pass(event)}")
         elif isinstance(event, PointFinished):
@@ -97,10 +107,18 @@ class RunProgress(ProgressBar):
             if self._points:
                 self._points_done += 1
                 self.count(min(self._points_done, self._points), self._points)
-        elif isinstance(event, VisitFinished):
+        elif isinstance(event, CasePassFinished):
             if not self._bar.disable:
                 self._bar.above = _first_look(self._folder, event.problem, self._console.width)
             self.count(self._points or event.done, self._points or event.total)
+
+    def _warn(self, trajectory: TrajectoryRecord) -> None:
+        """Print, before anything is measured, that errors would mean nothing, hidden or not."""
+        from ..report.studies import motion_warning
+
+        warning = motion_warning(trajectory)
+        if warning:
+            self._console.print(warning, soft_wrap=True, highlight=False, markup=False)
 
 
 def _first_look(folder: Path, problem: str, width: int) -> Text:

@@ -32,9 +32,8 @@ LARGEST_FILE = 2**24
 LONGEST_TRACEBACK = 20_000
 """Characters of a traceback that are sent, its end."""
 
-
 MAX_CAUSES = 100
-"""Exceptions behind one another that are looked at: a plugin may let them form a circle."""
+"""Exceptions that are followed along a chain of causes: a plugin may link them in a circle."""
 
 
 class MisbehaviourError(Exception):

@@ -69,7 +69,9 @@ class ProcessState:
         )
 
     def after_imports(self) -> Self:
-        """Return this state with the present value of what libraries rightly change when they are imported."""
+        """Return this state with the present value of what libraries rightly change, if any has been imported since."""
+        if self.modules.issuperset(sys.modules):
+            return self
         return replace(self, state=self.state | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
 
     def replaced(self) -> list[str]:

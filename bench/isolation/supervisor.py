@@ -31,7 +31,7 @@ ENDING = struct.Struct("!i?")
 """The last report: the wait status of the case, and whether one of its processes had nearly all its memory."""
 
 NEARLY_ALL = 0.9
-"""Part of its memory at which a case that ends without an answer is said to have filled it."""
+"""Share of its memory limit above which a case that ends without an answer is reported as out of memory."""
 
 _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 """Signals that wake a supervisor: the first ends its case, the second says that a child may have ended."""

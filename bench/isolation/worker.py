@@ -45,10 +45,10 @@ from .process_tree import (
 from .supervisor import END, GO_ON, NEARLY_ALL, STOP
 
 REQUEST_SECONDS = 60.0
-"""Wall time that a request may take where nothing else is said [s]."""
+"""Default limit of the wall time of a request [s]."""
 
 MEMORY_BYTES = 2**31
-"""Memory that a process may take beyond what the framework itself needs, where nothing else is said."""
+"""Default limit of the memory that a process may take beyond what the framework itself needs [bytes]."""
 
 LARGEST_ANSWER = 2**24
 """Bytes that the JSON of an answer may have."""
@@ -78,7 +78,7 @@ class Fault(Exception):  # noqa: N818 - the case is at fault, not the program
 
 
 NO_ANSWER = "its process sent something that is no answer"
-"""What is said of a process whose answer cannot be read."""
+"""Reason reported for a process whose answer cannot be read."""
 
 
 def no_answer() -> Fault:

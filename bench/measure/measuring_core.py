@@ -42,6 +42,9 @@ CLAIM = "proxbench-core"
 STEADY = 1.25
 """Ratio of a probe to the reference above which a core is not steady."""
 
+MAX_PINNING = 10
+"""Times that the threads of a process are pinned: one that is not pinned yet may start others."""
+
 
 class _Object:
     """What a probe makes."""
@@ -65,6 +68,11 @@ class MeasuringCore:
     busy_cores: float = 0.0
     _claim: socket.socket | None = None
     _numbers: np.ndarray[tuple[int], np.dtype[np.float64]] = field(default_factory=lambda: np.ones(PROBE_NUMBERS))
+
+    @property
+    def is_pinned(self) -> bool:
+        """Whether processes are pinned to it."""
+        return self.number is not None
 
     @staticmethod
     def claim() -> "MeasuringCore":
@@ -98,12 +106,15 @@ class MeasuringCore:
                 os.sched_setaffinity(0, before)
 
     def pin(self, process: int) -> None:
-        """Pin all threads of a process to the core."""
+        """Pin all threads of a process to the core; again, as long as others started some meanwhile."""
         if self.number is None:
             return
-        for thread in _threads(process):
-            with contextlib.suppress(OSError):  # a thread that has ended
-                os.sched_setaffinity(thread, {self.number})
+        for _ in range(MAX_PINNING):
+            for thread in _threads(process):
+                with contextlib.suppress(OSError):  # a thread that has ended
+                    os.sched_setaffinity(thread, {self.number})
+            if self.holds(process):
+                return
 
     def holds(self, process: int) -> bool:
         """Return whether all threads of a process are still pinned to the core."""
@@ -126,7 +137,7 @@ class MeasuringCore:
         return float(np.quantile(self.probes, REFERENCE_SHARE))
 
     def is_steady(self, *probes: float) -> bool:
-        """Return whether probes [s] took about as long as the reference; without a core of its own nobody can tell."""
+        """Return whether probes [s] took about as long as the reference; always True without a claimed core."""
         return self.number is None or max(probes) <= STEADY * self.reference
 
     def _busy_seconds(self) -> float:

@@ -10,7 +10,7 @@ from ...problems.arrays import FloatArray
 from ..store.fields import Quartiles
 from ..store.impulses import number_of, worst
 from ..store.outcome import Outcome
-from ..store.records import MOST_ANSWERS, Measured, Point, Round
+from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 """Outcomes from good to bad; the others stand between being relaxed and being wrong."""
@@ -49,7 +49,7 @@ def _rank(point: Point) -> int:
 def _joined(before: Measured, now: Measured) -> Measured:
     rounds = [*before.rounds, *now.rounds]
     worse = before if number_of(before.residual) >= number_of(now.residual) else now
-    hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MOST_ANSWERS]
+    hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MAX_ANSWERS]
     errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
     return replace(
         worse,

@@ -13,7 +13,7 @@ SOLUTION = 1e-8
 
 
 def refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
-    """Return the cases of one problem whose claims that it has no solution are shown to be wrong, as they then are.
+    """Return the cases of one problem that claim falsely that it has no solution, with these claims marked as wrong.
 
     Such a claim falls where the judge of the same model has found a solution in any of the cases, or one is known.
 

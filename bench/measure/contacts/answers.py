@@ -91,7 +91,7 @@ def confirmed(
         point: a point that ends solved.
         firsts: its first solves.
     """
-    solved = [one.seconds for one in firsts if one.timed.status is Status.SOLVED]
+    solved = [one.seconds for one in firsts if one.timed.status is Status.SOLVED and not one.timed.is_preempted]
     measured = replace(measured, first_seconds=[*measured.first_seconds, *solved])
     for first in firsts:
         own, coulomb = verdicts(problem, first.impulses, model)

@@ -18,9 +18,9 @@ from ....solvers.interface import Status, Stop
 from ...isolation.worker import LARGEST_CONTENT, Fault, no_answer
 from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import are_iterations
-from ...store.notes import explains
+from ...store.notes import is_explained_by_repetition
 from ...store.outcome import Outcome, late_reason
-from ...store.records import MOST_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
+from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import joined, times_of, with_impulses_at_the_finest
@@ -49,7 +49,7 @@ MAX_EXCLUDED_SECONDS = 0.2
 
 
 @dataclass(frozen=True)
-class Visit:
+class CasePass:
     """One pass over the cases of a problem.
 
     Attributes:
@@ -90,7 +90,7 @@ class Case(LadderCase[MeasuredRound]):
     Attributes:
         problem: the problem.
         solver: the solver.
-        visit: the pass that it is in.
+        case_pass: the pass that it is in.
     """
 
     def __init__(
@@ -101,11 +101,11 @@ class Case(LadderCase[MeasuredRound]):
         ladder: Sequence[float],
         problem_data: bytes,
         stored: CaseRecord | None = None,
-        visit: Visit = Visit(),
+        case_pass: CasePass = CasePass(),
     ) -> None:
         """Note what to measure, and what is measured already."""
         super().__init__(ladder, limits, stored)
-        self.problem, self.solver, self.visit, self._data = problem, solver, visit, problem_data
+        self.problem, self.solver, self.case_pass, self._data = problem, solver, case_pass, problem_data
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._clock = ClockAccount(problem)
@@ -116,11 +116,11 @@ class Case(LadderCase[MeasuredRound]):
         """Whether a point is missing, or another round of it belongs to this pass."""
         if level >= len(self.points):
             return True
-        if self.visit.points is not None and (self.solver.name, level) not in self.visit.points:
+        if self.case_pass.points is not None and (self.solver.name, level) not in self.case_pass.points:
             return False
         point = self.points[level]
         if point.is_repeated:
-            return self.visit.points is not None or point.n_passes <= self.visit.number
+            return self.case_pass.points is not None or point.n_passes <= self.case_pass.number
         return (point.is_late_for_others or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
@@ -197,11 +197,11 @@ class Case(LadderCase[MeasuredRound]):
         except NoRoundError as fault:
             self._misbehaved(str(fault))
             return None
-        if not self.core.holds(process):
+        if not self.core.holds(process) or (self.core.is_pinned and timed.exceeds_one_core):
             self._misbehaved("it changed the cores that its process may use")
             return None
         probes = (probe, self.core.probe())
-        turn = self.visit.session, self.visit.number, number
+        turn = self.case_pass.session, self.case_pass.number, number
         record = timed.record(*turn, max(probes), self.core.is_steady(*probes))
         uncounted = None if record.excluded else self._clock.fault(timed, worked)
         if uncounted:
@@ -235,7 +235,7 @@ class Case(LadderCase[MeasuredRound]):
         """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
         last = answers[-1].timed
         rows = [impulses for answer in answers for impulses in answer.impulses]
-        found = judged_answers(self.problem, self.solver.model, value, last.status, rows, self.visit.verdicts)
+        found = judged_answers(self.problem, self.solver.model, value, last.status, rows, self.case_pass.verdicts)
         outcome = found.outcome
         reason = last.message[:LONGEST_REASON] or ("" if last.status is Status.SOLVED else last.status.sentence)
         counted = [answer for answer in answers if not answer.record.excluded] or answers
@@ -245,7 +245,7 @@ class Case(LadderCase[MeasuredRound]):
             outcome, reason = Outcome.TIME_LIMIT, late
         iterations = self._counted(last.iterations)
         rounds = [answer.record for answer in answers]
-        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in found.claims][:MOST_ANSWERS]
+        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in found.claims][:MAX_ANSWERS]
         measured = Measured(
             iterations=iterations,
             claimed_iterations=None if iterations == last.iterations else last.iterations,
@@ -289,11 +289,11 @@ class Case(LadderCase[MeasuredRound]):
         stop = self._stop(point.tolerance)
         known = measured.first_seconds
         try:
-            if level == self._copied_level and self.visit.points is None:
+            if level == self._copied_level and self.case_pass.points is None:
                 copies = [*measured.copy_seconds, *self._controls.copies(stop, seconds)]
                 measured = replace(measured, copy_seconds=copies)
                 point = replace(point, measured=measured)
-            if not known or not explains(seconds, float(np.median(known))):
+            if not known or not is_explained_by_repetition(seconds, float(np.median(known))):
                 firsts = self._controls.first_solves(stop, seconds, partial(self._seconds_again, stop))
                 point = confirmed(self.problem, self.solver.model, measured, point, firsts)
         except Fault as fault:

@@ -9,8 +9,8 @@ explains
 
 First solves are added one by one until NEEDED more of them are within the bound than beyond it, or until REFUSED more
 are beyond it. Beyond it the ratio t₁/t becomes part of the row, and beyond LARGEST_RATIO the solver has misbehaved. A
-solver that loads or compiles something on its way does neither: once a process has solved a copy of the problem, the
-first solve of another one takes no longer there than the second, and first solves of the problem are within the bound.
+solver may load or compile something on its way: before it is accused, first solves are repeated in forks that have
+solved another problem to the same tolerance, and the faster ones count.
 """
 
 import time
@@ -27,7 +27,7 @@ from ....solvers.interface import Status, Stop
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.contestants import Contestant
-from ...store.notes import ALLOWANCE, COPY_RATIO, explains
+from ...store.notes import ALLOWANCE, COPY_RATIO, is_explained_by_repetition
 from ...store.outcome import Outcome
 from ...store.records import Limits
 from ..measuring_core import MeasuringCore
@@ -123,15 +123,14 @@ class Controls:
                 self._check_time_limit(stop, seconds, solves[-2:])
                 return [*solves[:-2], solves[-1]]
             solves.append(solve)
-            balance += 1 if explains(seconds, solve.seconds) else -1
+            balance += 1 if is_explained_by_repetition(seconds, solve.seconds) else -1
             if balance >= needed:
                 return solves
             if balance <= -REFUSED:
                 break
         seconds = max(seconds, again())
-        if not self._in_fork(lambda: self._is_remembering(stop)):
-            loaded = [self._first_solve(stop, after=turned_copy(self.problem)) for _ in range(REFUSED)]
-            solves = min(solves, loaded, key=_median)
+        loaded = [self._first_solve(stop, after=moved_copy(self.problem)) for _ in range(REFUSED)]
+        solves = min(solves, loaded, key=_median)
         if _median(solves) > LARGEST_RATIO * seconds + LARGEST_ALLOWANCE:
             raise Fault(
                 Outcome.MISBEHAVED,
@@ -158,19 +157,12 @@ class Controls:
             timed, _ = self._in_fork(lambda copy=copy: self._ask(stop, [copy]))  # type: ignore[misc]
             if timed.status is not Status.SOLVED:
                 break
-            found.append(float(timed.undisturbed[0]))
+            if timed.is_preempted:
+                continue
+            found.append(float(timed.totals[0]))
             if found[-1] <= COPY_RATIO * seconds + ALLOWANCE:
                 break
         return found
-
-    def _is_remembering(self, stop: Stop) -> bool:
-        """Whether the first solve of another problem takes longer than the second, though everything is loaded.
-
-        A solver that loads or compiles something on its way does so while it solves a copy of the problem.
-        """
-        loading, other = problem_bytes(turned_copy(self.problem)), problem_bytes(moved_copy(self.problem))
-        timed, _ = self._ask(stop, [loading, other, other])
-        return not float(timed.undisturbed[1]) <= LARGEST_RATIO * float(timed.undisturbed[2]) + LARGEST_ALLOWANCE
 
     def _first_solve(self, stop: Stop, after: ContactProblem | None = None) -> FirstSolve:
         """Return a first solve of the problem in other units, in a process that may solve another problem before."""
@@ -191,7 +183,7 @@ class Controls:
         return rows
 
     def _in_fork(self, work: Callable[[], Any]) -> Any:
-        """Do work in forks; in processes of their own from the first time on that a fork fails."""
+        """Run ``work`` with forks of a process; once a fork fails, with processes started anew."""
         try:
             return work()
         except Fault as fault:

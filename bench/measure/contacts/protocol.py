@@ -8,13 +8,12 @@ stops when the impulses are copied, and those of every timed solve leave the pro
 import _thread
 import gc
 import io
-import os
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from resource import RUSAGE_SELF, getrusage, struct_rusage
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage, struct_rusage
 from time import perf_counter, process_time, sleep
 from typing import Any
 
@@ -119,7 +118,7 @@ class Measurement:
     def __post_init__(self) -> None:
         self._digest = self.problem.digest
 
-    def turn_to(self, problem: ContactProblem) -> None:
+    def set_problem(self, problem: ContactProblem) -> None:
         """Switch to another problem."""
         self.problem, self._digest = problem, problem.digest
 
@@ -215,7 +214,7 @@ class Measurement:
         before = getrusage(RUSAGE_SELF)
         solves = [self._solve(problem.fresh(), stop) for problem in problems]
         after = getrusage(RUSAGE_SELF)
-        self.turn_to(problems[-1])
+        self.set_problem(problems[-1])
         self._check_after(problems[-1])
         return Round(solves, [solves[-1].solution.impulses], *_switches(before, after), None)
 
@@ -318,7 +317,7 @@ class MeasuringTask:
         if request == "warm_up":
             measurement.warm_up(*arguments)
         elif request == "problem":
-            measurement.turn_to(_problem(*arguments))
+            measurement.set_problem(_problem(*arguments))
         elif request == "rest":
             sleep(REST_SECONDS)
         else:
@@ -332,8 +331,8 @@ def _problem(data: bytes) -> ContactProblem:
 
 def _processor_seconds() -> float:
     """Return the processor time of this process, and of processes that it has waited for [s]."""
-    children = os.times()
-    return process_time() + children.children_user + children.children_system
+    children = getrusage(RUSAGE_CHILDREN)
+    return process_time() + children.ru_utime + children.ru_stime
 
 
 def _switches(before: struct_rusage, after: struct_rusage) -> tuple[int, int]:

@@ -32,6 +32,13 @@ TOLERATED_SECONDS = 5e-5
 """What it may lose beyond that: the system's own interrupts [s]."""
 
 
+CLOCK_SECONDS = 5e-6
+"""Processor time of a solve that may pass between readings of both clocks [s]."""
+
+PARALLEL_SECONDS = 1e-3
+"""Processor time by which a round may exceed its wall time otherwise [s]."""
+
+
 class NoRoundError(Exception):
     """What came is no round; the text says why."""
 
@@ -113,6 +120,12 @@ class TimedRound:
         may_have_slept = self.voluntary > 0 and self.involuntary == 0
         lost = waited if may_have_slept else max(missing, waited)
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
+
+    @property
+    def exceeds_one_core(self) -> bool:
+        """Whether it worked longer than one core can in its wall time."""
+        allowed = PARALLEL_SECONDS + CLOCK_SECONDS * len(self.totals)
+        return float((self.processor - (1.0 + TOLERATED_SHARE) * self.totals).sum()) > allowed
 
     def record(self, session: int, number: int, turn: int, probe: float, is_steady: bool) -> Round:
         """Return the round as it is stored.

@@ -8,7 +8,7 @@ from ....problems.contact.model import Model
 from ....problems.contact.problem import ContactProblem
 from ...store.outcome import verdicts
 
-MOST = 10_000
+MAX_VERDICTS = 10_000
 """Verdicts that are remembered."""
 
 
@@ -22,7 +22,7 @@ class RememberedVerdicts:
         """Return the verdicts on impulses [N s], shape (n_rows,), under a solver's own model and Coulomb's law."""
         key = problem.digest, str(model), hashlib.sha256(impulses.tobytes()).digest()
         if key not in self._known:
-            if len(self._known) >= MOST:
+            if len(self._known) >= MAX_VERDICTS:
                 self._known.clear()
             self._known[key] = verdicts(problem, impulses, model)
         return self._known[key]

@@ -19,7 +19,7 @@ from ...plugins.problems import problem_of
 from ...store.records import CaseRecord, RunRecord, Session, with_sessions
 from ...store.store import Store
 from ..passes import shuffled
-from .events import CaseFinished, OnEvent, VisitFinished
+from .events import CaseFinished, CasePassFinished, OnEvent
 from .part import MeasuredPart, Part, measure_part
 from .progress import Contestants, Progress
 
@@ -67,7 +67,7 @@ class Dispatch(Progress):
                     if fault is None:
                         self._keep_part(name, future.result())
                         n_done += 1
-                        self._on_event(VisitFinished(name, n_done, len(plan.problems)))
+                        self._on_event(CasePassFinished(name, n_done, len(plan.problems)))
                         continue
                     attempts[name] -= 1
                     if attempts[name]:
@@ -97,7 +97,7 @@ class Dispatch(Progress):
             count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
             why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
             again = either(f"proxbench run --resume {folder}", f"proxbench.bench.resume({str(folder)!r})")
-            raise BenchError(f"{count} could not be measured ({why}); the others are kept, go on with: {again}")
+            raise BenchError(f"{count} could not be measured ({why}); the others are kept; resume with: {again}")
 
     def _part(self, name: str) -> Part:
         record, plan = self._record, self._record.plan

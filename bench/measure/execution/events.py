@@ -1,8 +1,10 @@
-"""What a run says as it goes on."""
+"""Events that a run reports while it is measured."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from ...store.trajectory_records import TrajectoryRecord
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,13 @@ class RunStarted:
     points: int = 0
     points_done: int = 0
     work: str = ""
+
+
+@dataclass(frozen=True)
+class ReferenceSimulated:
+    """What the errors of a trajectory are related to is known, and nothing of it is measured yet."""
+
+    trajectory: TrajectoryRecord
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ class CaseFinished:
 
 
 @dataclass(frozen=True)
-class VisitFinished:
+class CasePassFinished:
     """One problem is through one of the planned passes, so many of all."""
 
     problem: str
@@ -64,6 +73,6 @@ class VisitFinished:
     total: int
 
 
-Event = RunStarted | ProblemStarted | PointFinished | CaseFinished | VisitFinished
+Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseFinished | CasePassFinished
 
 OnEvent = Callable[[Event], None]

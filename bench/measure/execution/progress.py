@@ -23,7 +23,7 @@ from ...store.conversion import content_of, record_of
 from ...store.outcome import Outcome
 from ...store.records import CaseRecord, RunRecord, Session
 from ...store.store import Store
-from ..contacts.case import Case, Visit
+from ..contacts.case import Case, CasePass
 from ..contacts.verdicts import RememberedVerdicts
 from ..ladder import LadderCase, measure_ladder
 from ..machine import this_machine
@@ -34,7 +34,15 @@ from ..trajectories.case import TrajectoryCase
 from ..trajectories.methods import Method
 from ..trajectories.problems import referenced, trajectory_of
 from ..trajectories.workload import compute_workload
-from .events import CaseFinished, OnEvent, PointFinished, ProblemStarted, RunStarted, VisitFinished
+from .events import (
+    CaseFinished,
+    CasePassFinished,
+    OnEvent,
+    PointFinished,
+    ProblemStarted,
+    ReferenceSimulated,
+    RunStarted,
+)
 
 Contestants = Sequence[Contestant] | Sequence[Method]
 
@@ -112,8 +120,8 @@ class Progress:
             names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
             for index, name in enumerate(names):
                 if not self._is_finished(name):
-                    self._visit(name, Visit(session, number, verdicts=self._verdicts))
-                self._on_event(VisitFinished(name, number * len(names) + index + 1, plan.passes * len(names)))
+                    self._measure_pass(name, CasePass(session, number, verdicts=self._verdicts))
+                self._on_event(CasePassFinished(name, number * len(names) + index + 1, plan.passes * len(names)))
 
     def _measure_more(self, seconds: float) -> None:
         """Measure more rounds of uncertain points, in as many passes again at most, for about ``seconds``."""
@@ -127,7 +135,7 @@ class Progress:
                 whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
                 points = uncertain([_read_again(case) for case in whole], plan, number == plan.passes)
                 if points:
-                    self._visit(name, Visit(session, number, points, self._verdicts))
+                    self._measure_pass(name, CasePass(session, number, points, self._verdicts))
 
     def _is_of_this_machine(self, name: str) -> bool:
         """Whether no round of a problem was measured on another machine."""
@@ -139,12 +147,12 @@ class Progress:
         plan, cases = self._record.plan, self._cases[name]
         return len(cases) == len(plan.solvers) and all(map(plan.has_finished, cases.values()))
 
-    def _visit(self, name: str, visit: Visit) -> None:
+    def _measure_pass(self, name: str, case_pass: CasePass) -> None:
         """Measure the cases of a problem in one pass."""
         plan, known = self._record.plan, self._cases[name]
         finished = {solver for solver, case in known.items() if plan.has_finished(case)}
-        self._on_event(ProblemStarted(name, visit.number, plan.passes))
-        cases = self._cases_of(name, visit)
+        self._on_event(ProblemStarted(name, case_pass.number, plan.passes))
+        cases = self._cases_of(name, case_pass)
         try:
             measure_ladder(cases, self._keep, self._core)
         finally:
@@ -168,6 +176,7 @@ class Progress:
             for known in referenced(trajectory, plan.limits):
                 plan = replace(plan, trajectories=[*plan.trajectories[:index], known, *plan.trajectories[index + 1 :]])
                 self._note(replace(record, plan=plan))
+            self._on_event(ReferenceSimulated(plan.trajectories[index]))
         names = [] if plan.trajectories else plan.problems
         missing = [name for name in names if name not in record.carried and not is_available(name)]
         if missing:
@@ -198,13 +207,13 @@ class Progress:
             return trajectory_of(plan.trajectory(name)).digest
         return problem_of(self._store, self._record, name).digest
 
-    def _cases_of(self, name: str, visit: Visit) -> list[LadderCase[Any]]:
-        """Return the cases of a problem that are measured in a visit, in an order of its own."""
+    def _cases_of(self, name: str, case_pass: CasePass) -> list[LadderCase[Any]]:
+        """Return the cases of a problem that are measured in a case_pass, in an order of its own."""
         record, known, plan = self._record, self._cases[name], self._record.plan
-        if visit.points is None:
+        if case_pass.points is None:
             left = {one for one in plan.solvers if one not in known or not plan.has_finished(known[one])}
         else:
-            left = {solver for solver, _ in visit.points}
+            left = {solver for solver, _ in case_pass.points}
         if plan.trajectories:
             trajectory = trajectory_of(plan.trajectory(name))
             methods = [one for one in self._contestants if isinstance(one, Method) and one.record.name in left]
@@ -213,12 +222,12 @@ class Progress:
         solvers = [one for one in self._contestants if isinstance(one, Contestant) and one.name in left]
         data = problem_bytes(problem.anonymous()) if solvers else b""
         return [
-            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), visit)
-            for solver in shuffled(solvers, plan.seed, visit.number, plan.problems.index(name))
+            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), case_pass)
+            for solver in shuffled(solvers, plan.seed, case_pass.number, plan.problems.index(name))
         ]
 
     def _keep(self, case: LadderCase[Any], value: float) -> None:
-        """Store a case that has come to another point, and name it; later rounds of a point follow with the visit."""
+        """Store a case with a new point, and report it; later rounds of a point are stored at the end of the pass."""
         record = case.record()
         before = self._cases[record.problem].get(record.solver)
         if before is None or record.outcome is not before.outcome or len(record.points) > len(before.points):

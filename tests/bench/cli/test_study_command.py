@@ -1,5 +1,6 @@
 """``proxbench simulate --study``: mistakes get one sentence, and a study is begun, resumed and reported as a run."""
 
+import io
 import json
 import shutil
 from collections.abc import Callable
@@ -9,9 +10,11 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import load, study
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.measure.execution.events import Event, PointFinished, RunStarted
+from proxbench.bench.cli.progress import RunProgress
+from proxbench.bench.measure.execution.events import Event, PointFinished, ProblemStarted, RunStarted
 from proxbench.bench.measure.trajectories import defaults
 from proxbench.bench.store.store import Store
+from rich.console import Console
 
 
 @pytest.fixture(scope="module")
@@ -146,6 +149,22 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
         made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
         assert run_command(["report", str(made.folder), "--no-charts"]) == 0
         assert ("moves in 0.01 s: errors have no motion" in " ".join(capsys.readouterr().out.split())) is not moves
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_study_in_which_nothing_moves_warns_before_anything_is_measured(hidden: bool, tmp_path: Path) -> None:
+    text, printed = io.StringIO(), []
+    with RunProgress(Console(file=text, width=80), hidden) as shown:
+
+        def on_event(event: Event) -> None:
+            shown(event)
+            if isinstance(event, ProblemStarted):
+                printed.append("nothing of stack moves in 0.01 s" in text.getvalue())
+
+        methods = {"Moreau with SORprox": (2e-3,)}
+        study("stack", results=tmp_path, duration=0.01, members=[1.0], methods=methods, on_event=on_event)
+    assert printed == [True]
+    assert text.getvalue().count("nothing of stack moves") == 1
 
 
 def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) -> None:

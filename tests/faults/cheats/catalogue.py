@@ -8,7 +8,7 @@ from typing import Any
 import cheating_solvers as answers
 import remembering_solvers as memory
 import tampering_solvers as tampering
-from proxbench.bench.measure.contacts.case import Case, Visit
+from proxbench.bench.measure.contacts.case import Case, CasePass
 from proxbench.bench.measure.ladder import measure_ladder
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.plan import PASSES
@@ -51,7 +51,7 @@ class Cheat:
         record: CaseRecord | None = None
         core = MeasuringCore.claim()
         for number in range(PASSES):
-            case = Case(problem, solver, self.limits, ladder, data, record, Visit(0, number))
+            case = Case(problem, solver, self.limits, ladder, data, record, CasePass(0, number))
             measure_ladder([case], core=core)
             record = case.record()
             if record.outcome is not Outcome.MEASURED:
@@ -87,7 +87,6 @@ CHEATS = {
         "funnel-30",
         Limits(solve_seconds=0.3, case_seconds=120.0),
     ),
-    "ByVelocity": Cheat("keeps answers by the bytes of c", REPEATS, _of(memory.ByVelocity)),
     "BySize": Cheat("keeps answers by the number of rows", "wrong: ", _of(memory.BySize)),
     "WhateverUnits": Cheat("keeps answers by c in whatever units", REPEATS, _of(memory.WhateverUnits)),
     "RemembersLaws": Cheat("keeps answers by id(laws)", "solved: gains nothing", _of(answers.RemembersLaws), BOX),
@@ -96,13 +95,11 @@ CHEATS = {
     "LongInSupports": Cheat(
         "solves in supports, to every tolerance", "misbehaved: its supports worked for", _of(memory.LongInSupports)
     ),
-    "FromLibrary": Cheat("solves the library when it is made, by digest", REPEATS, _of(memory.FromLibrary)),
     "FromLibraryInWhateverUnits": Cheat(
         "solves the library when it is made, by c in whatever units",
         COPIES,
         _of(memory.FromLibraryInWhateverUnits),
     ),
-    "OnTemporaryDisk": Cheat("keeps answers in temporary files", REPEATS, _of(memory.OnDisk)),
     "OnDisk": Cheat("keeps answers in files from run to run", REPEATS, lambda folder: memory.OnDisk(str(folder))),
     "OnDiskInWhateverUnits": Cheat(
         "keeps answers in files, by c in whatever units",
@@ -123,18 +120,23 @@ CHEATS = {
         "unsupported: it is no benchmark",
         lambda folder: memory.Choosy([load("funnel-100").digest]),
     ),
-    "AheadInThread": Cheat("works on in a thread after warming up", THREADS, _of(tampering.AheadInThread)),
     "AheadInBareThread": Cheat(
-        "the same in one that threading does not list", THREADS, _of(tampering.AheadInBareThread)
+        "works on in a thread that threading does not list", THREADS, _of(tampering.AheadInBareThread)
     ),
     "Background": Cheat("starts a thread in supports", THREADS, _of(answers.Background), BOX),
-    "Loading": Cheat("leaves processes behind that load the processor", PROCESSES, _of(tampering.Loading)),
     "Orphaning": Cheat("leaves a process behind that is no child of its own", PROCESSES, _of(tampering.Orphaning)),
     "OtherCores": Cheat(
         "leaves the core that it is pinned to", "misbehaved: it changed the cores", _of(tampering.OtherCores)
     ),
-    "SlowClock": Cheat("replaces the clock by one ten times slower", REPLACED, _of(tampering.SlowClock), LARGE),
-    "HiddenSlowClock": Cheat("the same, and hides it", CLOCK, _of(tampering.HiddenSlowClock), LARGE),
+    "OtherCoresMeanwhile": Cheat(
+        "works in two threads on two cores, and returns to one before a solve ends",
+        "misbehaved: it changed the cores",
+        _of(tampering.OtherCoresMeanwhile),
+        LARGE,
+    ),
+    "SlowClock": Cheat(
+        "replaces the clock by one ten times slower, and hides it", CLOCK, _of(tampering.SlowClock), LARGE
+    ),
     "StoppedClock": Cheat(
         "replaces the clock by one that stands, and hides it",
         "timeout: the case took longer",
@@ -146,15 +148,6 @@ CHEATS = {
     ),
     "BeforeSolving": Cheat(
         "replaces Measurement._solve, solves before, and hides it", CLOCK, _of(tampering.BeforeSolving), LARGE
-    ),
-    "WhileTraced": Cheat(
-        "solves in a trace function, before the clock starts, and hides it", CLOCK, _of(tampering.WhileTraced), LARGE
-    ),
-    "WhileSwitchingCollection": Cheat(
-        "replaces gc.disable, solves in it, before the clock starts, and hides it",
-        CLOCK,
-        _of(tampering.WhileSwitchingCollection),
-        LARGE,
     ),
     "Postponing": Cheat(
         "replaces np.copyto, solves after the clock has stopped, and hides it",

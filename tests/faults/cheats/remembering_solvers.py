@@ -6,7 +6,6 @@ import hashlib
 import os
 import pickle
 import signal
-import tempfile
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -78,13 +77,6 @@ class Carrying(Remembering):
         return Solution(found.impulses, Status.TIME_LIMIT, 0, "late")
 
 
-class ByVelocity(Remembering):
-    """By the bytes of the free velocity."""
-
-    def key(self, problem: ContactProblem) -> Any:
-        return problem.free_velocity.tobytes()
-
-
 class BySize(Remembering):
     """By the number of rows; answers to others are wrong."""
 
@@ -140,18 +132,6 @@ class LongInSupports(InSupports):
     tolerances = tuple(10.0 ** (-0.01 * k) for k in range(100, 800))
 
 
-class FromLibrary(InSupports):
-    """Solves the problems of the library when it is made, and knows them by their digest."""
-
-    def __init__(self) -> None:
-        for problem in suite("quick"):
-            if problem.name == "funnel-100":
-                super().supports(problem)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        return None
-
-
 class FromLibraryInWhateverUnits(WhateverUnits):
     """Solves the problems of the library when it is made, and knows them in whatever units."""
 
@@ -189,14 +169,14 @@ class OnDisk(Honest):
     """Keeps its answers in files, between processes and between runs.
 
     Attributes:
-        folder: where; a temporary file if empty.
+        folder: where.
     """
 
     folder: str = ""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         name = hashlib.sha256(f"{problem.digest}{stop.tolerance}".encode()).hexdigest()
-        file = Path(self.folder or tempfile.gettempdir(), name)
+        file = Path(self.folder, name)
         if observe is None and file.exists():
             known: Solution = pickle.loads(file.read_bytes())
             return known

@@ -10,7 +10,6 @@ import time
 import tracemalloc
 import warnings
 from functools import cached_property
-from types import FrameType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -47,14 +46,12 @@ class Tampering(Honest):
 class SlowClock(Tampering):
     """Lets the clock of the harness count a tenth."""
 
+    hides = True
+
     def tamper(self) -> None:
         true, process = time.perf_counter, time.process_time
         protocol.perf_counter = lambda: true() / 10.0
         protocol.process_time = lambda: process() / 10.0
-
-
-class HiddenSlowClock(SlowClock):
-    hides = True
 
 
 class StoppedClock(Tampering):
@@ -114,37 +111,6 @@ class BeforeSolving(Ahead):
             return true(measurement, problem, stop)
 
         protocol.Measurement._solve = solve
-
-
-class WhileTraced(Ahead):
-    """When a trace function sees the harness begin a solve."""
-
-    def tamper(self) -> None:
-        def look(frame: FrameType, event: str, argument: Any) -> None:
-            if event == "call" and frame.f_code is protocol.Measurement._solve.__code__:
-                sys.setprofile(None)
-                self.ahead(frame.f_locals["problem"], frame.f_locals["stop"])
-                sys.setprofile(look)
-
-        sys.setprofile(look)
-
-
-class WhileSwitchingCollection(Ahead):
-    """When the harness switches garbage collection off, just before the clock starts."""
-
-    def tamper(self) -> None:
-        true = protocol.gc
-
-        class Collector:
-            isenabled, enable = true.isenabled, true.enable
-
-            @staticmethod
-            def disable() -> None:
-                frame = sys._getframe(1)
-                self.ahead(frame.f_locals["problem"], frame.f_locals["stop"])
-                true.disable()
-
-        protocol.gc = Collector
 
 
 class Postponing(Tampering):
@@ -229,13 +195,18 @@ class OtherCores(Tampering):
         return super().solve(problem, stop, observe)
 
 
-class Loading(Honest):
-    """Leaves processes behind that load the processor while others are measured."""
+class OtherCoresMeanwhile(OtherCores):
+    """Works on other cores within a solve, and returns to its own before the solve ends."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        for _ in range(2):
-            _left(_spin)
-        return super().solve(problem, stop, observe)
+        own, matrix = os.sched_getaffinity(0), np.ones((600, 600))
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+        helper = threading.Thread(target=lambda: matrix @ matrix)
+        helper.start()
+        found = Honest.solve(self, problem, stop, observe)
+        helper.join()
+        os.sched_setaffinity(0, own)
+        return found
 
 
 class Orphaning(Honest):
@@ -246,17 +217,8 @@ class Orphaning(Honest):
         return super().solve(problem, stop, observe)
 
 
-class AheadInThread(Honest):
-    """Works on in a thread when it has warmed up."""
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        if stop.max_iterations == 200:
-            threading.Thread(target=time.sleep, args=(60.0,), name="ahead", daemon=True).start()
-        return super().solve(problem, stop, observe)
-
-
 class AheadInBareThread(Honest):
-    """The same without the module threading, which would list it."""
+    """Works on in a thread when it has warmed up, which the module threading does not list."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         if stop.max_iterations == 200:
