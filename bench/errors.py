@@ -32,8 +32,8 @@ class InterruptedRunError(InterruptedWorkError):
     def __init__(self, run_dir: Path) -> None:
         again = either(f"proxbench run --resume {run_dir}", f"proxbench.bench.resume({str(run_dir)!r})")
         measured = any((run_dir / "cases").glob("*.json"))
-        kept = "; what is measured is kept," if measured else " before anything was measured;"
-        super().__init__(f"interrupted{kept} go on with: {again}")
+        kept = "; what is measured is kept;" if measured else " before anything was measured;"
+        super().__init__(f"interrupted{kept} resume with: {again}")
         self.run_dir = run_dir
 
 
@@ -46,5 +46,5 @@ class InterruptedSimulationError(InterruptedWorkError):
 
     def __init__(self, file: Path) -> None:
         again = either(f"proxbench simulate --resume {file}", f"resume_simulation({str(file)!r})")
-        super().__init__(f"interrupted; the steps taken are kept, go on with: {again}")
+        super().__init__(f"interrupted; the steps taken are kept; resume with: {again}")
         self.file = file

@@ -58,8 +58,8 @@ def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
     return f"; known are {', '.join(names)}." if names else "; none are known."
 
 
-def said(failure: BaseException) -> str:
-    """Return what an error says in one line, without the full stop."""
+def error_text(failure: BaseException) -> str:
+    """Return the text of an error in one line, without the full stop."""
     what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
     return " ".join(what.split()).rstrip(".")
 

@@ -42,7 +42,7 @@ Arrays = dict[str, NDArray[Any]]
 _NUMBER = struct.Struct("d")
 
 _UNFIT = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
-"""What an answer that is none raises where it is read."""
+"""Exceptions that reading a malformed answer raises."""
 
 
 class FailedSceneError(BenchError):

@@ -65,7 +65,7 @@ def record_stored(
         BenchError: if no step was taken, or the file exists or cannot be written.
     """
     if not len(steps):
-        raise BenchError("no step is taken yet, so there is nothing to record; go on with the simulation first.")
+        raise BenchError("the simulation has no steps to record; resume it first.")
     times = np.array([scene.start.time, *steps["time"]])
     numbers = np.searchsorted(times, [state.time for state in states])
     drawn = (

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from rerun.experimental import ViewerClient
 
-from ...problems.errors import said
+from ...problems.errors import error_text
 from ..errors import BenchError
 from ..report.layout.output_file import refuse_taken, write_file
 
@@ -68,8 +68,8 @@ def write_still(recording: Path, still: Path, timeline: str) -> None:
             picture = _drawn(recording.absolute(), timeline, Path(folder))
         except Exception as error:  # whatever the viewer and its experimental interface raise
             raise BenchError(
-                f"{recording} is kept, but the viewer cannot draw {still} here ({said(error)}); it needs a Vulkan "
-                "driver (on Debian: apt-get install mesa-vulkan-drivers)."
+                f"{recording} is kept, but the viewer cannot draw {still} here ({error_text(error)}); it needs a "
+                "Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)."
             ) from error
     write_file(still, picture)
 

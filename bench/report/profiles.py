@@ -1,9 +1,9 @@
 """Profiles of solvers over many problems: by ratios of times, by accuracies, by budgets of time, and speed-ups.
 
-All of them are over the problems and solvers of one table, so that they change with what it shows: the least time of a
-problem is that of the solvers of the table. A problem that a solver of the table does not solve stays in the number of
-problems that shares are of. There are two views: ``COMMON`` is over the problems that all solvers support, ``EVERY``
-over all problems, where a solver fails on those that it does not support.
+Each profile covers the problems and solvers of one table, so it changes with the table: the least time of a problem is
+that of the solvers shown. Shares count every problem of the view, solved or not. The view ``COMMON`` contains the
+problems that all solvers support; the view ``EVERY`` contains all problems, and a solver fails on those that it does
+not support.
 
 Source of the performance profile: E. D. Dolan and J. J. Moré, Benchmarking optimization software with performance
 profiles, Mathematical Programming 91 (2002), eq. (2.2); of the data profile: J. J. Moré and S. M. Wild, Benchmarking

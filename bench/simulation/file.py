@@ -1,4 +1,4 @@
-"""Result files of simulations: arrays without pickle, compressed by nothing, and JSON that says what they are.
+"""Result files of simulations: uncompressed arrays without pickle, and JSON that describes them.
 
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
 steps            one row an accepted step, see ``trajectory.STEP``

@@ -85,10 +85,10 @@ class Failure(Record, frozen=True, kw_only=True):
     @property
     def what(self) -> str:
         """The step, its time and the reason, as a part of a sentence."""
-        reason = self.reason.removeprefix(f"{self.solver}: ")  # which errors of solvers in processes of their own name
+        reason = self.reason.removeprefix(f"{self.solver}: ")  # isolated solvers put their name first
         return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {reason}"
 
     def error(self, file: Path | None) -> FailedSimulationError:
-        """Return the error that says so, and how a simulation stored in ``file`` goes on."""
-        kept = "" if file is None else f"; the steps before it are kept, go on with: proxbench simulate --resume {file}"
+        """Return the error to raise, with the command that resumes a simulation stored in ``file``."""
+        kept = "" if file is None else f"; the earlier steps are kept; resume with: proxbench simulate --resume {file}"
         return FailedSimulationError(f"{self.what}{kept}{' --solver …' if kept else '.'}")

@@ -3,11 +3,18 @@
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.judge import local_residual
+from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.errors import said
+from ...problems.errors import error_text
+from ...problems.mechanics.system import ActiveContacts
 from ...problems.scenes.scene import Scene
 from ...problems.stepping.accepted_step import AcceptedStep
 from ...problems.stepping.moreau import Step
@@ -23,7 +30,7 @@ OnStep = Callable[[int, AcceptedStep], None]
 """``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
 
 OnProgress = Callable[[Simulation], None]
-"""Called after every step with the simulation as far as it has come."""
+"""Called after every step with the simulation so far."""
 
 CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file."""
@@ -81,8 +88,8 @@ def resume_simulation(
     Args:
         file: its result file, which is written on.
         given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance,
-            number of iterations, start or variable stepper makes the steps from here on, so that one whose step failed
-            can go on.
+            number of iterations, start or variable stepper makes the steps from here on, so that a simulation whose
+            step failed can be resumed.
         duration: simulated time from the start [s], if it shall be another one than planned.
         solver: the solver, if ``create`` does not know it by its name.
         on_step: as in ``simulate``.
@@ -103,7 +110,7 @@ def resume_simulation(
 def begun_simulation(
     file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
 ) -> Simulation:
-    """Return a stored simulation as far as it has come; arguments and errors as in ``resume_simulation``."""
+    """Return a stored simulation, to be continued; arguments and errors as in ``resume_simulation``."""
     simulation = read_simulation(file, solver)
     known = dict(given or {})
     check_agreement(simulation.plan, known, str(file))
@@ -169,7 +176,7 @@ def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> Accepte
         taken = next(steps)
         row = _row(simulation, taken)
     except (Exception, SystemExit) as error:
-        raise _failed(simulation, said(error)) from error
+        raise _failed(simulation, error_text(error)) from error
     if not all(map(math.isfinite, row[_energies(simulation.plan.scene)])):
         raise _failed(simulation, "the motion is no longer finite")
     simulation.append(row, taken)
@@ -177,7 +184,7 @@ def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> Accepte
 
 
 def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
-    """Note that the next step failed; return the error that says so."""
+    """Record that the next step failed; return the error to raise."""
     simulation.failure = Failure(
         step=simulation.n_steps + 1,
         time=simulation.state.time,
@@ -201,7 +208,8 @@ def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
     worst = residuals.index(max(residuals)) if residuals else None
     status = None if worst is None else solved[worst].status
     contacts = solved[-1].contacts if solved else None
-    depth, impact = _depths(simulation, taken)
+    solves = list(_solves(taken))
+    depth, impact = _depths(solves)
     return (
         state.time,
         state.time - taken.begin.time,
@@ -211,6 +219,7 @@ def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
         0 if contacts is None else len(contacts.keys),
         sum(step.iterations for step in solved),
         max(residuals, default=0.0),
+        max(map(_local_residual, solves), default=0.0),
         simulation.statuses.index(NO_CONTACT if status is None else status),
         scene.kinetic_energy(state.velocity),
         math.nan if scene.potential_energy is None else scene.potential_energy(state.position),
@@ -222,20 +231,52 @@ def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
     )
 
 
-def _depths(simulation: Simulation, taken: AcceptedStep) -> tuple[float, float]:
+@dataclass(frozen=True, eq=False)
+class _Solve:
+    """A one-step solve with contacts.
+
+    Attributes:
+        problem: the one-step problem.
+        contacts: its active contacts.
+        impulses: Λ [N s], shape (n_rows,).
+        length: Δt [s].
+        approach: Wᵀu_B [m/s], shape (n_rows,), of the velocity where it begins.
+    """
+
+    problem: ContactProblem
+    contacts: ActiveContacts
+    impulses: FloatArray
+    length: float
+    approach: FloatArray
+
+
+def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
+    """Yield the one-step solves with contacts."""
+    velocity = taken.begin.velocity
+    for step, length in taken.substeps:
+        if step.contacts is not None and step.problem is not None:
+            approach = step.contacts.directions.transposed_times(velocity)
+            yield _Solve(step.problem, step.contacts, step.impulses, length, approach)
+        velocity = step.state.velocity
+
+
+def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
     """Return the deepest penetration [m] of the states in which one-step solves begin, and that at their midpoints.
 
     What is in contact at a midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
     """
-    begin, depth, impact = taken.begin, 0.0, 0.0
-    for step, length in taken.substeps:
-        contacts = step.contacts
-        if contacts is not None:
-            way = 0.5 * length * contacts.directions.transposed_times(begin.velocity)
-            before = contacts.gap - way[:: contacts.rows_per_contact]
-            depth, impact = max(depth, -float(before.min())), max(impact, -float(contacts.gap.min()))
-        begin = step.state
+    depth, impact = 0.0, 0.0
+    for solve in solves:
+        gap, normal = solve.contacts.gap, solve.approach[:: solve.contacts.rows_per_contact]
+        depth = max(depth, -float((gap - 0.5 * solve.length * normal).min()))
+        impact = max(impact, -float(gap.min()))
     return depth, impact
+
+
+def _local_residual(solve: _Solve) -> float:
+    """Return the local residual of a solve; its free fall is what forces add to c, c - (1 + ε) Wᵀu_B."""
+    forced = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
+    return local_residual(solve.problem, solve.impulses, float(np.abs(forced).max(initial=0.0)))
 
 
 def judged_residual(step: Step) -> float:

@@ -1,4 +1,4 @@
-"""What a simulation came to: a row per 0.1 s of simulated time, its switching points, periods, and what is over all."""
+"""Tables of a simulation: a row per 0.1 s of simulated time, switching points, periods, and a summary."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -31,6 +31,7 @@ class Window:
         iterations: of the solver, mean.
         step_milliseconds: wall time of a step [ms], mean.
         residual: the judge's, largest.
+        local_residual: the judge's, largest.
         unsolved: steps that the judge does not find solved to the tolerance.
         penetration: deepest of a state, over the length of the scene.
         impact_depth: deepest at a midpoint, where contacts are found, over the same.
@@ -44,6 +45,7 @@ class Window:
     iterations: float
     step_milliseconds: float
     residual: float
+    local_residual: float
     unsolved: int
     penetration: float
     impact_depth: float
@@ -64,7 +66,7 @@ def windows(simulation: Simulation) -> Iterator[Window]:
 
 
 def summary(simulation: Simulation) -> dict[str, Any]:
-    """Return what the simulation came to over all, as plain values."""
+    """Return the summary of a simulation as plain values."""
     steps, plan = simulation.steps, simulation.plan
     seconds = simulation.state.time - plan.scene.start.time
     has_outlet = plan.scene.balls_through is not None and len(steps) > 0
@@ -86,6 +88,8 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "refuted_steps": int(simulation.refuted.sum()),
         "largest_residual": finite(largest("residual")),
         "largest_residual_time": float(steps["time"][np.argmax(steps["residual"])]) if len(steps) else None,
+        "largest_local_residual": finite(largest("local_residual")),
+        "hiding_steps": int(simulation.hiding.sum()),
         "solves": int(steps["solves"].sum()),
         "rejected": int(steps["rejected"].sum()),
         "incidents": len(simulation.switches),
@@ -180,6 +184,7 @@ _COLUMNS: dict[str, Callable[[Window], str]] = {
     "iter.": lambda window: f"{window.iterations:.1f}",
     "ms/step": lambda window: _digits(window.step_milliseconds, 3),
     "residual": lambda window: f"{window.residual:.0e}",
+    "local": lambda window: f"{window.local_residual:.0e}",
     "missed": lambda window: str(window.unsolved or "–"),
     "depth/r": lambda window: f"{window.penetration:.4f}",
     "mid/r": lambda window: f"{window.impact_depth:.4f}",
@@ -206,6 +211,8 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
         absent.add("through")
     if simulation.plan.scene.potential_energy is None:
         absent.add("E [J]")
+    if not simulation.hiding.any():
+        absent.add("local")
     columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
     table = plain_table(*columns)
     for window in windows(simulation):
@@ -242,6 +249,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     if not simulation.plan.stepper.shows_solves:
         yield "impulses and forces at events are solved to 1e-09 or better, by the judge", "green"
         return
+    yield from _hiding_line(simulation)
     tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
     tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
@@ -260,6 +268,19 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     solver = simulation.plan.solver
     if solver.model != Model.COULOMB and solver.name == simulation.segments[-1].solver:
         yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
+
+
+def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
+    """Yield in how many steps fast contacts hide what others lack, if there are any, with a style."""
+    hiding = simulation.steps[simulation.hiding]
+    if not len(hiding):
+        return
+    worst = hiding[np.argmax(hiding["local_residual"])]
+    yield (
+        f"fast contacts hide others in {counted(len(hiding), 'step')}: local residual up to "
+        f"{worst['local_residual']:.1e}, judged {worst['residual']:.1e}, at t = {worst['time']:.6g} s",
+        "bold yellow",
+    )
 
 
 def _ending(simulation: Simulation) -> tuple[str, str] | None:
@@ -288,6 +309,7 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
         iterations=float(steps["iterations"].mean()),
         step_milliseconds=1e3 * float(steps["seconds"].mean()),
         residual=float(steps["residual"].max()),
+        local_residual=float(steps["local_residual"].max()),
         unsolved=unsolved,
         penetration=float(steps["penetration"].max()),
         impact_depth=float(steps["impact_depth"].max()),

@@ -1,4 +1,4 @@
-"""A simulation as far as it has come: one row of numbers for each accepted step, switching points, and states."""
+"""A simulation: one row of numbers for each accepted step, switching points, and states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +16,7 @@ from ...problems.stepping.contact_states import LawStates, SwitchingPoint
 from ...problems.trajectories.limit_cycle import Incident
 from ...solvers.interface import Status
 from ..report.layout.text import counted
+from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
 from .beside import Beside
 from .history import Failure, Segment, extended, planned_segment
@@ -32,6 +33,7 @@ STEP = np.dtype(
         ("contacts", "<i4"),
         ("iterations", "<i4"),
         ("residual", "<f8"),
+        ("local_residual", "<f8"),
         ("status", "u1"),
         ("kinetic_energy", "<f8"),
         ("potential_energy", "<f8"),
@@ -44,10 +46,10 @@ STEP = np.dtype(
 )
 """One accepted step: its end and length [s]; estimated relative error, 0 where none is estimated; one-step inclusions
 solved for it and attempts rejected before it; active contacts at its end; iterations of the solver behind it; the
-largest residual that the judge finds there, and an index into the statuses, that of the solve with this residual;
-energies [J] at its end; deepest penetration over the length of the scene, in the states where one-step solves begin and
-at their midpoints, where contacts are found; balls that have left through the outlet, −1 where there is none; mean
-kinetic energy of the others over m g r; wall time [s]."""
+largest judged residual and the largest local residual of its solves, and an index into the statuses, that of the solve
+with the largest judged residual; energies [J] at its end; deepest penetration over the length of the scene, in the
+states where one-step solves begin and at their midpoints, where contacts are found; balls that have left through the
+outlet, −1 where there is none; mean kinetic energy of the others over m g r; wall time [s]."""
 
 SWITCH = np.dtype(
     [("begin", "<f8"), ("end", "<f8"), ("law", "u1"), ("contact", "<i8"), ("before", "u1"), ("after", "u1")]
@@ -125,7 +127,7 @@ class _Reached:
 
 @dataclass(eq=False)
 class Simulation:
-    """A simulation as far as it has come.
+    """A simulation, finished or in progress.
 
     Attributes:
         plan: what is simulated, and how.
@@ -258,6 +260,11 @@ class Simulation:
         """Which unsolved steps the solver itself calls solved, shape (n_steps,)."""
         claimed: NDArray[np.bool_] = self.steps["status"] == self.statuses.index(Status.SOLVED.value)
         return self.unsolved & claimed
+
+    @property
+    def hiding(self) -> NDArray[np.bool_]:
+        """Which steps have a local residual that the judged one hides, shape (n_steps,)."""
+        return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
     def append(self, row: tuple[float, ...], taken: AcceptedStep) -> None:
         """Add one accepted step with its values in the order of ``STEP``; an interruption in between leaves it out."""

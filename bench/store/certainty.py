@@ -150,8 +150,8 @@ def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float)
     Columns: solver, tolerance (of its fastest point that reaches it), seconds (its median time), ratio (to the fastest
     solver), low and high (the ends of its interval), standing: "fastest" where all others are slower by ``MARGIN``,
     "tie" where it, or the fastest, may be as fast, "slower", "undecided" where rounds are too few, and "excluded".
-    An excluded solver has no ratio. It may be faster than its time by any factor, so beside it nobody is certain to be
-    the fastest.
+    An excluded solver has no ratio. Its true time may be any fraction of the excluded one, so no solver is "fastest" on
+    a problem with an excluded solver.
 
     Args:
         points: of the problem, as in ``RunFrames``.

@@ -51,7 +51,7 @@ def drift(frames: RunFrames) -> float:
 def excluded_points(frames: RunFrames) -> int:
     """Return the number of points that end solved and all of whose rounds are excluded."""
     solved = frames.points[frames.points["status"] == Status.SOLVED]
-    return int((solved["is_excluded"] == True).sum())  # noqa: E712 - missing ones are neither
+    return int(solved["is_excluded"].eq(True).sum())  # missing values are not equal to True
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
@@ -145,7 +145,7 @@ def warnings(frames: RunFrames) -> list[str]:
         begun = len(frames.cases) - frames.n_finished
         partly = f", {begun} more in part" if begun else ""
         counts = f"{frames.n_finished} of {frames.n_planned} cases"
-        found.append(f"UNFINISHED: {counts} are measured{partly}; go on with: {_resuming(frames)}")
+        found.append(f"UNFINISHED: {counts} are measured{partly}; resume with: {_resuming(frames)}")
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
         found.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
     if excluded := excluded_points(frames):

@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...problems.arrays import FloatArray
 from .impulses import number_of
 from .outcome import ROUNDING
-from .records import MOST_ANSWERS, CaseRecord, Measured, Point
+from .records import MAX_ANSWERS, CaseRecord, Measured, Point
 
 SHARE = 0.05
 """Part by which first solves may be slower than repeated ones."""
@@ -21,8 +23,13 @@ LOCAL_RATIO = 100.0
 """Ratio of the local to the judged residual from which on the fastest contacts hide what the others still lack."""
 
 
-def explains(repeated: float, first: float) -> bool:
-    """Whether repetition explains that repeated solves [s] are faster than first ones [s]."""
+def hides_contacts(judged: FloatArray | float, local: FloatArray | float) -> NDArray[np.bool_]:
+    """Return whether local residuals exceed judged ones so far that fast contacts hide the others."""
+    return np.greater(local, np.maximum(ROUNDING, np.multiply(LOCAL_RATIO, judged)))
+
+
+def is_explained_by_repetition(repeated: float, first: float) -> bool:
+    """Return whether a first solve [s] is as slow against repeated ones [s] as repetition alone makes it."""
     return first <= (1.0 + SHARE) * repeated + ALLOWANCE
 
 
@@ -33,16 +40,16 @@ def notes_of(case: CaseRecord, point: Point) -> str:
 
 def _notes(case: CaseRecord, measured: Measured) -> Iterator[str]:
     judged, local = number_of(measured.residual), number_of(measured.verdict.get("local_residual", 0.0))
-    if local > max(ROUNDING, LOCAL_RATIO * judged):
+    if hides_contacts(judged, local):
         times = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"
         yield f"the local residual is {times}"
     if measured.answers > 1 and not case.is_randomised:
-        least = "at least " if measured.answers == MOST_ANSWERS else ""
+        least = "at least " if measured.answers == MAX_ANSWERS else ""
         yield f"{least}{measured.answers} different answers in {measured.repeats} solves"
     seconds = measured.total_seconds.median
     if measured.first_seconds and not measured.is_excluded:
         first = float(np.median(measured.first_seconds))
-        if not explains(seconds, first):
+        if not is_explained_by_repetition(seconds, first):
             yield f"first solves take {first / seconds:.2f} times as long"
     if measured.copy_seconds and not measured.is_excluded:
         copy = min(measured.copy_seconds)

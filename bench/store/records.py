@@ -18,7 +18,7 @@ from .trajectory_records import MethodRecord, TrajectoryRecord
 MOST_PASSES = 1000
 """Passes that a run may have."""
 
-MOST_ANSWERS = 20
+MAX_ANSWERS = 20
 """Different answers of a point that are told apart."""
 
 
@@ -276,7 +276,7 @@ class Measured(Record, frozen=True, kw_only=True):
         rounds: in which they were measured; empty for a trajectory.
         first_seconds: times of first solves in fresh processes [s]; processor times where these were preempted.
         copy_seconds: the same of copies of the problem [s].
-        answers: number of different vectors of impulses among those that ended solved, up to ``MOST_ANSWERS``; of all
+        answers: number of different vectors of impulses among those that ended solved, up to ``MAX_ANSWERS``; of all
             solves the worst is judged.
         hashes: what tells these vectors apart.
         verdict: the other numbers of the judge's verdict.
@@ -299,7 +299,7 @@ class Measured(Record, frozen=True, kw_only=True):
     first_seconds: list[Number] = []
     copy_seconds: list[Number] = []
     answers: Count = 1
-    hashes: Annotated[list[str], Meta(max_length=MOST_ANSWERS)] = []
+    hashes: Annotated[list[str], Meta(max_length=MAX_ANSWERS)] = []
     claimed_iterations: Count | None = None
     verdict: dict[str, bool | Number | None]
     impulses: Annotated[list[Impulses], Meta(max_length=2)] = []

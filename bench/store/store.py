@@ -73,7 +73,7 @@ class Store:
         if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
             resume = either("--resume", f"resume({str(self.folder)!r})")
             other = option("run_id")
-            raise BenchError(f"{self.folder} exists already; go on with {resume}, or choose another {other}.")
+            raise BenchError(f"{self.folder} exists already; resume it with {resume}, or choose another {other}.")
 
     @contextmanager
     def alone(self) -> Iterator[None]:

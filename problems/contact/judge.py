@@ -126,7 +126,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     missed = None if known is None else float(np.maximum(np.abs(velocity - known), rounding).max(initial=0.0))
     infeasible, normal = residual.infeasible, problem.laws.first_row[problem.laws.is_unilateral]
     components = _of_components(residual, np.where(np.arange(len(violation)) == residual.stuck_law, inf, violation))
-    local = _local(problem, residual, violation)
+    local = _local(problem, residual, violation, problem.free_fall)
     median, q90, q99 = _quantiles(local, (0.5, 0.9, 0.99))
     return Verdict(
         residual=inf if infeasible else ratio((residual.ratios * violation).max(initial=0.0), residual.scale),
@@ -146,6 +146,27 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         model=model,
         component_residuals=components,
     )
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: float = 0.0) -> float:
+    """Return the local residual of impulses as ``judge`` does, without the rest of a verdict.
+
+    Args:
+        problem: the contact problem.
+        impulses: Λ [N s], shape (n_rows,).
+        free_fall: velocity that forces give within a step [m/s], where the problem does not know it.
+    """
+    residual = Residual(problem)
+    if residual.infeasible or not np.isfinite(impulses).all():
+        return np.inf
+    if residual.unit != 1.0:
+        unit = residual.unit
+        return local_residual(in_units(problem, unit), unit * impulses, unit * free_fall)
+    velocity, rounding = problem.accurate_velocity(impulses)
+    violation = violations(problem, residual, impulses, velocity, Model.COULOMB)
+    violation = np.maximum(violation, residual.hidden(rounding))
+    return float(_local(problem, residual, violation, max(problem.free_fall, free_fall)).max(initial=0.0))
 
 
 def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
@@ -189,7 +210,7 @@ def _of_components(residual: Residual, violation: FloatArray) -> tuple[float, ..
     return tuple(ratio(value, residual.scale) for value in largest)
 
 
-def _local(problem: ContactProblem, residual: Residual, violation: FloatArray) -> FloatArray:
+def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
     """Return α_i ‖R_i‖/s_i of every law, s_i the largest ‖c‖ around its contact, at least the free fall of a step.
 
     Where both are zero, s_i is the scale that the residual has.
@@ -198,7 +219,7 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray) -
     contact = layout.contact_of_row[laws.first_row]
     speeds = np.zeros(layout.n_blocks)
     np.maximum.at(speeds, contact, residual.speeds)
-    around = np.maximum(largest_around(problem, speeds)[contact], problem.free_fall)
+    around = np.maximum(largest_around(problem, speeds)[contact], free_fall)
     scales = np.where(around > NEGLIGIBLE * residual.scale, around, residual.scale / residual.ratios)
     local = np.where(violation == 0.0, 0.0, np.inf)
     positive = (scales > 0.0) & (violation == violation)

@@ -20,7 +20,7 @@ from numba import njit
 from ..arrays import FloatArray
 from ..contact.factors import Factors
 from ..contact.problem import ContactProblem
-from ..errors import ProblemError, ProxbenchError, said
+from ..errors import ProblemError, ProxbenchError, error_text
 from ..mechanics.state import State
 from ..mechanics.system import ActiveContacts, StepAssembly, System
 from .position_projection import projected
@@ -135,7 +135,7 @@ class Moreau:
             try:
                 step = self.step(state)
             except (Exception, SystemExit) as failure:
-                what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {said(failure)}."
+                what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {error_text(failure)}."
                 raise StepError(what, state) from failure
             check_finite(state, step.state)
             state = step.state

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import FloatArray
-from ..errors import ProblemError, said
+from ..errors import ProblemError, error_text
 from ..mechanics.state import State
 from ..mechanics.system import System
 from .accepted_step import AcceptedStep
@@ -111,7 +111,7 @@ class VariableStep:
         try:
             course = _Course(self, start, until, states)
         except Exception as failure:
-            what = said(failure)
+            what = error_text(failure)
             raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
         return _with_own_costs(course.steps())
 
@@ -170,7 +170,7 @@ class _Course:
         except StepError:
             raise
         except (Exception, SystemExit) as failure:
-            what, time = said(failure), self._state.time
+            what, time = error_text(failure), self._state.time
             raise StepError(
                 f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
             ) from failure

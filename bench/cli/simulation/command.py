@@ -160,7 +160,7 @@ def _require_study(folder: Path) -> None:
     if not Store.open(folder).read_run().plan.trajectories:
         raise BenchError(
             f"{folder} is a run over contact problems, not a simulation; "
-            f"go on with it by: proxbench run --resume {folder}"
+            f"resume it with: proxbench run --resume {folder}"
         )
 
 
@@ -172,7 +172,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
     named = options.given(context)
     is_study = given["study"] or (resume is not None and resume.is_dir())
     if resume is None and not given["scene"]:
-        raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result to go on with: --resume RESULT.")
+        raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result to resume: --resume RESULT.")
     if resume is not None and resume.suffix == ".json" and not resume.is_dir():
         raise BenchError(NO_STUDY.format(resume))
     if resume is not None and given["study"] and not resume.is_dir():

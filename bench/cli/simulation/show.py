@@ -33,7 +33,7 @@ class Request:
         duration: simulated time [s].
         output: result file, or the folder for it.
         force: replace files that exist.
-        resume: result file to go on with.
+        resume: result file to resume.
         record: recording to write.
         chart: chart to write; None for where charts of the kind are written, if they are.
     """
@@ -49,7 +49,7 @@ class Request:
 
 
 def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool) -> int:
-    """Carry out the simulation, print what it came to, and draw it; return 1 if the judge found a step unsolved.
+    """Run the simulation, print its tables, and draw it; return 1 if the judge found a step unsolved.
 
     Raises:
         BenchError: if the request makes no simulation, or something cannot be written.
@@ -68,7 +68,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
 
 
 def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
-    """Print what a stored simulation came to, and draw and record it; return 1 if the judge found a step unsolved.
+    """Print the tables of a stored simulation, and draw and record it; return 1 if the judge found a step unsolved.
 
     Raises:
         FailedSimulationError: if a step failed.

@@ -73,12 +73,13 @@ class Comparison:
             _listed("faster", self.faster()),
             _listed("newly solved", _points_in_words(self.changed(SOLVED))),
         ]
-        said = "; ".join(part for part in parts if part)
+        changes = "; ".join(part for part in parts if part)
+        solved = changes or "both runs solve the same points"
         if self.obstacle:
-            return f"cannot tell what is slower or faster: {self.obstacle}; {said or 'the same is solved'}"
+            return f"cannot tell which solvers are slower or faster: {self.obstacle}; {solved}"
         if not self.decides:
-            return f"times are undecided, {self._undecided}; {said or 'the same is solved'}"
-        return said or f"no solver is slower or faster by more than {100 * self.slowdown:g} %, and the same is solved"
+            return f"times are undecided, {self._undecided}; {solved}"
+        return changes or f"no solver is slower or faster by more than {100 * self.slowdown:g} %; {solved}"
 
     @property
     def decides(self) -> bool:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ....problems.catalog.atomic_file import replacing
-from ....problems.errors import said
+from ....problems.errors import error_text
 from ....problems.spelling import either, option, switch
 from ...errors import BenchError, UnwritableError
 from ...store.store import refuse_links_out
@@ -61,8 +61,8 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     except OSError as error:
         raise BenchError(f"cannot write {file}: {error.strerror}; choose another {option('output')}.") from None
     if exists and not force:
-        resume = either(f"--resume {file}", "it")
-        raise BenchError(f"{file} exists already; go on with {resume}, or replace it with {switch('force')}.")
+        resume = either(f"resume it with --resume {file}", "resume it")
+        raise BenchError(f"{file} exists already; {resume}, or replace it with {switch('force')}.")
     return file
 
 
@@ -137,4 +137,6 @@ def drawn(
         return draw()
     except Exception as error:
         kind = UnwritableError if isinstance(error, UnwritableError) else BenchError
-        raise kind(f"{result} is kept, but its {what} is missing: {said(error)}; {again.format(result)}") from error
+        raise kind(
+            f"{result} is kept, but its {what} is missing: {error_text(error)}; {again.format(result)}"
+        ) from error

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from ...arrays import FloatArray
 from ...contact.judge import judge
 from ...contact.problem import ContactProblem
-from ...errors import ProblemError, ProxbenchError, said
+from ...errors import ProblemError, ProxbenchError, error_text
 from ...mechanics.state import State
 from ...mechanics.system import MechanicalSystem
 from ..contact_states import LawName, LawState
@@ -145,7 +145,7 @@ class EventDriven:
         except ProxbenchError:
             raise
         except Exception as failure:
-            what = f"after t = {run.time:.9g} s the motion cannot be continued: {said(failure)}."
+            what = f"after t = {run.time:.9g} s the motion cannot be continued: {error_text(failure)}."
             raise MotionError(what, run.motion()) from failure
 
 

@@ -146,7 +146,7 @@ def test_an_interruption_stores_the_steps_prints_the_table_and_says_how_to_go_on
     process.send_signal(number)
     out, err = process.communicate(timeout=600)
     assert process.returncode == 130
-    assert err == f"proxbench: interrupted; the steps taken are kept, go on with: proxbench simulate --resume {file}\n"
+    assert err == f"proxbench: interrupted; the steps taken are kept; resume with: proxbench simulate --resume {file}\n"
     assert f"in {read_simulation(file).n_steps} steps" in out
     assert "stopped before its end" in out
 

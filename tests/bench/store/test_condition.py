@@ -93,7 +93,9 @@ def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Ru
     failed = stored.cases["outcome"] != "measured"
     cases, whole = stored.cases.assign(is_finished=failed), failed.sum()
     (sentence,) = warnings(timed(dataclasses.replace(stored, cases=cases)))
-    assert sentence.startswith(f"UNFINISHED: {whole} of 15 cases are measured, {15 - whole} more in part; go on with: ")
+    assert sentence.startswith(
+        f"UNFINISHED: {whole} of 15 cases are measured, {15 - whole} more in part; resume with: "
+    )
 
 
 @pytest.mark.slow

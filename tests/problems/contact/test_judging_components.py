@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Model, ProblemError, judge, load
+from proxbench.problems.contact.judge import local_residual
 from proxbench.problems.contact.problem import FREE_FALL
 from proxbench.problems.contact.residual import ModelResidual, Residual
 from proxbench.problems.hard.transformations import united
@@ -63,6 +64,14 @@ def test_the_local_residual_relates_each_contact_to_those_that_share_a_body_with
     local = [100.0 / 100.0, 1.0 / 100.0, 0.1 / 1.0]
     assert verdict.local_residual == pytest.approx(max(local))
     assert verdict.local_median == pytest.approx(sorted(local)[1])
+
+
+@pytest.mark.parametrize("name", ["funnel-100", "hard-rolling-sphere", "hard-linked-redundant", "hard-sticking-box"])
+@pytest.mark.parametrize("scale", [0.0, 1e-200, 1.0, 1e16])
+def test_the_local_residual_alone_is_that_of_the_verdict(name: str, scale: float) -> None:
+    problem = load(name)
+    impulses = scale * np.random.default_rng(3).normal(size=problem.n_rows)
+    assert local_residual(problem, impulses) == judge(problem, impulses).local_residual
 
 
 def test_free_fall_bounds_the_local_scale_from_below() -> None:

@@ -71,7 +71,7 @@ def test_under_load_there_is_no_verdict(tmp_path: Path, before: Path) -> None:
         for sides in ((before, after), (after, before)):
             comparison = compare(*sides)
             assert sentence.split()[0] in comparison.obstacle
-            assert comparison.verdict.startswith("cannot tell what is slower or faster: ")
+            assert comparison.verdict.startswith("cannot tell which solvers are slower or faster: ")
             assert not comparison.slower()
             assert comparison.failures("time>10%")
         assert sentence in compare(before, after).obstacle
@@ -106,4 +106,4 @@ def test_cases_that_reach_nothing_compare_too(tmp_path: Path) -> None:
     runs = [store_run(tmp_path / name, [case_record()]) for name in ("before", "after")]
     found = compare(*runs)
     assert found.points.empty
-    assert found.verdict == "times are undecided, no accuracy is reached by both runs; the same is solved"
+    assert found.verdict == "times are undecided, no accuracy is reached by both runs; both runs solve the same points"
