@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 
 from ..problems.contact.problem import ContactProblem
+from ..problems.contact.solver import Solver
 from ..problems.spelling import switch
-from ..solvers.interface import Solver
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan

@@ -1,8 +1,5 @@
 """What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
 
-from .catalog.catalog import load, suite
-from .catalog.fclib.files import read_fclib, write_fclib
-from .catalog.storage import save_problem
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge
 from .contact.laws import LawKind, Laws
@@ -10,6 +7,9 @@ from .contact.model import Model
 from .contact.problem import ContactProblem
 from .contact.projections import project
 from .errors import PluginError, ProblemError, ProxbenchError
+from .exchange.catalog import load, suite
+from .exchange.fclib.files import read_fclib, write_fclib
+from .exchange.storage import save_problem
 
 __all__ = [
     "Answer",

@@ -1,8 +1,8 @@
 """How problems are solved: one interface, and one file for each method."""
 
 from ..problems.contact.model import Model
+from ..problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
 from ..problems.names import described
-from .interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
 from .iteration.loop import iterate
 from .registry import available, create, solve
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..problems.contact.model import Model
 from ..problems.contact.problem import ContactProblem
+from ..problems.contact.solver import Solution, Status
 from ..problems.errors import PluginError, ProxbenchError, first_line
-from .interface import Solution, Status
 
 _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 

@@ -6,13 +6,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..problems.catalog.catalog import load
-from ..problems.catalog.plugins import Offer, offers
 from ..problems.contact.problem import ContactProblem
+from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop
 from ..problems.errors import suggestion
+from ..problems.exchange.catalog import load
+from ..problems.exchange.plugins import Offer, offers
 from ..problems.names import Name, check_options, read_name
 from . import contract
-from .interface import Solution, Solver, SolverError, Status, Stop
 
 BUILT_IN = {
     "Robust": "composite.robust",

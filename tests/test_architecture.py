@@ -79,7 +79,7 @@ AT_HOME = {
             "travel",
         )
     },
-    "h5py": {f"problems/catalog/fclib/{name}.py" for name in ("container", "files")},
+    "h5py": {f"problems/exchange/fclib/{name}.py" for name in ("container", "files")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "distributed": {"bench/measure/execution/cluster.py"},
     "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},

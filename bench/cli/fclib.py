@@ -12,7 +12,7 @@ from . import options
 from .help import HelpCommand, HelpGroup
 
 if TYPE_CHECKING:
-    from ...problems.catalog.fclib.survey import Survey
+    from ...problems.exchange.fclib.survey import Survey
 
 SUFFIX, PROBLEM_SUFFIX = ".hdf5", ".npz"
 
@@ -54,7 +54,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     """Show what FCLIB files hold; those that cannot be read are listed with the reason, and the exit code is 1."""
     from dataclasses import asdict
 
-    from ...problems.catalog.fclib.survey import survey
+    from ...problems.exchange.fclib.survey import survey
     from ..report.layout.text import print_json
 
     found, broken = _tried(sources, lambda file, _: survey(file))
@@ -123,9 +123,9 @@ def export(
 ) -> int:
     """Write problems as FCLIB files; print each with the digest of its numbers."""
     from ...problems import write_fclib
-    from ...problems.catalog.catalog import is_path
-    from ...problems.catalog.fclib.conversion import contents_of
-    from ...problems.catalog.fclib.files import SUFFIXES
+    from ...problems.exchange.catalog import is_path
+    from ...problems.exchange.fclib.conversion import contents_of
+    from ...problems.exchange.fclib.files import SUFFIXES
     from ..plugins.problems import resolved
     from ..report.layout.output_file import refuse_taken
 
@@ -150,8 +150,8 @@ def _tried(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[l
     Raises:
         ProblemError: if a file that is named itself fails, or a folder has none.
     """
-    from ...problems.catalog.fclib.survey import fclib_files
     from ...problems.errors import ProblemError
+    from ...problems.exchange.fclib.survey import fclib_files
     from ...problems.spelling import for_command_line
 
     found, broken = [], []
@@ -173,7 +173,7 @@ def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[
         BenchError: if several would be written to one file, or one exists and ``force`` is not given.
         ProblemError: if a folder has no FCLIB files.
     """
-    from ...problems.catalog.fclib.survey import fclib_files
+    from ...problems.exchange.fclib.survey import fclib_files
     from ..report.layout.output_file import refuse_taken
 
     is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()

@@ -4,15 +4,15 @@ import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ...problems.catalog.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
-from ...problems.catalog.families import family_of
-from ...problems.catalog.plugin_scenes import plugin_scenes
-from ...problems.catalog.plugins import Offer
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import SolverError
 from ...problems.errors import PluginError, ProxbenchError, suggestion
-from ...problems.scenes.registry import SCENES
-from ...solvers.interface import SolverError
+from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
+from ...problems.exchange.families import family_of
+from ...problems.exchange.plugin_scenes import plugin_scenes
+from ...problems.exchange.plugins import Offer
+from ...problems.motion.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem

@@ -78,8 +78,8 @@ def run_command(arguments: list[str]) -> int:
 def _refusal(error: Exception) -> tuple[str, int]:
     """Return the sentence and the exit code of an error that is meant for users; raise any other one again."""
     from ...problems.errors import ProxbenchError
+    from ...problems.motion.stepping.moreau import StepError
     from ...problems.spelling import for_command_line
-    from ...problems.stepping.moreau import StepError
     from ..errors import FailedSimulationError, InterruptedWorkError
 
     if not isinstance(error, ProxbenchError):
@@ -355,8 +355,8 @@ def generate(
     as_json: options.Json = False,
 ) -> None:
     """Simulate scenes up to the step that a problem is taken from; print each file with the digest of its numbers."""
-    from ...problems.catalog.catalog import suite_members
-    from ...problems.catalog.storage import read_problem
+    from ...problems.exchange.catalog import suite_members
+    from ...problems.exchange.storage import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..generate import generate as make

@@ -26,7 +26,7 @@ def record(
     as_json: options.Json = False,
 ) -> int:
     """Record solvers iterating side by side on one problem, or a stored simulation; watch with: rerun FILE."""
-    from ...solvers.interface import Stop
+    from ...problems.contact.solver import Stop
     from ..measure.plan import make_plan
     from ..plugins.problems import resolved
     from ..recordings.blueprints import ITERATION, STEP

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import wraps
 from typing import Generic, TypeVar
 
-from ...solvers.interface import Solver, shows_iterates
+from ...problems.contact.solver import Solver, shows_iterates
 
 Subject = TypeVar("Subject")
 

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.solver import Solver, Status, Stop
 from ...problems.hard import CASE_GROUPS, hard_case
-from ...solvers.interface import Solver, Status, Stop
 from .checks import Check, Violation, checks, of_iterates
 from .samples import supported
 from .trial import meet_answer, tried

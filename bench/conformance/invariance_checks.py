@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...problems.contact.solver import Solver, Status, Stop
 from ...problems.errors import ProblemError
 from ...problems.hard.transformations import Transformed, duplicated, in_units, permuted, rotated
-from ...solvers.interface import Solver, Status, Stop
 from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation, checks
 from .samples import supported

@@ -6,8 +6,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Solution, Solver, Status, Stop, draws_randomly
 from ...problems.hard import hard_case
-from ...solvers.interface import Solution, Solver, Status, Stop, draws_randomly
 from ..measure.contacts.variants import in_other_units, moved_copy
 from .checks import Violation
 from .samples import random_contacts, supported

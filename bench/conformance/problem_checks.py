@@ -3,9 +3,9 @@
 import io
 from collections.abc import Callable
 
-from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.judge import judge
 from ...problems.contact.problem import ContactProblem
+from ...problems.exchange.storage import problem_bytes, read_problem
 from .checks import Check, NotApplicable, Violation, checks
 
 ANSWER_ACCURACY = 1e-6

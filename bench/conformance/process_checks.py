@@ -2,7 +2,7 @@
 
 import time
 
-from ...solvers.interface import Solver, Stop
+from ...problems.contact.solver import Solver, Stop
 from ..isolation.process_state import ProcessState, replaced_names
 from .checks import Violation
 from .samples import supported

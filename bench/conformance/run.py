@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from ...problems.catalog.catalog import load, plugin_problems, problem_names
-from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import forget, registered
 from ...problems.errors import suggestion
+from ...problems.exchange.catalog import load, plugin_problems, problem_names
+from ...problems.exchange.plugin_files import PluginFile
+from ...problems.exchange.plugins import forget, registered
 from ...solvers.registry import available, composites, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Solver
 from ...problems.hard import hard_case
-from ...solvers.interface import Solver
 from .checks import NotApplicable
 
 _HARD = (

@@ -21,8 +21,8 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Solution, Solver, Status, Stop
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
-from ...solvers.interface import Solution, Solver, Status, Stop
 from .checks import Check, NotApplicable, Violation, checks, of_iterates
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS

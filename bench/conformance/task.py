@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...problems.catalog.catalog import load
 from ...problems.errors import ProxbenchError, first_line
+from ...problems.exchange.catalog import load
 from ...solvers.registry import create
 from ..isolation.child import MisbehaviourError
 from ..isolation.process_state import ProcessState, replaced_names

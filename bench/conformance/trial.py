@@ -8,9 +8,9 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import judge
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
+from ...problems.contact.solver import Solution, Solver, Status, Stop
 from ...problems.errors import ProblemError
 from ...solvers.contract import solution_fault
-from ...solvers.interface import Solution, Solver, Status, Stop
 from ..store.outcome import WRONG_FACTOR
 from .checks import Violation
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import psutil
 
-from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import Names, register
 from ...problems.errors import first_line
+from ...problems.exchange.plugin_files import PluginFile
+from ...problems.exchange.plugins import Names, register
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
 from .process_tree import die_with, end_of

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...problems.catalog.catalog import load
-from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Stop
+from ...problems.contact.solver import Stop
+from ...problems.exchange.catalog import load
+from ...problems.exchange.storage import problem_bytes, read_problem
 from ...solvers.registry import BUILT_IN, create
 from . import supervisor
 

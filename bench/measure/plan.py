@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Solver
 from ...problems.spelling import option
-from ...solvers.interface import Solver
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant

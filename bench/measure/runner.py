@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from ...problems.contact.judge import JUDGE
-from ...problems.scenes.registry import read_scene
+from ...problems.motion.scenes.registry import read_scene
 from ...problems.spelling import either
 from ..errors import BenchError
 from ..plugins.describing import contestant

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...problems.catalog.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
-from ...problems.catalog.families import family_of, sampled
-from ...problems.catalog.folder import Member, list_folder
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, ProxbenchError
+from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
+from ...problems.exchange.families import family_of, sampled
+from ...problems.exchange.folder import Member, list_folder
 from ...problems.spelling import option
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolved

@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from ...problems.mechanics.balls import BallSystem
-from ...problems.mechanics.surfaces import Plane, Segment, Surface
-from ...problems.scenes.scene import Scene
+from ...problems.motion.bodies.balls import BallSystem
+from ...problems.motion.bodies.surfaces import Plane, Segment, Surface
+from ...problems.motion.scenes.scene import Scene
 from ..store.fields import Number, Positive, Record
 
 Arrays = Mapping[str, NDArray[Any]]

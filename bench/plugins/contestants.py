@@ -11,8 +11,8 @@ from typing import Any
 import cloudpickle
 
 from ...problems.contact.model import Model
+from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
 from ...solvers import registry
-from ...solvers.interface import Solver, draws_randomly, shows_iterates
 from ..errors import BenchError
 
 

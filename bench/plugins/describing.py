@@ -10,17 +10,17 @@ from typing import Any
 
 import cloudpickle
 
-from ...problems.catalog.catalog import load, plugin_problems
-from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugin_scenes import plugin_scene, plugin_scenes, scene_options
-from ...problems.catalog.plugins import KINDS, Names, Offer, forget, register
-from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
 from ...problems.errors import PluginError, ProxbenchError, first_line
+from ...problems.exchange.catalog import load, plugin_problems
+from ...problems.exchange.plugin_files import PluginFile
+from ...problems.exchange.plugin_scenes import plugin_scene, plugin_scenes, scene_options
+from ...problems.exchange.plugins import KINDS, Names, Offer, forget, register
+from ...problems.exchange.storage import problem_bytes, read_problem
 from ...solvers import registry
 from ...solvers.contract import form_fault
-from ...solvers.interface import Solver, draws_randomly, shows_iterates
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome

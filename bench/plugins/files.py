@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ...problems.catalog.plugin_files import PluginFile
-from ...problems.catalog.plugins import forget, register, registered
+from ...problems.contact.solver import SolverError
 from ...problems.errors import PluginError
+from ...problems.exchange.plugin_files import PluginFile
+from ...problems.exchange.plugins import forget, register, registered
 from ...problems.spelling import either
 from ...solvers import registry
-from ...solvers.interface import SolverError
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..store.records import PluginUse

@@ -8,13 +8,13 @@ judged again and shown without what made them.
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...problems.catalog.catalog import is_available, is_held, load, plugin_problems, problem_names
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ...problems.exchange.catalog import is_available, is_held, load, plugin_problems, problem_names
 from ..errors import BenchError
-from ..plugins.describing import plugin_problem
 from ..store.records import RunRecord
 from ..store.store import Store
+from .describing import plugin_problem
 
 
 def resolved(problem: str | Path | ContactProblem) -> ContactProblem:

@@ -17,17 +17,17 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.catalog.archive import read_arrays
-from ...problems.catalog.plugin_scenes import build_plugin_scene, plugin_scene
 from ...problems.contact.factors import InverseMass
 from ...problems.contact.laws import Laws
-from ...problems.contact.pieces import Pieces
+from ...problems.contact.matrices.pieces import Pieces
 from ...problems.errors import ProxbenchError
-from ...problems.mechanics.state import State
-from ...problems.mechanics.system import ActiveContacts, Overlaps, StepAssembly
-from ...problems.scenes.registry import make_scene, read_scene
-from ...problems.scenes.scene import Scene
-from ...problems.stepping.extrapolation import is_reversible
+from ...problems.exchange.archive import read_arrays
+from ...problems.exchange.plugin_scenes import build_plugin_scene, plugin_scene
+from ...problems.motion.bodies.system import ActiveContacts, Overlaps, StepAssembly
+from ...problems.motion.scenes.registry import make_scene, read_scene
+from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.state import State
+from ...problems.motion.stepping.extrapolation import is_reversible
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer

@@ -14,10 +14,10 @@ from typing import Any, cast
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.catalog.storage import problem_bytes, read_problem
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Status, Stop
+from ...problems.exchange.storage import problem_bytes, read_problem
 from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, solution_fault
-from ...solvers.interface import Observer, Prepared, Solution, Solver, Status, Stop
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.pieces import Pieces, cut_into_pieces
+from ...problems.contact.matrices.pieces import Pieces, cut_into_pieces
 from ...problems.contact.problem import ContactProblem
 from ..errors import BenchError
 from ..report.layout.text import counted

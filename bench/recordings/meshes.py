@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.mechanics.surfaces import Plane, Segment, Surface
+from ...problems.motion.bodies.surfaces import Plane, Segment, Surface
 
 LATITUDES, LONGITUDES = 6, 12
 """Faces of a ball from pole to pole and around; a thousand balls must stay light."""

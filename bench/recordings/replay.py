@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
-from ...problems.mechanics.state import State
-from ...problems.mechanics.system import System
-from ...problems.scenes.scene import Scene
-from ...problems.stepping.moreau import Step, step_problem
+from ...problems.motion.bodies.system import System
+from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.state import State
+from ...problems.motion.stepping.moreau import Step, step_problem
 from ..errors import BenchError
 from ..report.layout.text import counted
 from .balls import BallRecorder

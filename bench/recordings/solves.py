@@ -11,7 +11,7 @@ import rerun as rr
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Solver, Stop
+from ...problems.contact.solver import Solver, Stop
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...solvers.interface import Solver, Status, Stop, shows_iterates
+from ...problems.contact.solver import Solver, Status, Stop, shows_iterates
 from ..plugins.remote_solver import FailedSolveError
 from .contact_states import contact_states, count_states
 

@@ -8,10 +8,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ...problems.arrays import FloatArray
-from ...problems.mechanics.state import State
-from ...problems.scenes import woodpecker as toy
-from ...problems.scenes.scene import kinetic_energy
-from ...problems.stepping.moreau import Step
+from ...problems.motion.scenes import woodpecker as toy
+from ...problems.motion.scenes.scene import kinetic_energy
+from ...problems.motion.state import State
+from ...problems.motion.stepping.moreau import Step
 from ..report.charts.palette import rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States

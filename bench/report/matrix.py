@@ -7,9 +7,9 @@ from typing import Any
 
 import pandas as pd
 
-from ...problems.catalog.catalog import load
 from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
+from ...problems.exchange.catalog import load
 from ...problems.hard import CASE_GROUPS
 from ..store.outcome import BAD_OUTCOMES, FAULTS, Cell, Outcome
 from .layout.text import inline, markdown_table

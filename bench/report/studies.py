@@ -5,8 +5,8 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from ...problems.trajectories.pour import UNITS
-from ...problems.trajectories.problem import Aggregates
+from ...problems.motion.trajectories.pour import UNITS
+from ...problems.motion.trajectories.problem import Aggregates
 from ..store.frames import RunFrames
 from ..store.records import PlanRecord
 from ..store.trajectory_records import TrajectoryRecord

@@ -11,8 +11,8 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
+from ...problems.contact.solver import Status
 from ...problems.spelling import either, for_command_line
-from ...solvers.interface import Status
 from ..store.condition import basis, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome, claim_reason

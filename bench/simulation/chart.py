@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from ...problems.arrays import FloatArray
-from ...problems.trajectories.limit_cycle import Incident
+from ...problems.motion.trajectories.limit_cycle import Incident
 from ..report.charts.drawing import stacked, write_drawing
 from ..report.charts.palette import PALETTE
 from ..report.layout.text import counted

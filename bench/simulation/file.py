@@ -20,11 +20,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.catalog.archive import ArchiveError, read_arrays
-from ...problems.catalog.atomic_file import replacing
+from ...problems.contact.solver import Solver
 from ...problems.errors import ProxbenchError
-from ...problems.stepping.contact_states import LawStates
-from ...solvers.interface import Solver
+from ...problems.exchange.archive import ArchiveError, read_arrays
+from ...problems.exchange.atomic_file import replacing
+from ...problems.motion.stepping.contact_states import LawStates
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
 from ..store.conversion import content_of, printable

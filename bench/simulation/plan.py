@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from ...problems.scenes.registry import check_option, read_scene
-from ...problems.scenes.scene import Scene
-from ...problems.stepping.moreau import ContactSolver
-from ...problems.stepping.registry import EventDriven, Stepper, Variable, make_stepper
-from ...solvers.interface import Solver, Stop
+from ...problems.contact.solver import Solver, Stop
+from ...problems.motion.scenes.registry import check_option, read_scene
+from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.stepping.moreau import ContactSolver
+from ...problems.motion.stepping.registry import EventDriven, Stepper, Variable, make_stepper
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.remote_scene import local_or_remote_scene

@@ -13,12 +13,12 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import local_residual
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
+from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
-from ...problems.mechanics.system import ActiveContacts
-from ...problems.scenes.scene import Scene
-from ...problems.stepping.accepted_step import AcceptedStep
-from ...problems.stepping.moreau import Step
-from ...solvers.interface import Solver
+from ...problems.motion.bodies.system import ActiveContacts
+from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.stepping.accepted_step import AcceptedStep
+from ...problems.motion.stepping.moreau import Step
 from ..errors import BenchError, FailedSimulationError
 from ..report.layout.output_file import output_file
 from .file import SUFFIX, read_simulation, write_simulation

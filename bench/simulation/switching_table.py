@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...problems.scenes.registry import SCENES
-from ...problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ...problems.trajectories.limit_cycle import Cycle, Cycles, Incident, cycles, relative_deviations
+from ...problems.motion.scenes.registry import SCENES
+from ...problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from ...problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, cycles, relative_deviations
 from ..report.layout.text import counted
 from .trajectory import Simulation
 

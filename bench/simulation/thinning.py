@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.mechanics.state import State
+from ...problems.motion.state import State
 
 STATES = 500
 """N by default."""

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
-from ...problems.mechanics.state import State
-from ...problems.stepping.accepted_step import AcceptedStep
-from ...problems.stepping.contact_states import LawStates, SwitchingPoint
-from ...problems.trajectories.limit_cycle import Incident
-from ...solvers.interface import Status
+from ...problems.contact.solver import Status
+from ...problems.motion.state import State
+from ...problems.motion.stepping.accepted_step import AcceptedStep
+from ...problems.motion.stepping.contact_states import LawStates, SwitchingPoint
+from ...problems.motion.trajectories.limit_cycle import Incident
 from ..report.layout.text import counted
 from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING

@@ -30,7 +30,7 @@ import pandas as pd
 from scipy import special
 
 from ...problems.arrays import FloatArray, IntArray
-from ...solvers.interface import Status
+from ...problems.contact.solver import Status
 from .outcome import Outcome
 
 CONFIDENCE = 0.95

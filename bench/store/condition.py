@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...problems.contact.solver import Status
 from ...problems.spelling import either
-from ...solvers.interface import Status
 from ..errors import BenchError
 from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord

@@ -7,7 +7,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Verdict, judge
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...solvers.interface import Status
+from ...problems.contact.solver import Status
 
 WRONG_FACTOR = 10.0
 """A claim at tolerance t is wrong when the judge of the solver's own model reads more than this many t."""

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
-from ...problems.catalog.families import family_of
+from ...problems.exchange.families import family_of
 from ..errors import BenchError
 from .fields import LARGEST, Count, Number, Quartiles, Record, Residual, Tolerance
 from .impulses import Impulses

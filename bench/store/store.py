@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
 
-from ...problems.catalog.atomic_file import PART, replacing
-from ...problems.catalog.storage import SUFFIX, packed_problem, read_problem
 from ...problems.contact.problem import ContactProblem
+from ...problems.exchange.atomic_file import PART, replacing
+from ...problems.exchange.storage import SUFFIX, packed_problem, read_problem
 from ...problems.spelling import either, option
 from ..errors import BenchError
 from .conversion import R, content_of, sealed, unsealed

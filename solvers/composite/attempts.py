@@ -3,7 +3,7 @@
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Status
+from ...problems.contact.solver import Status
 from ..iteration.loop import Advance
 from ..newton.linearised import Equations
 from ..newton.steps import Attempt, Newton

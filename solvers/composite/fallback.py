@@ -14,7 +14,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
-from ..interface import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
 from ..iteration.clock import Clock
 from ..iteration.loop import judged
 from ..iteration.method import Method, check_option

@@ -19,7 +19,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import Advance, first_impulses, looked, refuted
 from ..iteration.method import Method
 from ..iteration.stopping import Monitor

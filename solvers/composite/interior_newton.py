@@ -24,10 +24,10 @@ from typing import Literal
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.pieces import Pieces
+from ...problems.contact.matrices.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Prepared, Solution, Stop
+from ...problems.contact.solver import Observer, Prepared, Solution, Stop
 from ..interior.central_path import CentralPath, PathInTurns
 from ..interior.interior_point import InteriorPoint
 from ..interior.runs import SingleRun

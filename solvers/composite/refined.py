@@ -15,7 +15,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Prepared, SolverError
+from ...problems.contact.solver import Prepared, SolverError
 from ..iteration.clock import Clock
 from ..iteration.correction import Correctable
 from ..iteration.method import Method

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ..interface import Status
+from ...problems.contact.solver import Status
 from ..iteration.loop import Iterates
 from ..iteration.stopping import LONGEST_INTERVAL
 from ..newton.steps import THOROUGH

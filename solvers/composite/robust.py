@@ -23,7 +23,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ..interface import Observer, Prepared, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Prepared, Solution, Status, Stop
 from ..iteration.loop import Advance, PreparedIteration, first_impulses, looked, refuted
 from ..iteration.method import Method
 from ..iteration.stopping import Monitor

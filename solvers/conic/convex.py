@@ -17,7 +17,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
-from ..interface import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import judged, refuted
 from ..iteration.method import Method
 from .programs import ConicProgram, Ended

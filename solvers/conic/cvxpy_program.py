@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ..interface import SolverError
+from ...problems.contact.solver import SolverError
 from .programs import ConicResult, Ended, Scaling, friction_parts
 
 _OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {

@@ -33,7 +33,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
 from ..iteration.clock import Clock
 from ..iteration.correction import BeginCorrection, Correction, NoCorrection

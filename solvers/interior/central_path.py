@@ -24,7 +24,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import refuted
 from ..iteration.method import check_form, check_option
 from .followed_path import FollowedPath

@@ -6,7 +6,7 @@ See ``central_path`` for what it is a path of.
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ..interface import Status
+from ...problems.contact.solver import Status
 from . import cones
 from .interior_point import NewtonSystem
 from .power_series import Direction, Series, local_product, products, write_right

@@ -22,7 +22,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Status
+from ...problems.contact.solver import Status
 from ..iteration.method import check_form, check_option
 from . import cones
 from .damping import SHARES, Damping, Share

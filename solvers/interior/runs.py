@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Stop
+from ...problems.contact.solver import Observer, Solution, Stop
 from ..iteration.loop import first_impulses, refuted
 from ..iteration.method import Method
 from .progress import Progress

@@ -3,7 +3,7 @@
 import time
 
 from ...problems.arrays import FloatArray
-from ..interface import Observer, Status, Stop
+from ...problems.contact.solver import Observer, Status, Stop
 
 
 class Clock:

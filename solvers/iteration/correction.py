@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ..interface import Prepared, Solver
+from ...problems.contact.solver import Prepared, Solver
 from .clock import Clock
 
 

@@ -10,8 +10,8 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
+from ...problems.contact.solver import Observer, Solution, SolverError, Status, Stop
 from ...problems.errors import ProblemError
-from ..interface import Observer, Solution, SolverError, Status, Stop
 from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, LONGEST_INTERVAL, Monitor, sweeps_to_next_look
 
 LEAST_MOMENTUM = 0.3

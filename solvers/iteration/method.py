@@ -2,8 +2,8 @@
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import SolverError
 from ...problems.names import described
-from ..interface import SolverError
 
 
 class Method:

@@ -14,7 +14,7 @@ from operator import itemgetter
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ..interface import Solution, Status, Stop
+from ...problems.contact.solver import Solution, Status, Stop
 from .clock import Clock
 
 LONGEST_INTERVAL = 10

@@ -16,7 +16,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ..interface import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.clock import Clock
 from ..iteration.loop import judged, refuted
 from ..iteration.method import Method, beyond_contacts

@@ -4,7 +4,7 @@ import importlib
 from importlib.util import find_spec
 from typing import Any
 
-from ..interface import SolverError
+from ...problems.contact.solver import SolverError
 
 INSTALL = 'pip install ".[peers]"'
 """The command that installs the libraries of all outside solvers."""

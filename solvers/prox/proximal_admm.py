@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
-from ..interface import SolverError
+from ...problems.contact.solver import SolverError
 from ..iteration.anderson import Anderson
 from ..iteration.loop import PreparedIteration, iterate
 from ..iteration.method import Method, beyond_contacts, check_option

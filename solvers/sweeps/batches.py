@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.pieces import Pieces
+from ...problems.contact.matrices.pieces import Pieces
 
 LANES = 16
 """Contacts in a batch: the fewest for which compilers make vector instructions of a loop of known length."""

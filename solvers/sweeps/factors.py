@@ -18,7 +18,7 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.pieces import Pieces
+from ...problems.contact.matrices.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Accelerated, Iterates
 from ..iteration.momentum import with_momentum

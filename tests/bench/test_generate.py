@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from proxbench.bench.generate import RECIPES, RollingRecipe, generate, remade
 from proxbench.problems import ContactProblem, ProblemError, load
-from proxbench.problems.catalog.catalog import SUITES
+from proxbench.problems.exchange.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
 from proxbench.problems.hard.spheres import with_rolling_friction
 

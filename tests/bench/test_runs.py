@@ -16,8 +16,8 @@ from proxbench.bench.measure.plan import Limits
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem, ProblemError, save_problem
 from proxbench.problems import load as load_problem
-from proxbench.problems.catalog.catalog import SUITES
-from proxbench.problems.catalog.plugins import forget, registered
+from proxbench.problems.exchange.catalog import SUITES
+from proxbench.problems.exchange.plugins import forget, registered
 
 
 def falling(name: str = "mine", weight: float = 1.0) -> ContactProblem:

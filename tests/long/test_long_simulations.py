@@ -12,10 +12,10 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Ending, Simulation
-from proxbench.problems.scenes.resting import Stack
-from proxbench.problems.scenes.woodpecker import PERIOD
-from proxbench.problems.stepping.moreau import Moreau
-from proxbench.problems.trajectories.limit_cycle import Cycles, cycles, relative_deviations
+from proxbench.problems.motion.scenes.resting import Stack
+from proxbench.problems.motion.scenes.woodpecker import PERIOD
+from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.trajectories.limit_cycle import Cycles, cycles, relative_deviations
 from proxbench.solvers import Status, Stop, create
 
 FULL = os.environ.get("PROXBENCH_PROFILE") == "full"

@@ -18,7 +18,7 @@ from proxbench.bench.isolation.worker import Worker
 from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.records import Limits
-from proxbench.problems.catalog.storage import problem_bytes
+from proxbench.problems.exchange.storage import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop
 
 STOP = Stop(1e-4)

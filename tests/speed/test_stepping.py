@@ -7,9 +7,9 @@ import pytest
 from contestants import SIZES, TOLERANCE
 from proxbench.bench.generate import RECIPES, FunnelRecipe
 from proxbench.problems import judge
-from proxbench.problems.mechanics.state import State
-from proxbench.problems.scenes.funnel import TIME_STEP
-from proxbench.problems.stepping.moreau import Moreau
+from proxbench.problems.motion.scenes.funnel import TIME_STEP
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 

@@ -24,8 +24,8 @@ def matrix(
     """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
     from rich.console import Console
 
+    from ....problems.contact.solver import Stop
     from ....problems.spelling import for_command_line
-    from ....solvers.interface import Stop
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measured_matrix
     from ...measure.selection import select

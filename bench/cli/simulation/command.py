@@ -60,7 +60,7 @@ class SceneCommand(HelpCommand):
 
 
 def _scene_options(word: str) -> list[tuple[str, str]]:
-    from ....problems.scenes.registry import SCENES
+    from ....problems.motion.scenes.registry import SCENES
 
     name = word.partition("(")[0]
     if name not in SCENES:
@@ -165,7 +165,7 @@ def _require_study(folder: Path) -> None:
 
 
 def _refuse_contradictions(context: typer.Context) -> None:
-    from ....problems.scenes.registry import SCENES
+    from ....problems.motion.scenes.registry import SCENES
     from ...errors import BenchError
 
     given, resume = context.params, context.params["resume"]

@@ -9,7 +9,7 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.judge import Verdict
 from ....problems.contact.model import Model
 from ....problems.contact.problem import ContactProblem
-from ....solvers.interface import Status
+from ....problems.contact.solver import Status
 from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
 from ...store.records import Measured, Point

@@ -11,10 +11,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from ....problems.arrays import FloatArray
-from ....problems.catalog.storage import problem_bytes
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
-from ....solvers.interface import Status, Stop
+from ....problems.contact.solver import Status, Stop
+from ....problems.exchange.storage import problem_bytes
 from ...isolation.worker import LARGEST_CONTENT, Fault, no_answer
 from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import are_iterations

@@ -20,7 +20,7 @@ import numpy as np
 from ....problems.arrays import FloatArray
 from ....problems.contact.model import Model
 from ....problems.contact.problem import ContactProblem
-from ....solvers.interface import Observer, Solution, Status, Stop
+from ....problems.contact.solver import Observer, Solution, Status, Stop
 from ...isolation.child import MisbehaviourError
 from .protocol import Measurement
 from .timed_round import TimedRound

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from ....problems.arrays import FloatArray
-from ....problems.catalog.storage import problem_bytes
 from ....problems.contact.problem import ContactProblem
-from ....solvers.interface import Status, Stop
+from ....problems.contact.solver import Status, Stop
+from ....problems.exchange.storage import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.contestants import Contestant

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
-from ....solvers.interface import Solver, Stop
+from ....problems.contact.solver import Solver, Stop
 from ....solvers.registry import available
 from ...plugins.describing import contestant
 from ...plugins.problems import resolved

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from ....problems.arrays import FloatArray
-from ....problems.catalog.storage import read_problem
 from ....problems.contact.problem import ContactProblem
+from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_iterates
+from ....problems.exchange.storage import read_problem
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
-from ....solvers.interface import Solution, Solver, Status, Stop, shows_iterates
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
 from ...plugins.contestants import Contestant

@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 
 from ....problems.arrays import FloatArray
-from ....solvers.interface import Status
+from ....problems.contact.solver import Status
 from ...isolation.worker import NO_ANSWER
 from ...plugins.remote_solver import answer_fault
 from ...store.records import Excluded, Round

@@ -26,8 +26,8 @@ from functools import cached_property
 import numpy as np
 
 from ....problems.arrays import FloatArray
-from ....problems.catalog.storage import problem_bytes
 from ....problems.contact.problem import ContactProblem
+from ....problems.exchange.storage import problem_bytes
 from ....problems.hard.transformations import in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)

@@ -9,9 +9,9 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 
 from msgspec.structs import replace
 
-from ....problems.catalog.plugins import registered
-from ....problems.catalog.storage import packed_problem
 from ....problems.errors import first_line
+from ....problems.exchange.plugins import registered
+from ....problems.exchange.storage import packed_problem
 from ....problems.spelling import either
 from ...errors import BenchError
 from ...plugins.contestants import Contestant

@@ -9,11 +9,11 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....problems.catalog.atomic_file import PART
-from ....problems.catalog.plugin_files import PluginFile
-from ....problems.catalog.plugins import Names, register
-from ....problems.catalog.storage import read_problem
 from ....problems.contact.judge import JUDGE
+from ....problems.exchange.atomic_file import PART
+from ....problems.exchange.plugin_files import PluginFile
+from ....problems.exchange.plugins import Names, register
+from ....problems.exchange.storage import read_problem
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
 from ...store.records import CaseRecord, RunRecord, Session

@@ -12,8 +12,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from ....problems.catalog.catalog import is_available
-from ....problems.catalog.storage import problem_bytes
+from ....problems.exchange.catalog import is_available
+from ....problems.exchange.storage import problem_bytes
 from ...errors import InterruptedRunError
 from ...generate import generate
 from ...isolation.fork_server import load_server

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from ....problems.trajectories.problem import TrajectoryProblem
-from ....solvers.interface import Status
+from ....problems.contact.solver import Status
+from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...isolation.worker import Fault, no_answer
 from ...store.fields import Count, Number
 from ...store.outcome import Outcome

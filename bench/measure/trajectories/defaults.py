@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from ....problems.scenes.scene import Scene
+from ....problems.motion.scenes.scene import Scene
 from ...plugins.contestants import Contestant
 from ...plugins.describing import contestant
 from ...store.trajectory_records import TrajectoryRecord

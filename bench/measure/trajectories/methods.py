@@ -10,8 +10,8 @@ from typing import Any
 
 from msgspec import structs
 
+from ....problems.motion.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, Variable, make_stepper
 from ....problems.names import read_name
-from ....problems.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, Variable, make_stepper
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
 from ...plugins.describing import contestant

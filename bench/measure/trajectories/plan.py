@@ -6,11 +6,11 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from ....problems.contact.solver import Solver
+from ....problems.motion.scenes.registry import read_scene
+from ....problems.motion.scenes.scene import Scene
+from ....problems.motion.scenes.woodpecker import PERIOD
 from ....problems.names import Name
-from ....problems.scenes.registry import read_scene
-from ....problems.scenes.scene import Scene
-from ....problems.scenes.woodpecker import PERIOD
-from ....solvers.interface import Solver
 from ...errors import BenchError
 from ...plugins.describing import contestant
 from ...plugins.remote_scene import local_or_remote_scene

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
-from ....problems.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
-from ....solvers.interface import Status
+from ....problems.contact.solver import Status
+from ....problems.motion.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
 from ...store.records import Limits

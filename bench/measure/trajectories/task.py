@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ....problems.catalog.plugin_scenes import build_plugin_scene, plugin_scene
+from ....problems.contact.solver import Status
 from ....problems.errors import ProxbenchError
-from ....problems.scenes.registry import make_scene, read_scene
-from ....problems.scenes.scene import Scene
-from ....problems.stepping.accepted_step import AcceptedStep
-from ....problems.trajectories.pour import Watch
-from ....problems.trajectories.problem import TrajectoryProblem
-from ....solvers.interface import Status
+from ....problems.exchange.plugin_scenes import build_plugin_scene, plugin_scene
+from ....problems.motion.scenes.registry import make_scene, read_scene
+from ....problems.motion.scenes.scene import Scene
+from ....problems.motion.stepping.accepted_step import AcceptedStep
+from ....problems.motion.trajectories.pour import Watch
+from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance

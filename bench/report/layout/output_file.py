@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ....problems.catalog.atomic_file import replacing
 from ....problems.errors import error_text
+from ....problems.exchange.atomic_file import replacing
 from ....problems.spelling import either, option, switch
 from ...errors import BenchError, UnwritableError
 from ...store.store import refuse_links_out

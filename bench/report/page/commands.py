@@ -2,8 +2,8 @@
 
 import shlex
 
-from ....problems.catalog.catalog import suite_members
 from ....problems.errors import ProblemError
+from ....problems.exchange.catalog import suite_members
 from ...store.records import RunRecord
 
 MEBIBYTE = 2**20

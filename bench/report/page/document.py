@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ....problems.contact.solver import Status
 from ....problems.spelling import for_command_line
-from ....solvers.interface import Status
 from ...store.certainty import reaching
 from ...store.condition import drift, run_state
 from ...store.frames import JUDGED, RunFrames

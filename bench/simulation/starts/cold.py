@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
-from ....solvers.interface import Observer, Prepared, Solution, Stop
+from ....problems.contact.solver import Observer, Prepared, Solution, Stop
 from .step_solver import StepSolver
 
 

@@ -1,8 +1,8 @@
 """Starts by name."""
 
+from ....problems.contact.solver import Solver
 from ....problems.errors import suggestion
-from ....problems.stepping.registry import Stepper
-from ....solvers.interface import Solver
+from ....problems.motion.stepping.registry import Stepper
 from ...errors import BenchError
 from .cold import Cold
 from .step_solver import StepSolver

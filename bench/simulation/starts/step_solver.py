@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ....problems.contact.problem import ContactProblem
-from ....solvers.interface import Prepared, Solver
+from ....problems.contact.solver import Prepared, Solver
 from ...errors import BenchError
 
 

@@ -1,7 +1,7 @@
 """Start from the impulses of the last step, contact by contact."""
 
 from ....problems.contact.problem import ContactProblem
-from ....solvers.interface import Prepared
+from ....problems.contact.solver import Prepared
 from .step_solver import StepSolver
 
 

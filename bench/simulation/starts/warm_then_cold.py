@@ -1,8 +1,8 @@
 """Start from the impulses of the last step, and start again from zero where that does not converge."""
 
 from ....problems.contact.problem import ContactProblem
+from ....problems.contact.solver import Prepared
 from ....solvers.composite.fallback import Fallback
-from ....solvers.interface import Prepared
 from .step_solver import StepSolver
 
 WARM_ITERATIONS = 500

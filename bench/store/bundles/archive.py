@@ -18,7 +18,7 @@ from typing import IO
 
 import msgspec
 
-from ....problems.catalog.atomic_file import replacing
+from ....problems.exchange.atomic_file import replacing
 from ...errors import BenchError
 from ..fields import Record
 from ..store import CASES, LARGEST_FILE, PROBLEMS, RUN_FILE

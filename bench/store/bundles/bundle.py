@@ -8,11 +8,11 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....problems.catalog.catalog import is_held, load
-from ....problems.catalog.storage import packed_problem, read_problem
 from ....problems.contact.judge import JUDGE
 from ....problems.contact.problem import ContactProblem
 from ....problems.errors import ProblemError
+from ....problems.exchange.catalog import is_held, load
+from ....problems.exchange.storage import packed_problem, read_problem
 from ....problems.spelling import either
 from ...errors import BenchError
 from ..conversion import content_of, sealed, unsealed

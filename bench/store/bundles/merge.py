@@ -15,8 +15,8 @@ from uuid import uuid4
 
 from msgspec.structs import replace
 
-from ....problems.catalog.atomic_file import PART
 from ....problems.contact.problem import ContactProblem
+from ....problems.exchange.atomic_file import PART
 from ....problems.spelling import option
 from ...errors import BenchError
 from ..records import CaseRecord, PlanRecord, Session, with_sessions

@@ -17,8 +17,8 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.judge import Verdict
 from ....problems.contact.model import Model
 from ....problems.contact.problem import ContactProblem
+from ....problems.contact.solver import Status
 from ....problems.errors import ProxbenchError
-from ....solvers.interface import Status
 from ..impulses import Impulses, number_of, worst
 from ..outcome import RELAXED_FACTOR, WRONG_FACTOR, Outcome, verdicts
 from ..outcome import ROUNDING as RELAXED_ROUNDING

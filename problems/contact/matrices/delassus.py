@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray, read_only
 from ..blocks import BlockLayout
-from ..pieces import Pieces
+from .pieces import Pieces
 
 
 @dataclass(frozen=True, eq=False)

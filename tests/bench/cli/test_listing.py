@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from proxbench.bench.cli.listing import listed, print_listing
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.catalog.catalog import SUITES, suite_members
-from proxbench.problems.scenes.registry import SCENES
+from proxbench.problems.exchange.catalog import SUITES, suite_members
+from proxbench.problems.motion.scenes.registry import SCENES
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from proxbench.bench import load
 from proxbench.bench.cli.main import run_command
 from proxbench.problems import load as load_problem
 from proxbench.problems import save_problem
-from proxbench.problems.scenes.registry import SCENES
+from proxbench.problems.motion.scenes.registry import SCENES
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from proxbench.bench.measure.plan import Limits
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load
-from proxbench.problems.catalog.storage import problem_bytes
+from proxbench.problems.exchange.storage import problem_bytes
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
 ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}

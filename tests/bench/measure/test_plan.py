@@ -11,7 +11,7 @@ from proxbench.bench.measure.plan import (
     make_plan,
 )
 from proxbench.problems import ProblemError
-from proxbench.problems.catalog.catalog import is_held
+from proxbench.problems.exchange.catalog import is_held
 from proxbench.solvers import SolverError
 
 

@@ -10,7 +10,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.plan import make_plan
 from proxbench.bench.measure.selection import Selection, name_of, select, shard_of
 from proxbench.problems import ContactProblem, ProblemError, save_problem, write_fclib
-from proxbench.problems.catalog.catalog import suite_members
+from proxbench.problems.exchange.catalog import suite_members
 
 
 def box(weight: float, name: str = "any") -> ContactProblem:

@@ -5,13 +5,13 @@ import time
 from typing import Any
 
 import numpy as np
-from proxbench.problems.mechanics.balls import BallSystem
-from proxbench.problems.mechanics.state import State
-from proxbench.problems.mechanics.surfaces import Plane
-from proxbench.problems.mechanics.system import MechanicalSystem, System
-from proxbench.problems.scenes.effects import Friction, Gravity, ball_system
-from proxbench.problems.scenes.registry import make_scene
-from proxbench.problems.scenes.scene import Scene
+from proxbench.problems.motion.bodies.balls import BallSystem
+from proxbench.problems.motion.bodies.surfaces import Plane
+from proxbench.problems.motion.bodies.system import MechanicalSystem, System
+from proxbench.problems.motion.scenes.effects import Friction, Gravity, ball_system
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.scene import Scene
+from proxbench.problems.motion.state import State
 
 FAULTY_FROM = 60
 """The call from which a faulty tower is at fault."""

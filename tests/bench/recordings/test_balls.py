@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.balls import BallRecorder
-from proxbench.problems.mechanics.balls import BallSystem
-from proxbench.problems.mechanics.state import State
-from proxbench.problems.mechanics.surfaces import Plane
-from proxbench.problems.scenes.effects import Friction, Gravity, Planar, ball_system
-from proxbench.problems.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
-from proxbench.problems.stepping.moreau import Moreau, Step
+from proxbench.problems.motion.bodies.balls import BallSystem
+from proxbench.problems.motion.bodies.surfaces import Plane
+from proxbench.problems.motion.scenes.effects import Friction, Gravity, Planar, ball_system
+from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.moreau import Moreau, Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 

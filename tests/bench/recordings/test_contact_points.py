@@ -6,9 +6,9 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.contact_points import Places, find_places, grid_places
 from proxbench.problems import ContactProblem, load
 from proxbench.problems.arrays import FloatArray
-from proxbench.problems.mechanics.balls import BallSystem
-from proxbench.problems.mechanics.surfaces import Plane
-from proxbench.problems.stepping.moreau import step_problem
+from proxbench.problems.motion.bodies.balls import BallSystem
+from proxbench.problems.motion.bodies.surfaces import Plane
+from proxbench.problems.motion.stepping.moreau import step_problem
 
 
 def heap(dimension: int, friction: float | None) -> tuple[ContactProblem, FloatArray]:

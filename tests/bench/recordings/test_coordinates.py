@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.bench.recordings.simulation import heights_of
-from proxbench.problems.scenes.registry import make_scene
-from proxbench.problems.stepping.moreau import Moreau
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.stepping.moreau import Moreau
 from proxbench.solvers import Stop, create
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 from proxbench.bench.recordings.meshes import about_depth, ball_mesh, surface_meshes, turned, upright
-from proxbench.problems.scenes.effects import Planar
-from proxbench.problems.scenes.funnel import STANDARD_EFFECTS, Funnel
+from proxbench.problems.motion.scenes.effects import Planar
+from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, Funnel
 from scipy.spatial.transform import Rotation
 
 

@@ -7,8 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.recordings.woodpecker import WoodpeckerRecorder
-from proxbench.problems.scenes.woodpecker import BEAK_ARM, BEAK_HEIGHT, PERIOD, POLE_RADIUS, section_start, woodpecker
-from proxbench.problems.stepping.moreau import Moreau, Step
+from proxbench.problems.motion.scenes.woodpecker import (
+    BEAK_ARM,
+    BEAK_HEIGHT,
+    PERIOD,
+    POLE_RADIUS,
+    section_start,
+    woodpecker,
+)
+from proxbench.problems.motion.stepping.moreau import Moreau, Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 

@@ -5,8 +5,8 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Simulation
-from proxbench.problems.scenes.woodpecker import INCIDENTS, PERIOD
-from proxbench.problems.trajectories.limit_cycle import Cycles, cycles, relative_deviations
+from proxbench.problems.motion.scenes.woodpecker import INCIDENTS, PERIOD
+from proxbench.problems.motion.trajectories.limit_cycle import Cycles, cycles, relative_deviations
 
 
 def periods(simulation: Simulation) -> Cycles:

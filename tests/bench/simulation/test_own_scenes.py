@@ -13,13 +13,13 @@ from proxbench.bench.plugins.remote_scene import local_or_remote_scene
 from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.problems.catalog.plugin_files import PluginFile
-from proxbench.problems.catalog.plugins import forget
-from proxbench.problems.mechanics.surfaces import Plane
-from proxbench.problems.scenes.effects import Drag, Force, Friction, Gravity, Spring, ball_system
-from proxbench.problems.scenes.funnel import Funnel
-from proxbench.problems.scenes.scene import GROUND
-from proxbench.problems.trajectories.pour import ENERGY, Watch
+from proxbench.problems.exchange.plugin_files import PluginFile
+from proxbench.problems.exchange.plugins import forget
+from proxbench.problems.motion.bodies.surfaces import Plane
+from proxbench.problems.motion.scenes.effects import Drag, Force, Friction, Gravity, Spring, ball_system
+from proxbench.problems.motion.scenes.funnel import Funnel
+from proxbench.problems.motion.scenes.scene import GROUND
+from proxbench.problems.motion.trajectories.pour import ENERGY, Watch
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 

@@ -15,9 +15,9 @@ from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.problems import ProblemError
-from proxbench.problems.catalog.plugin_files import PluginFile
-from proxbench.problems.catalog.plugins import forget
-from proxbench.problems.scenes.registry import make_scene
+from proxbench.problems.exchange.plugin_files import PluginFile
+from proxbench.problems.exchange.plugins import forget
+from proxbench.problems.motion.scenes.registry import make_scene
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 

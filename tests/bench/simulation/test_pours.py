@@ -12,7 +12,7 @@ from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.bench.simulation.table import print_simulation, summary
 from proxbench.bench.simulation.trajectory import JAM_SECONDS, Ending, Simulation
-from proxbench.problems.stepping.registry import Moreau
+from proxbench.problems.motion.stepping.registry import Moreau
 from rich.console import Console
 
 SMALL = {"balls": 60}

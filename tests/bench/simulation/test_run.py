@@ -13,9 +13,9 @@ from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.bench.simulation.trajectory import STEP, Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
-from proxbench.problems.stepping.accepted_step import AcceptedStep
-from proxbench.problems.stepping.moreau import Moreau as MidpointRule
-from proxbench.problems.stepping.registry import Moreau
+from proxbench.problems.motion.stepping.accepted_step import AcceptedStep
+from proxbench.problems.motion.stepping.moreau import Moreau as MidpointRule
+from proxbench.problems.motion.stepping.registry import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
 
 Pour = Callable[..., SimulationPlan]

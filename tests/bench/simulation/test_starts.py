@@ -14,7 +14,7 @@ from proxbench.bench.simulation.starts.registry import STARTS, make_step_solver
 from proxbench.problems import load
 from proxbench.problems.contact.model import Model
 from proxbench.problems.contact.problem import ContactProblem
-from proxbench.problems.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Solver, Status, Stop, create
 from proxbench.solvers.composite.fallback import ITERATIONS
 

@@ -11,8 +11,8 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings.replay import step_to
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.starts.step_solver import StepSolver
-from proxbench.problems.mechanics.state import State
-from proxbench.problems.stepping.moreau import Moreau
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.moreau import Moreau
 from proxbench.solvers import Solution, Status, Stop, create
 
 FIXED = "simulate pile(balls=20) --duration 0.16 --stepper Moreau(step=1e-3) --no-progress --states 20"

@@ -7,9 +7,9 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.table import print_simulation
 from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
-from proxbench.problems.mechanics.state import State
-from proxbench.problems.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from proxbench.problems.stepping.contact_states import LawStates
+from proxbench.problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.contact_states import LawStates
 from rich.console import Console
 
 

@@ -11,13 +11,13 @@ from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import advance, begun_simulation, simulate
 from proxbench.problems import ContactProblem, Model
-from proxbench.problems.scenes.woodpecker import PERIOD, potential_energy
-from proxbench.problems.stepping import variable_step as adaptive
-from proxbench.problems.stepping.accepted_step import AcceptedStep
-from proxbench.problems.stepping.extrapolation import OneStep
-from proxbench.problems.stepping.moreau import Step
+from proxbench.problems.contact.solver import Prepared
+from proxbench.problems.motion.scenes.woodpecker import PERIOD, potential_energy
+from proxbench.problems.motion.stepping import variable_step as adaptive
+from proxbench.problems.motion.stepping.accepted_step import AcceptedStep
+from proxbench.problems.motion.stepping.extrapolation import OneStep
+from proxbench.problems.motion.stepping.moreau import Step
 from proxbench.solvers import create
-from proxbench.solvers.interface import Prepared
 
 QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
 

@@ -8,9 +8,9 @@ import pytest
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems import ContactProblem, Model
-from proxbench.problems.stepping import variable_step as adaptive
-from proxbench.problems.stepping import warming
-from proxbench.problems.stepping.moreau import Moreau, Step
+from proxbench.problems.motion.stepping import variable_step as adaptive
+from proxbench.problems.motion.stepping import warming
+from proxbench.problems.motion.stepping.moreau import Moreau, Step
 from proxbench.solvers import create
 
 Pour = Callable[..., SimulationPlan]

@@ -17,7 +17,7 @@ from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits
 from proxbench.problems import load
-from proxbench.problems.catalog.storage import problem_bytes
+from proxbench.problems.exchange.storage import problem_bytes
 
 LADDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 

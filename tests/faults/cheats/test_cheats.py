@@ -18,7 +18,7 @@ from proxbench.bench.store.notes import notes_of
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits
 from proxbench.problems import load
-from proxbench.problems.catalog.storage import problem_bytes
+from proxbench.problems.exchange.storage import problem_bytes
 
 LIMITS = Limits(solve_seconds=30.0, case_seconds=120.0)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.catalog.storage import problem_bytes, read_problem
 from proxbench.problems.contact.factors import InverseMass
 from proxbench.problems.contact.matrices import block_diagonal
+from proxbench.problems.exchange.storage import problem_bytes, read_problem
 
 
 def mass_of_bodies(seed: int, shuffled: bool) -> sp.csr_array:

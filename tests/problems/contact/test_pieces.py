@@ -9,7 +9,7 @@ from proxbench.problems import ContactProblem
 from proxbench.problems.contact.blocks import layout_of
 from proxbench.problems.contact.factors import Factors, InverseMass
 from proxbench.problems.contact.laws import Laws
-from proxbench.problems.contact.pieces import Pieces, cut_into_pieces
+from proxbench.problems.contact.matrices.pieces import Pieces, cut_into_pieces
 
 
 def pairs(seed: int, n_blocks: int, width: int, length: int, n_chunks: int) -> Pieces:

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import load
-from proxbench.problems.contact.pieces import Pieces
+from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.solvers import Stop, create
 from proxbench.solvers.sweeps.batches import LANES, deal_into_batches, sweep_batches
 from proxbench.solvers.sweeps.factors import FactorSweep

@@ -14,7 +14,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.cluster import dask_executor
 from proxbench.bench.measure.execution.events import CasePassFinished, Event
 from proxbench.bench.store.outcome import Outcome
-from proxbench.problems.catalog.catalog import suite_members
+from proxbench.problems.exchange.catalog import suite_members
 
 SOLVERS = ["NSGS", "SORprox", "SafeguardedSORprox"]
 

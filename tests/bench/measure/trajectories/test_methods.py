@@ -3,7 +3,7 @@
 import pytest
 from proxbench.bench.measure.trajectories.methods import make_method, neighbour, stored_method
 from proxbench.problems import ProxbenchError
-from proxbench.problems.stepping.registry import EventDriven, Extrapolated, Moreau, StepDoubling
+from proxbench.problems.motion.stepping.registry import EventDriven, Extrapolated, Moreau, StepDoubling
 
 NAMES = (
     "Moreau with SORprox(relaxation=1.5)",

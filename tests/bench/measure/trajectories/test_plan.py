@@ -12,9 +12,9 @@ from proxbench.bench.measure.trajectories.problems import trajectory_of
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.problems import ProxbenchError
-from proxbench.problems.catalog.plugins import forget, registered
-from proxbench.problems.scenes.known_motions import KNOWN_MOTIONS
-from proxbench.problems.scenes.woodpecker import PERIOD
+from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.motion.scenes.known_motions import KNOWN_MOTIONS
+from proxbench.problems.motion.scenes.woodpecker import PERIOD
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ from proxbench.bench.measure.execution.events import Event, PointFinished
 from proxbench.bench.measure.trajectories import problems, task
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits
-from proxbench.problems.scenes.woodpecker import PERIOD
-from proxbench.problems.trajectories.pour import ENERGY, FLOW, HEIGHT
-from proxbench.problems.trajectories.problem import Aggregates, TrajectoryProblem
+from proxbench.problems.motion.scenes.woodpecker import PERIOD
+from proxbench.problems.motion.trajectories.pour import ENERGY, FLOW, HEIGHT
+from proxbench.problems.motion.trajectories.problem import Aggregates, TrajectoryProblem
 from proxbench.solvers import create
 
 pytestmark = pytest.mark.slow

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from exact_residual import exact_residual
 from proxbench.problems import ContactProblem, Laws, ProblemError, judge, load
-from proxbench.problems.catalog.catalog import suite_members
 from proxbench.problems.contact.residual import Residual
+from proxbench.problems.exchange.catalog import suite_members
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 
 FACTOR, ROUNDING = 2.5, 2e-15

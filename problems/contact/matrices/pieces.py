@@ -1,0 +1,264 @@
+"""Force directions in small dense pieces, one for each contact and each chunk of coordinates that it touches.
+
+A chunk is a run of ``length`` degrees of freedom (a body's, where all bodies have equally many). Contacts touch one or
+two bodies, so a contact has one or two pieces, and kernels over pieces need no index for every single number. The same
+form holds W, as systems write it, and W̃ = Sᵀ W with M⁻¹ = S Sᵀ, as kernels read it.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit, uint64
+from numpy.typing import NDArray
+
+from ...arrays import FloatArray, IntArray
+from ..blocks import BlockLayout
+
+CHUNK_LENGTHS = (1, 2, 3, 6)
+"""Lengths to choose from: the degrees of freedom of discs and balls, without and with rotation."""
+
+SAMPLED_ROWS = 300
+"""Rows that the choice among them looks at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A matrix with a row for each degree of freedom and a column for each lane of each block, in pieces.
+
+    Where no block has more than two pieces, they may come in pairs: a block of one piece has a second one of zeros, on
+    the idle chunk ``n_chunks`` behind all others. Kernels then treat all blocks alike.
+
+    Attributes:
+        starts: first piece of each block, shape (n_blocks + 1,).
+        chunks: chunk of each piece, shape (n_pieces,).
+        values: the pieces, transposed, shape (n_pieces, width, length); zero on the idle chunk.
+        n_chunks: number of chunks, the idle one not counted.
+    """
+
+    starts: IntArray
+    chunks: IntArray
+    values: FloatArray
+    n_chunks: int
+
+    @property
+    def n_blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.starts) - 1
+
+    @property
+    def width(self) -> int:
+        """Lanes of a block."""
+        return int(self.values.shape[1])
+
+    @property
+    def length(self) -> int:
+        """Degrees of freedom of a chunk."""
+        return int(self.values.shape[2])
+
+    @cached_property
+    def in_pairs(self) -> bool:
+        """Whether every block has exactly two pieces."""
+        return bool((np.diff(self.starts) == 2).all())
+
+    @cached_property
+    def loops(self) -> tuple[tuple[int, ...], tuple[int, ...], IntArray, IntArray, FloatArray]:
+        """What kernels take, which is lanes and axes of a piece, starts, chunks, and the values flat.
+
+        Lanes and axes are tuples, whose length the compiler knows, so that it unrolls the loops over them.
+        """
+        return tuple(range(self.width)), tuple(range(self.length)), self.starts, self.chunks, self.values.reshape(-1)
+
+    def copy(self) -> "Pieces":
+        """Return the same pieces in memory of their own."""
+        return Pieces(self.starts.copy(), self.chunks.copy(), self.values.copy(), self.n_chunks)
+
+    def times(self, padded: FloatArray) -> FloatArray:
+        """Return the product with a vector over lanes, shape (n_chunks · length,)."""
+        product = np.zeros(self.n_chunks * self.length)
+        _times(*self.loops, self.n_chunks, padded.reshape(-1), product)
+        return product
+
+    def transposed_times(self, vector: FloatArray) -> FloatArray:
+        """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
+        product = np.empty(self.n_blocks * self.width)
+        _transposed_times(*self.loops, self.n_chunks, vector, product)
+        return product
+
+    def square_sums(self) -> FloatArray:
+        """Return the squared norm of each column, shape (n_blocks, width): for W̃ the diagonal of G [1/kg]."""
+        sums: FloatArray = _square_sums(*self.loops)
+        return sums
+
+    def scaled(self, root_blocks: FloatArray) -> "Pieces":
+        """Return the pieces of Sᵀ W for a block diagonal S.
+
+        Args:
+            root_blocks: the blocks of S, shape (n_chunks, length, length), or its diagonal, shape (n_chunks · length,).
+        """
+        if root_blocks.ndim == 1:
+            values = np.empty_like(self.values)
+            _scaled_by_diagonal(*self.loops, self.n_chunks, root_blocks, values.reshape(-1))
+        else:
+            values = _scaled_by_blocks(self.chunks, self.values, root_blocks)
+        return Pieces(self.starts, self.chunks, values, self.n_chunks)
+
+    def to_csc(self) -> sp.csc_array[Any]:
+        """Return the matrix, zeros not stored, shape (n_chunks · length, n_blocks · width)."""
+        block = np.repeat(np.arange(self.n_blocks), np.diff(self.starts))
+        piece, lane, k = np.nonzero(self.values)
+        rows, columns = self.chunks[piece] * self.length + k, block[piece] * self.width + lane
+        shape = (self.n_chunks * self.length, self.n_blocks * self.width)
+        return sp.csc_array(sp.coo_array((self.values[piece, lane, k], (rows, columns)), shape=shape))
+
+
+def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
+    """Return a matrix with a column for each row of a problem, its rows scaled by ``root``, in pieces.
+
+    The chunk length is the one that makes them cheapest, counting the numbers to read plus four for each piece; it is
+    chosen by the first rows, because a problem's contacts are alike.
+    """
+    return pieces_of_arrays(columns.indptr, columns.indices, columns.data, root, layout)
+
+
+def pieces_of_arrays(
+    indptr: NDArray[Any], indices: NDArray[Any], data: FloatArray, root: FloatArray, layout: BlockLayout
+) -> Pieces:
+    """Do the same for a matrix given by the arrays of a CSC matrix, which has a row for each entry of ``root``."""
+    pattern = (indptr, indices, layout.slot, layout.n_blocks, layout.width)
+    starts, chunks, values, n_chunks = _cut(*pattern, data, root)
+    return Pieces(starts, chunks, values, n_chunks)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _times(lanes, axes, starts, chunks, values, idle, padded, product):  # type: ignore[no-untyped-def]
+    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
+    for i in range(uint64(len(starts) - 1)):
+        for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            if chunks[p] == idle:
+                continue
+            chunk, piece = length * uint64(chunks[p]), width * length * p
+            for k in range(length):
+                total = product[chunk + k]
+                for lane in range(width):
+                    total += values[piece + length * lane + k] * padded[width * i + lane]
+                product[chunk + k] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _transposed_times(lanes, axes, starts, chunks, values, idle, vector, product):  # type: ignore[no-untyped-def]
+    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
+    for i in range(uint64(len(starts) - 1)):
+        for lane in range(width):
+            total = 0.0
+            for p in range(uint64(starts[i]), uint64(starts[i + one])):
+                if chunks[p] == idle:
+                    continue
+                chunk, row = length * uint64(chunks[p]), length * (width * p + lane)
+                for k in range(length):
+                    total += values[row + k] * vector[chunk + k]
+            product[width * i + lane] = total
+
+
+@njit(cache=True, fastmath={"contract"})
+def _square_sums(lanes, axes, starts, chunks, values):  # type: ignore[no-untyped-def]
+    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
+    sums = np.zeros((len(starts) - 1, len(lanes)))
+    for i in range(uint64(len(starts) - 1)):
+        for p in range(uint64(starts[i]), uint64(starts[i + one])):
+            for lane in range(width):
+                for k in range(length):
+                    entry = values[length * (width * p + lane) + k]
+                    sums[i, lane] += entry * entry  # a power is rounded as the first kernel that took one asks for
+    return sums
+
+
+@njit(cache=True)
+def _scaled_by_diagonal(lanes, axes, starts, chunks, values, idle, diagonal, scaled):  # type: ignore[no-untyped-def]
+    width, length = uint64(len(lanes)), uint64(len(axes))
+    for p in range(uint64(len(chunks))):
+        if chunks[p] == idle:
+            scaled[width * length * p : width * length * (p + uint64(1))] = 0.0
+            continue
+        chunk = length * uint64(chunks[p])
+        for lane in range(width):
+            row = length * (width * p + lane)
+            for k in range(length):
+                scaled[row + k] = values[row + k] * diagonal[chunk + k]
+
+
+@njit(cache=True)
+def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
+    scaled = np.zeros_like(values)
+    n_pieces, width, length = values.shape
+    for p in range(n_pieces):
+        if chunks[p] == len(blocks):
+            continue
+        for lane in range(width):
+            for k in range(length):
+                for m in range(length):
+                    scaled[p, lane, k] += values[p, lane, m] * blocks[chunks[p], m, k]
+    return scaled
+
+
+@njit(cache=True)
+def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: ignore[no-untyped-def]
+    """Return the chunk length with the cheapest pieces, by the first rows."""
+    cheapest, least = CHUNK_LENGTHS[0], np.inf
+    for length in CHUNK_LENGTHS:
+        starts = _count_pieces(indptr, indices, slot[:SAMPLED_ROWS], n_blocks, width, length, -(-n_dofs // length))
+        cost = starts[n_blocks] * (width * length + 4)
+        if cost < least:
+            cheapest, least = length, cost
+    return cheapest
+
+
+@njit(cache=True)
+def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # type: ignore[no-untyped-def]
+    """Return the first piece of each block, shape (n_blocks + 1,), for one chunk length."""
+    last_block = np.full(n_chunks, -1, dtype=np.int64)
+    starts = np.zeros(n_blocks + 1, dtype=np.int64)
+    for row in range(len(slot)):
+        block = slot[row] // width
+        for p in range(indptr[row], indptr[row + 1]):
+            chunk = indices[p] // length
+            if last_block[chunk] != block:
+                last_block[chunk] = block
+                starts[block + 1] += 1
+    for block in range(n_blocks):
+        starts[block + 1] += starts[block]
+    return starts
+
+
+@njit(cache=True)
+def _cut(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
+    """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.
+
+    They come in pairs where a block has two pieces and none has more.
+    """
+    length = _cheapest_length(indptr, indices, slot, n_blocks, width, len(root))
+    n_chunks = -(-len(root) // length)
+    starts = _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks)
+    most = 0
+    for block in range(n_blocks):
+        most = max(most, starts[block + 1] - starts[block])
+    if most == 2:
+        starts = 2 * np.arange(n_blocks + 1)
+    n_pieces = starts[n_blocks]
+    chunks = np.full(n_pieces, n_chunks, dtype=np.int64)
+    values = np.zeros((n_pieces, width, length))
+    filled = starts[:-1].copy()
+    for row in range(len(slot)):
+        block, lane = slot[row] // width, slot[row] % width
+        for p in range(indptr[row], indptr[row + 1]):
+            chunk = indices[p] // length
+            piece = starts[block]
+            while piece < filled[block] and chunks[piece] != chunk:
+                piece += 1
+            if piece == filled[block]:
+                chunks[piece] = chunk
+                filled[block] += 1
+            values[piece, lane, indices[p] - chunk * length] = root[indices[p]] * data[p]
+    return starts, chunks, values, n_chunks

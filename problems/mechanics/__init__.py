@@ -1,1 +1,0 @@
-"""What moves: mechanical systems given by functions, and balls among surfaces."""

@@ -1,0 +1,1 @@
+"""What moves: bodies, what touches what, time steps, scenes and trajectories."""

@@ -1,0 +1,288 @@
+"""Systems of rigid balls (spatial) or discs (planar) among fixed surfaces.
+
+Friction alone can turn a ball, so without it a ball has no rotational degrees of freedom and a contact one row:
+
+    spatial    u = (v, ω) ∈ R⁶, rows N, T1, T2        without friction u = v ∈ R³, row N
+    planar     u = (v, ω) ∈ R³, rows N, T             without friction u = v ∈ R², row N
+
+Contacts are found by a cell list and written straight into W in pieces, two balls a contact or one; no dense matrix
+appears anywhere.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+
+from ...arrays import FloatArray, IntArray
+from ...contact.factors import InverseMass
+from ...contact.laws import Laws
+from ...contact.matrices.pieces import Pieces
+from ...errors import ProblemError
+from ..detection.broad_phase import overlapping_pairs
+from .surfaces import Surface
+from .system import ActiveContacts, Overlaps, StepAssembly
+
+SPHERE_INERTIA = 0.4
+"""J/(m r²) of a homogeneous ball."""
+
+DISC_INERTIA = 0.5
+"""J/(m r²) of a homogeneous disc."""
+
+Acceleration = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""(centres, velocities, masses) ↦ acceleration of the centres [m/s²]; shapes (n, d), (n, d), (n,) and (n, d)."""
+
+Potential = Callable[[FloatArray, FloatArray], float]
+"""(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class BallSystem:
+    """Balls, surfaces, and the effects that act; ``scenes.effects`` builds one from a list of effects.
+
+    Attributes:
+        radii: r [m], shape (n,).
+        masses: m [kg], shape (n,).
+        surfaces: fixed surfaces.
+        dimension: 2 (planar) or 3 (spatial).
+        accelerations: what acts on the centres beside contacts.
+        potentials: potential energy of each of ``accelerations``, None where it is not known.
+        friction: μ of all contacts, or None for balls without friction and without rotation.
+        restitution_normal: ε_N of all contacts.
+        restitution_tangential: ε_T of all contacts.
+        inertia_factor: J/(m r²).
+
+    Raises:
+        ProblemError: if a radius or a mass is not positive, or a coefficient is out of range.
+    """
+
+    radii: FloatArray
+    masses: FloatArray
+    surfaces: Sequence[Surface]
+    dimension: int
+    accelerations: Sequence[Acceleration] = ()
+    potentials: Sequence[Potential | None] = ()
+    friction: float | None = None
+    restitution_normal: float = 0.0
+    restitution_tangential: float = 0.0
+    inertia_factor: float = SPHERE_INERTIA
+
+    def __post_init__(self) -> None:
+        for name in ("radii", "masses"):
+            values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            if values.ndim != 1 or not (values > 0).all():
+                raise ProblemError(f"{name} must be positive numbers, one a ball.")
+            object.__setattr__(self, name, values)
+        if self.dimension not in (2, 3):
+            raise ProblemError(f"dimension must be 2 or 3, got {self.dimension}.")
+        if self.friction is not None and not 0.0 <= self.friction < np.inf:
+            raise ProblemError(f"friction must be finite and not negative, got {self.friction}.")
+        for name in ("restitution_normal", "restitution_tangential"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ProblemError(f"{name} must be between 0 and 1, got {getattr(self, name)}.")
+
+    @property
+    def n_balls(self) -> int:
+        """Number of balls."""
+        return len(self.radii)
+
+    @property
+    def rows_per_contact(self) -> int:
+        """Rows of one contact, 1 without friction, else the dimension."""
+        return 1 if self.friction is None else self.dimension
+
+    @property
+    def spins(self) -> int:
+        """Rotational degrees of freedom of one ball, 0 without friction, else 1 (planar) or 3 (spatial)."""
+        if self.friction is None:
+            return 0
+        return 1 if self.dimension == 2 else 3
+
+    @property
+    def dofs_per_ball(self) -> int:
+        """Degrees of freedom of one ball."""
+        return self.dimension + self.spins
+
+    @cached_property
+    def inverse_mass(self) -> InverseMass:
+        """M⁻¹, diagonal."""
+        inertia = self.inertia_factor * self.masses * self.radii**2
+        diagonal = np.column_stack([*[1.0 / self.masses] * self.dimension, *[1.0 / inertia] * self.spins]).ravel()
+        return InverseMass.create(diagonal)
+
+    def centres(self, position: FloatArray) -> FloatArray:
+        """Return the centres [m], shape (n, d), of a position vector q, shape (n · d,)."""
+        return position.reshape(self.n_balls, self.dimension)
+
+    def twists(self, velocity: FloatArray) -> FloatArray:
+        """Return (v, ω) of each ball, shape (n, dofs_per_ball), of a velocity vector u."""
+        return velocity.reshape(self.n_balls, self.dofs_per_ball)
+
+    def at_rest(self, velocities: FloatArray) -> FloatArray:
+        """Return u for centres moving with ``velocities``, shape (n, d), and no spin."""
+        return np.column_stack([velocities, np.zeros((self.n_balls, self.spins))]).ravel()
+
+    def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
+        """Return the centres moved along their velocities; the orientation of a ball has no influence on its motion."""
+        return position + seconds * self.twists(velocity)[:, : self.dimension].ravel()
+
+    def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
+        """Linearise at q_M: gaps and W of the contacts that overlap there."""
+        centres = self.centres(midpoint)
+        free = self.twists(velocity).copy()
+        translation = self.twists(velocity)[:, : self.dimension]
+        for acceleration in self.accelerations:
+            free[:, : self.dimension] += seconds * acceleration(centres, translation, self.masses)
+        contacts = self._contacts(centres)
+        return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+
+    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
+        """Return keys, ascending, and gaps [m] of the pairs, and of balls and surfaces, with a gap below ``limit``."""
+        swollen = replace(self, radii=self.radii + limit)
+        keys, _, second, gap, _ = swollen._touching(self.centres(position))
+        gap = gap + np.where(second < 0, limit, 2.0 * limit)
+        near = gap < limit
+        return keys[near], gap[near]
+
+    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
+        """Return all overlaps, or None if none of them is deeper than ``tolerated`` [m]."""
+        _, first, second, gap, normal = self._touching(self.centres(position))
+        if not (gap < -tolerated).any():
+            return None
+        return Overlaps(gap, self._directions(first, second, normal, 1), self.inverse_mass)
+
+    def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
+        keys, first, second, gap, normal = self._touching(centres)
+        if not len(keys):
+            return None
+        directions = self._directions(first, second, normal, self.rows_per_contact)
+        restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
+        restitution[:, 0] = self.restitution_normal
+        laws = Laws.contacts(self.friction or 0.0, self.rows_per_contact, len(keys))
+        return ActiveContacts(keys, gap, laws, directions, restitution.ravel(), self.rows_per_contact)
+
+    def _directions(self, first: IntArray, second: IntArray, normal: FloatArray, rows: int) -> Pieces:
+        starts, chunks, values = _force_directions(first, second, normal, self.radii, self.dofs_per_ball, rows)
+        return Pieces(starts, chunks, values, self.n_balls)
+
+    def _touching(self, centres: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
+        """Return keys, first ball, second ball (−1 for a surface), gaps and normals of all overlaps, ordered by key.
+
+        The key of balls i < j is i · stride + j, that of ball i on surface k is i · stride + n + k.
+        """
+        n, stride = self.n_balls, self.n_balls + len(self.surfaces)
+        pairs = overlapping_pairs(centres, self.radii)
+        gap, normal = _pair_geometry(pairs, centres, self.radii)
+        keys, gaps, normals = [pairs[:, 0] * stride + pairs[:, 1]], [gap], [normal]
+        for index, surface in enumerate(self.surfaces):
+            touching, gap, normal = surface.touching(centres, self.radii)
+            keys.append(touching * stride + n + index)
+            gaps.append(gap)
+            normals.append(normal)
+        key = np.concatenate(keys)
+        order = np.argsort(key, kind="stable")  # merges runs that are sorted already
+        key = key[order]
+        first, second = np.divmod(key, stride)
+        second[second >= n] = -1
+        return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
+
+    @property
+    def potential_energy(self) -> Callable[[FloatArray], float] | None:
+        """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
+        known = [potential for potential in self.potentials if potential is not None]
+        if len(known) != len(self.accelerations):
+            return None
+        return lambda position: sum(potential(self.centres(position), self.masses) for potential in known)
+
+    def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
+        """Return ½ uᵀ M u of each ball [J], shape (n,)."""
+        products = velocity * (velocity / self.inverse_mass.matrix.data)
+        energies: FloatArray = 0.5 * self.twists(products).sum(axis=1)
+        return energies
+
+    def kinetic_energy(self, velocity: FloatArray) -> float:
+        """Return ½ uᵀ M u [J]."""
+        return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
+
+
+@njit(cache=True)
+def _pair_geometry(pairs, centres, radii):  # type: ignore[no-untyped-def]
+    """Return gaps and normals of pairs; concentric balls, which have none, are pushed along the first axis."""
+    dim = centres.shape[1]
+    gaps, normals = np.empty(len(pairs)), np.zeros((len(pairs), dim))
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        squared = 0.0
+        for axis in range(dim):
+            normals[k, axis] = centres[i, axis] - centres[j, axis]
+            squared += normals[k, axis] ** 2
+        distance = np.sqrt(squared)
+        gaps[k] = distance - radii[i] - radii[j]
+        if distance > 0.0:
+            for axis in range(dim):
+                normals[k, axis] /= distance
+        else:
+            normals[k, 0] = 1.0
+    return gaps, normals
+
+
+@njit(cache=True)
+def _frame(normal, dim, rows):  # type: ignore[no-untyped-def]
+    """Write N and T (planar) or N, T1, T2 (spatial; Duff et al. 2017, which jumps only at n_z = 0) into ``rows``."""
+    x, y, z = normal
+    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
+    if dim == 2:
+        rows[1, 0], rows[1, 1] = -y, x
+        return
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    rows[1, 0], rows[1, 1], rows[1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    rows[2, 0], rows[2, 1], rows[2, 2] = b, sign + y * y * a, -y
+
+
+@njit(cache=True)
+def _force_directions(first, second, normals, radii, dofs_per_ball, rows_per_contact):  # type: ignore[no-untyped-def]
+    """Return W in pairs of pieces (starts, chunks, values): the relative velocity of each contact point, row by row.
+
+    γ_N = n·(v_i − v_j), γ_T = t·(v_i − v_j) − (n × t)·(r_i ω_i + r_j ω_j), with n from j to i; in the plane n × t = 1.
+    """
+    n_contacts, dim = normals.shape
+    n_balls, length = len(radii), rows_per_contact * dofs_per_ball
+    chunks = np.empty(2 * n_contacts, dtype=np.int64)
+    values = np.empty(2 * n_contacts * length)
+    rows, unit = np.zeros((3, 3)), np.zeros(3)
+    for c in range(n_contacts):
+        for axis in range(dim):
+            unit[axis] = normals[c, axis]
+        _frame(unit, dim, rows)
+        at, i, j = 2 * c * length, first[c], second[c]
+        _write_piece(rows, dim, rows_per_contact, dofs_per_ball, 1.0, radii[i], values, at)
+        chunks[2 * c] = i
+        if j >= 0:
+            _write_piece(rows, dim, rows_per_contact, dofs_per_ball, -1.0, radii[j], values, at + length)
+            chunks[2 * c + 1] = j
+        else:
+            values[at + length : at + 2 * length] = 0.0
+            chunks[2 * c + 1] = n_balls
+    starts = 2 * np.arange(n_contacts + 1)
+    return starts, chunks, values.reshape((2 * n_contacts, rows_per_contact, dofs_per_ball))
+
+
+@njit(cache=True)
+def _write_piece(rows, dim, n_rows, n_dofs, sign, radius, values, at):  # type: ignore[no-untyped-def]
+    """Write the rows of a contact on one ball: ``sign`` for the centre, the radius times n × t for the rotation."""
+    for lane in range(n_rows):
+        for axis in range(dim):
+            values[at + axis] = sign * rows[lane, axis]
+        for spin in range(n_dofs - dim):
+            lever = 0.0
+            if dim == 2 and lane == 1:
+                lever = 1.0
+            elif dim == 3:
+                p, q = (spin + 1) % 3, (spin + 2) % 3
+                lever = rows[0, p] * rows[lane, q] - rows[0, q] * rows[lane, p]
+            values[at + dim + spin] = -radius * lever if lane else 0.0
+        at += n_dofs

@@ -1,0 +1,139 @@
+"""Rigid surfaces that balls touch, with the gap and the normal at each contact."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numba import njit
+
+from ...arrays import FloatArray, IntArray
+
+Touching = tuple[IntArray, FloatArray, FloatArray]
+"""Balls that touch, shape (m,), their gaps [m], shape (m,), and unit normals from surface to centre, shape (m, d)."""
+
+
+class Surface(Protocol):
+    """A fixed surface."""
+
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return the balls at ``centres``, shape (n, d), that overlap the surface, with gaps and normals."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The half-space below a plane; balls are above it.
+
+    Attributes:
+        point: a point of the plane [m], d numbers.
+        normal: direction out of the half-space, d numbers of any length.
+    """
+
+    point: tuple[float, ...]
+    normal: tuple[float, ...]
+
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return where n·(x − p) < r."""
+        unit = np.array(self.normal) / np.linalg.norm(self.normal)
+        gap = (centres - np.array(self.point)) @ unit - radii
+        balls = np.flatnonzero(gap < 0.0)
+        return balls, gap[balls], np.tile(unit, (len(balls), 1))
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A wall whose cross-section is a segment in the (ρ, z) half-plane: a cone, a cylinder, or a flat wall.
+
+    Attributes:
+        lower: lower end (ρ, z) [m].
+        upper: upper end (ρ, z) [m]; beyond it, as before ``lower``, the wall does not exist.
+        side: 0 for a surface of revolution about the vertical axis, ±1 for the right or left wall of a planar scene.
+    """
+
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+    side: int = 0
+
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return where the distance to the segment, on the side of the axis, is below r; normals point to the axis."""
+        span = (self.upper[0] - self.lower[0], self.upper[1] - self.lower[1])
+        length = math.hypot(*span)
+        along = (span[0] / length, span[1] / length)
+        touching: Touching = _touching_segment(centres, radii, self.lower, along, length, self.side)
+        return touching
+
+
+@dataclass(frozen=True)
+class Rim:
+    """The circle (or, in a planar scene, the corner) where a ``Segment`` begins; it is what balls touch below the wall.
+
+    Attributes:
+        point: (ρ, z) of the rim [m].
+        along: direction (ρ, z) of the wall that begins there; the rim is touched only behind its beginning.
+        side: as ``Segment.side``.
+    """
+
+    point: tuple[float, float]
+    along: tuple[float, float]
+    side: int = 0
+
+    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+        """Return where the distance to the rim is below r; normals point from the rim to the centre."""
+        touching: Touching = _touching_rim(centres, radii, self.point, self.along, self.side)
+        return touching
+
+
+@njit(cache=True)
+def _across(centre, side):  # type: ignore[no-untyped-def]
+    """Return ρ and the horizontal direction in which it grows, of which planar scenes use the first entry.
+
+    ρ is measured from the vertical (last) axis for side 0, to the right (+1) or left (−1) in a planar scene; points on
+    the axis count the first direction as outward.
+    """
+    if side != 0:
+        return side * centre[0], float(side), 0.0
+    distance = np.sqrt(centre[0] ** 2 + centre[1] ** 2)
+    if distance == 0.0:
+        return 0.0, 1.0, 0.0
+    return distance, centre[0] / distance, centre[1] / distance
+
+
+@njit(cache=True)
+def _touching_segment(centres, radii, lower, along, length, side):  # type: ignore[no-untyped-def]
+    n, dim = centres.shape
+    balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
+    count = 0
+    for i in range(n):
+        radius, outward_x, outward_y = _across(centres[i], side)
+        across, up = radius - lower[0], centres[i, dim - 1] - lower[1]
+        position = along[0] * across + along[1] * up
+        distance = along[0] * up - along[1] * across
+        if 0.0 <= position <= length and abs(distance) < radii[i]:
+            balls[count], gaps[count] = i, distance - radii[i]
+            normals[count, 0] = -along[1] * outward_x
+            if dim == 3:
+                normals[count, 1] = -along[1] * outward_y
+            normals[count, dim - 1] = along[0]
+            count += 1
+    return balls[:count], gaps[:count], normals[:count]
+
+
+@njit(cache=True)
+def _touching_rim(centres, radii, point, along, side):  # type: ignore[no-untyped-def]
+    n, dim = centres.shape
+    balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
+    count = 0
+    for i in range(n):
+        radius, outward_x, outward_y = _across(centres[i], side)
+        across, up = radius - point[0], centres[i, dim - 1] - point[1]
+        squared = across**2 + up**2
+        if along[0] * across + along[1] * up < 0.0 and 0.0 < squared < radii[i] ** 2:
+            distance = np.sqrt(squared)
+            balls[count], gaps[count] = i, distance - radii[i]
+            normals[count, 0] = across / distance * outward_x
+            if dim == 3:
+                normals[count, 1] = across / distance * outward_y
+            normals[count, dim - 1] = up / distance
+            count += 1
+    return balls[:count], gaps[:count], normals[:count]

@@ -1,0 +1,183 @@
+"""A sphere and a block on an incline, which roll, slide, stop or stay as Coulomb friction decides."""
+
+from dataclasses import dataclass
+from math import cos, inf, sin, tan
+
+import numpy as np
+
+from ...arrays import FloatArray
+from ...errors import ProblemError
+from ..bodies.balls import SPHERE_INERTIA, BallSystem
+from ..bodies.surfaces import Plane
+from ..bodies.system import MechanicalSystem
+from ..state import State
+from .effects import Friction, Gravity, ball_system
+from .scene import OVERLAP, ClosedFormScene
+
+
+class RollingSphere(ClosedFormScene):
+    """A homogeneous sphere that descends from rest, touching walls whose normals stand at α to their plane of symmetry.
+
+    The points of contact are at the distance r sin α from the axis of rotation, where sin α = 1 on a plane.
+    """
+
+    slope: float
+    friction: float | None
+    radius: float
+    gravity: float
+
+    @property
+    def lever(self) -> float:
+        """Distance of the points of contact from the axis of rotation over the radius, sin α."""
+        return 1.0
+
+    @property
+    def upward(self) -> FloatArray:
+        """Unit normal to the direction of descent in the plane of symmetry, shape (3,)."""
+        return np.array([sin(self.slope), 0.0, cos(self.slope)])
+
+    @property
+    def downhill(self) -> FloatArray:
+        """Unit direction of descent, shape (3,)."""
+        return np.array([cos(self.slope), 0.0, -sin(self.slope)])
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
+
+        Rolling takes the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), of which 2 μ times the force m g cos θ/(2 sin α)
+        of each wall is available, on a plane 2/7 m g sin θ of μ m g cos θ. For tan θ above the bound, up to
+        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove rolls as well: there the motion
+        from rest is not unique.
+        """
+        if self.friction is None:
+            return False
+        return tan(self.slope) <= self.friction * (5.0 * self.lever**2 + 2.0) / (2.0 * self.lever)
+
+    @property
+    def acceleration(self) -> float:
+        """Acceleration of the centre [m/s²]: g sin θ/(1 + κ) rolling, g (sin θ − μ cos θ/sin α) sliding."""
+        if self.rolls:
+            return self.gravity * sin(self.slope) / (1.0 + SPHERE_INERTIA / self.lever**2)
+        return self.gravity * (sin(self.slope) - (self.friction or 0.0) * cos(self.slope) / self.lever)
+
+    @property
+    def spin_acceleration(self) -> float:
+        """Angular acceleration about the horizontal axis across the descent [rad/s²].
+
+        a/(r sin α) rolling, 5/2 μ g cos θ / r sliding, where all friction acts at the lever r sin α.
+        """
+        if self.rolls:
+            return self.acceleration / (self.radius * self.lever)
+        return (self.friction or 0.0) * self.gravity * cos(self.slope) / (SPHERE_INERTIA * self.radius)
+
+
+@dataclass(frozen=True)
+class SphereOnIncline(RollingSphere):
+    """A homogeneous sphere released from rest on an incline that descends along x, which it touches at the origin.
+
+    Attributes:
+        slope: θ [rad].
+        friction: μ.
+        radius: r [m].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if θ is outside (0, π/2).
+    """
+
+    slope: float = 0.3
+    friction: float = 0.5
+    radius: float = 0.1
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.slope < 0.5 * np.pi:
+            raise ProblemError(f"slope of an incline must be between 0 and π/2, got {self.slope}.")
+
+    def system(self) -> BallSystem:
+        """Return the sphere on the incline."""
+        plane = Plane((0.0, 0.0, 0.0), (sin(self.slope), 0.0, cos(self.slope)))
+        effects = (Gravity(self.gravity), Friction(self.friction))
+        return ball_system(np.array([self.radius]), np.array([self.mass]), [plane], effects)
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: both accelerations are constant."""
+        centre = (self.radius - OVERLAP) * self.upward + 0.5 * self.acceleration * time**2 * self.downhill
+        axis = np.cross(self.upward, self.downhill)
+        velocity = time * np.concatenate([self.acceleration * self.downhill, self.spin_acceleration * axis])
+        return State(time, centre, velocity)
+
+
+@dataclass(frozen=True)
+class BlockOnIncline(ClosedFormScene):
+    """A block, q = (x, z) along and normal to an incline that descends along x; it cannot tip.
+
+    Attributes:
+        slope: θ [rad].
+        friction: μ.
+        speed: initial velocity downhill [m/s]; negative for a block that is pushed up.
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if θ is outside [0, π/2).
+    """
+
+    slope: float = 0.3
+    friction: float = 0.5
+    speed: float = 1.0
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.slope < 0.5 * np.pi:
+            raise ProblemError(f"slope of an incline must be from 0 to below π/2, got {self.slope}.")
+
+    def system(self) -> MechanicalSystem:
+        """Return the block with one planar contact, the gap z."""
+        mass = self.mass * np.eye(2)
+        weight = self.mass * self.gravity * np.array([sin(self.slope), -cos(self.slope)])
+        directions = np.array([[0.0, 1.0], [1.0, 0.0]])
+        return MechanicalSystem(
+            mass=lambda position: mass,
+            force=lambda position, velocity: weight,
+            gap=lambda position: position[1:],
+            directions=lambda position: directions,
+            friction=[self.friction],
+            restitution_normal=[0.0],
+            restitution_tangential=[0.0],
+        )
+
+    def potential_energy(self, position: FloatArray) -> float:
+        """Return the energy [J] of weight at q, shape (2,); 0 where the block starts to touch."""
+        return self.mass * self.gravity * float(cos(self.slope) * position[1] - sin(self.slope) * position[0])
+
+    @property
+    def holds(self) -> bool:
+        """Whether a block at rest stays: tan θ ≤ μ."""
+        return tan(self.slope) <= self.friction
+
+    def acceleration(self, direction: float) -> float:
+        """Return the acceleration of sliding downhill (+1) or uphill (−1) [m/s²], g (sin θ ∓ μ cos θ)."""
+        return self.gravity * (sin(self.slope) - direction * self.friction * cos(self.slope))
+
+    @property
+    def stop_time(self) -> float:
+        """When the initial motion has come to a stop [s], |v_0| / g (μ cos θ ± sin θ); inf if it never does."""
+        if self.speed == 0.0:
+            return 0.0
+        deceleration = -np.sign(self.speed) * self.acceleration(float(np.sign(self.speed)))
+        return abs(self.speed) / deceleration if deceleration > 0.0 else inf
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
+        first = min(time, self.stop_time)
+        rate = self.acceleration(float(np.sign(self.speed)))
+        x, velocity = self.speed * first + 0.5 * rate * first**2, self.speed + rate * first
+        if time >= self.stop_time:
+            second, rate = time - first, 0.0 if self.holds else self.acceleration(1.0)
+            x, velocity = x + 0.5 * rate * second**2, rate * second
+        return State(time, np.array([x, -OVERLAP]), np.array([velocity, 0.0]))

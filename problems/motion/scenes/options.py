@@ -1,0 +1,84 @@
+"""Options of scenes: what a person may choose, of which type, within which range."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import ProblemError, suggestion
+from ...names import check_options
+
+OptionValue = int | float | bool | str | tuple[float, ...] | None
+"""What an option may hold; None switches an effect off."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a scene; its type is that of its default, or a number if the default is None.
+
+    Attributes:
+        default: what holds if nothing is said.
+        meaning: what it is, with its unit, for people.
+        lowest: least number allowed.
+        highest: largest number allowed.
+        choices: words allowed, for a word.
+        can_be_off: whether None is allowed.
+    """
+
+    default: OptionValue
+    meaning: str
+    lowest: float = 0.0
+    highest: float = math.inf
+    choices: tuple[str, ...] = ()
+    can_be_off: bool = False
+
+    def checked(self, name: str, value: object) -> OptionValue:
+        """Return ``value`` as this option holds it.
+
+        Raises:
+            ProblemError: if it has the wrong type or is out of range; the option is called ``name``.
+        """
+        if value is None and self.can_be_off:
+            return None
+        if self.choices:
+            if value in self.choices and isinstance(value, str):
+                return value
+            raise ProblemError(f"{name} has no choice {value!r}{suggestion(str(value), self.choices)}")
+        if isinstance(self.default, tuple):
+            if isinstance(value, list | tuple):
+                return tuple(float(self._checked_number(name, part)) for part in value)
+            raise ProblemError(f"{name} must be numbers in brackets, (1.0, 2.0), got {value!r}.")
+        if isinstance(self.default, bool):
+            if isinstance(value, bool):
+                return value
+            raise ProblemError(f"{name} must be true or false, got {value!r}.")
+        return self._checked_number(name, value)
+
+    def _checked_number(self, name: str, value: object) -> int | float:
+        whole = isinstance(self.default, int)
+        types = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+        if isinstance(value, types) and not isinstance(value, bool):
+            number = int(value) if whole else float(value)
+            # infinity is no number of anything, and NaN passes no comparison
+            if self.lowest <= number <= self.highest and number < math.inf:
+                return number
+        kind = "a whole number" if whole else "a number"
+        raise ProblemError(f"{name} must be {kind} {self._range()}, got {value!r}.")
+
+    def _range(self) -> str:
+        if self.highest == math.inf:
+            return "that is finite" if self.lowest == -math.inf else f"of at least {self.lowest:g}"
+        return f"between {self.lowest:g} and {self.highest:,.10g}"
+
+
+def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, object]) -> dict[str, OptionValue]:
+    """Return a value for every option of the scene called ``scene``: the given one, checked, or the default.
+
+    Raises:
+        ProblemError: for an unknown option, with the nearest one, or a value out of range.
+    """
+    check_options(f"the scene {scene!r}", given, options, ProblemError)
+    return {
+        name: option.checked(name, given[name]) if name in given else option.default for name, option in options.items()
+    }

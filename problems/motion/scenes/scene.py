@@ -1,0 +1,131 @@
+"""A scene that is ready to be simulated, and what the registry knows of one that is not built yet."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ...arrays import FloatArray
+from ...errors import ProblemError
+from ..bodies.balls import BallSystem
+from ..bodies.surfaces import Plane
+from ..bodies.system import MechanicalSystem, System
+from ..state import State
+from .options import Option, OptionValue
+
+LONGEST_STEP = 0.02
+"""Δt_max [s] of a variable step through the motion of a few bodies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene with its options chosen, ready to be simulated.
+
+    Attributes:
+        name: its name in the registry.
+        options: the value of every option.
+        system: what moves.
+        start: the first state.
+        length: what penetrations are related to [m], the radius of a ball or of the pole.
+        step_size: Δt [s] of a fixed step that has none of its own.
+        duration: how long it is simulated [s] by default.
+        kinetic_energy: u ↦ T [J].
+        potential_energy: q ↦ V [J], None where it is not known.
+        balls_through: q ↦ how many balls have left through the outlet, None where there is no outlet.
+        agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
+        n_balls: number of balls, 0 where there are none.
+        depth: penetration [m] to which positions are projected, None where they are not.
+        longest_step: Δt_max [s] of a variable step if it has none of its own: nothing is jumped over in it.
+        coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
+        has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
+        exact: t [s] ↦ the state in closed form, None where there is none.
+        balls: sizes and surfaces of the balls, to draw them; None where there are none.
+    """
+
+    name: str
+    options: Mapping[str, OptionValue]
+    system: System
+    start: State
+    length: float
+    step_size: float
+    duration: float
+    kinetic_energy: Callable[[FloatArray], float]
+    potential_energy: Callable[[FloatArray], float] | None
+    balls_through: Callable[[FloatArray], int] | None = None
+    agitation: Callable[[FloatArray, FloatArray], float] | None = None
+    n_balls: int = 0
+    depth: float | None = None
+    longest_step: float = LONGEST_STEP
+    coordinates: Mapping[str, int] = field(default_factory=dict)
+    has_few_contacts: bool = False
+    exact: Callable[[float], State] | None = None
+    balls: BallSystem | None = None
+
+    def __post_init__(self) -> None:
+        if self.balls is None and isinstance(self.system, BallSystem):
+            object.__setattr__(self, "balls", self.system)
+
+
+@dataclass(frozen=True)
+class SceneKind:
+    """An entry of the registry.
+
+    Attributes:
+        summary: what it is, for people.
+        options: its options by name.
+        build: makes the scene from its name and the value of every option.
+    """
+
+    summary: str
+    options: Mapping[str, Option]
+    build: Callable[[str, Mapping[str, Any]], Scene]
+
+
+OVERLAP = 1e-9
+"""Depth [m] at which bodies start that touch from the beginning, so that the first step finds their contact."""
+
+
+GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+"""Level ground, z = 0."""
+
+
+class ClosedFormScene(ABC):
+    """A scene with its answer; subclasses are frozen dataclasses, whose fields are its options."""
+
+    @abstractmethod
+    def system(self) -> System:
+        """Return what moves."""
+
+    def start(self) -> State:
+        """Return the state at time 0."""
+        return self.exact(0.0)
+
+    @abstractmethod
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s] in closed form; where velocities jump, the one after the impact."""
+
+
+def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float]:
+    """Return u ↦ T [J] of a system, with its mass matrix at ``start``."""
+    if isinstance(system, BallSystem):
+        return system.kinetic_energy
+    if isinstance(system, MechanicalSystem):
+        mass = system.mass(start.position)
+        return lambda velocity: 0.5 * float(velocity @ mass @ velocity)
+    inverse = system.assemble(start.position, start.velocity, 1.0).inverse_mass.matrix.toarray()
+    return lambda velocity: 0.5 * float(velocity @ np.linalg.solve(inverse, velocity))
+
+
+def check_positive(scene: ClosedFormScene, what: str, *names: str) -> None:
+    """Look at numbers of a scene, which a sentence calls ``what``, by the ``names`` of its attributes.
+
+    Raises:
+        ProblemError: for the first that is not positive and finite.
+    """
+    for name in names:
+        value = getattr(scene, name)
+        if not 0.0 < value < inf:
+            raise ProblemError(f"{name} of {what} must be positive, got {value}.")

@@ -1,0 +1,127 @@
+"""The woodpecker toy: a bird on a spring, hopping down a pole (Glocker 1995; Leine, Glocker & van Campen 2001).
+
+q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. Contacts: 1 the beak on the
+pole, 2 the lower edge of the sleeve, 3 its upper edge; all planar, with rows N and T.
+"""
+
+import numpy as np
+
+from ...arrays import FloatArray
+from ..bodies.system import MechanicalSystem
+from ..state import State
+
+SLEEVE_MASS, SLEEVE_INERTIA = 3e-4, 5e-9
+BIRD_MASS, BIRD_INERTIA = 4.5e-3, 7e-7
+POLE_RADIUS, SLEEVE_RADIUS, SLEEVE_HALF_HEIGHT = 2.5e-3, 3.1e-3, 5.8e-3
+SPRING_ARM, BIRD_ARM = 1e-2, 1.5e-2
+BEAK_HEIGHT, BEAK_ARM = 2e-2, 2.01e-2
+SPRING_STIFFNESS, GRAVITY = 5.6e-3, 9.81
+FRICTION = 0.3
+RESTITUTION = (0.5, 0.0, 0.0)
+
+PERIOD = 0.14597606514375183
+"""Duration of one limit cycle [s], computed event by event in 45-digit arithmetic."""
+
+DESCENT = 0.019445379284716507
+"""Descent in one limit cycle [m]."""
+
+INCIDENTS = (
+    (-0.03959340699946194, "friction", 1, "slip", "stick"),
+    (0.0, "friction", 1, "stick", "slip"),
+    (0.005820757234809802, "unilateral", 1, "closed", "open"),
+    (0.016709825280643503, "unilateral", 2, "open", "closed"),
+    (0.016709825280643503, "unilateral", 2, "closed", "open"),
+    (0.019811178939636433, "unilateral", 0, "open", "closed"),
+    (0.019811178939636433, "unilateral", 0, "closed", "open"),
+    (0.020390700477988667, "unilateral", 2, "open", "closed"),
+    (0.022245391272032778, "unilateral", 2, "closed", "open"),
+    (0.05753380196015821, "unilateral", 1, "open", "closed"),
+    (0.05753380196015821, "unilateral", 1, "closed", "open"),
+    (0.06026253599142089, "unilateral", 1, "open", "closed"),
+)
+"""Switching incidents of one limit cycle in the order of table 1 of Studer & Glocker (2005): time after the section
+[s], computed event by event in 45-digit arithmetic; law, key of the contact (0 beak, 1 lower, 2 upper edge of the
+sleeve), before, after."""
+
+OVERLAP = 1e-12
+"""Depth [m] at which a start in contact is taken for closed; it turns the sleeve by 2e-10 rad."""
+
+_MASS = np.array(
+    [
+        [BIRD_MASS + SLEEVE_MASS, BIRD_MASS * SPRING_ARM, BIRD_MASS * BIRD_ARM],
+        [BIRD_MASS * SPRING_ARM, SLEEVE_INERTIA + BIRD_MASS * SPRING_ARM**2, BIRD_MASS * SPRING_ARM * BIRD_ARM],
+        [BIRD_MASS * BIRD_ARM, BIRD_MASS * SPRING_ARM * BIRD_ARM, BIRD_INERTIA + BIRD_MASS * BIRD_ARM**2],
+    ]
+)
+
+_DIRECTIONS = np.array(
+    [
+        [0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
+        [0.0, SPRING_ARM, SLEEVE_HALF_HEIGHT, SLEEVE_RADIUS, -SLEEVE_HALF_HEIGHT, SLEEVE_RADIUS],
+        [-BEAK_HEIGHT, BIRD_ARM - BEAK_ARM, 0.0, 0.0, 0.0, 0.0],
+    ]
+)
+"""W, columns N1, T1, N2, T2, N3, T3."""
+
+
+def _gap(position: FloatArray) -> FloatArray:
+    play, tilt = SLEEVE_RADIUS - POLE_RADIUS, SLEEVE_HALF_HEIGHT * position[1]
+    beak = SPRING_ARM + BIRD_ARM - BEAK_ARM - POLE_RADIUS - BEAK_HEIGHT * position[2]
+    return np.array([beak, play + tilt, play - tilt])
+
+
+def woodpecker(
+    friction: float | None = FRICTION, beak_restitution: float = RESTITUTION[0], gravity: float = GRAVITY
+) -> MechanicalSystem:
+    """Return the woodpecker's equations of motion.
+
+    Args:
+        friction: μ of all contacts, or None for contacts of one row, without friction.
+        beak_restitution: ε_N of the beak; the sleeve's is 0.
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: for a coefficient out of range.
+    """
+
+    def force(position: FloatArray, velocity: FloatArray) -> FloatArray:
+        spring = SPRING_STIFFNESS * (position[1] - position[2])
+        weight = BIRD_MASS * gravity
+        fall = -(BIRD_MASS + SLEEVE_MASS) * gravity
+        return np.array([fall, -spring - weight * SPRING_ARM, spring - weight * BIRD_ARM])
+
+    directions = _DIRECTIONS if friction is not None else _DIRECTIONS[:, ::2]
+    return MechanicalSystem(
+        mass=lambda position: _MASS,
+        force=force,
+        gap=_gap,
+        directions=lambda position: directions,
+        friction=np.full(3, friction or 0.0),
+        restitution_normal=(beak_restitution, *RESTITUTION[1:]),
+        restitution_tangential=np.zeros(3),
+        rows_per_contact=1 if friction is None else 2,
+        is_reversible=True,
+    )
+
+
+def potential_energy(position: FloatArray, gravity: float = GRAVITY) -> float:
+    """Return V [J] of weight and spring at q, shape (3,)."""
+    height, sleeve, bird = position
+    weight = (BIRD_MASS + SLEEVE_MASS) * height + BIRD_MASS * (SPRING_ARM * sleeve + BIRD_ARM * bird)
+    return float(gravity * weight + 0.5 * SPRING_STIFFNESS * (sleeve - bird) ** 2)
+
+
+def published_start() -> State:
+    """Return the state that the literature starts from; it reaches the limit cycle after some periods."""
+    return State(0.0, np.array([0.0, -0.1036, -0.2788]), np.array([-0.3411, 0.0, -7.4583]))
+
+
+def section_start(overlap: float = 0.0) -> State:
+    """Return the state of the limit cycle in which the lower edge of the sleeve begins to slip.
+
+    Args:
+        overlap: depth [m] of that edge in the pole. At 0 the gap vanishes up to rounding, which decides whether the
+            first steps find the contact closed; ``OVERLAP`` settles it.
+    """
+    jammed = -(SLEEVE_RADIUS - POLE_RADIUS + overlap) / SLEEVE_HALF_HEIGHT
+    return State(0.0, np.array([0.0, jammed, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))

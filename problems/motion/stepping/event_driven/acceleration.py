@@ -1,0 +1,151 @@
+"""Contact laws on acceleration level: what rules the motion between two events.
+
+A closed contact has g = 0 and γ_N = 0. Differentiating these constraints (index 3 and 2) once and twice gives them as
+
+    γ̇ = Wᵀ u̇ + Ẇᵀ u,    u̇ = M⁻¹ (h + W λ),
+
+an algebraic system for the forces λ (index 1), and the set-valued laws keep their structure with accelerations in
+place of velocities (Glocker 2001, *Set-Valued Force Laws*, chapter 5; Pfeiffer & Glocker 1996, chapter 5):
+
+    closed contact              −γ̇_N ∈ N_{R₀⁺}(λ_N)                     it stays closed, or opens with λ_N = 0
+    with γ_T = 0                −γ̇_T ∈ N_{[−μ λ_N, μ λ_N]}(λ_T)         it goes on to stick, or begins to slip
+    with γ_T ≠ 0                λ_T = −μ λ_N sign(γ_T)                  it slips; no law of its own
+    open contact                λ = 0
+
+Sticking and closed contacts are one contact problem in λ and γ̇ with G = Wᵀ M⁻¹ W and c = Wᵀ M⁻¹ h + Ẇᵀ u. A slipping
+contact has a unilateral law alone, whose force acts along w_N − μ sign(γ_T) w_T, and its column of G is not its row.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....arrays import FloatArray, IntArray
+from ....contact.laws import LawKind, Laws
+from ....contact.problem import ContactProblem
+from ...bodies.system import MechanicalSystem
+
+DirectionRates = Callable[[FloatArray, FloatArray], FloatArray]
+"""(q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), the acceleration of the contacts at u̇ = 0."""
+
+SINGULAR = 1e-12
+"""Ratio of singular values below which constraints count as redundant, and forces of least norm are taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """What each contact does during one phase of smooth motion.
+
+    Attributes:
+        closed: whether γ_N = 0 is kept, shape (n_contacts,).
+        slip: sign of γ_T of closed contacts that slip, 0 for those that stick and for open ones, shape (n_contacts,).
+    """
+
+    closed: NDArray[np.bool_]
+    slip: FloatArray
+
+    def sticks(self, contact: int) -> bool:
+        """Whether a contact is closed and its tangential velocity zero."""
+        return bool(self.closed[contact] and self.slip[contact] == 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """The equations A x + b = γ̇ of closed contacts at one state; x are their unknown forces [N].
+
+    Attributes:
+        rows: the rows of W with an unknown force: N of closed contacts, T of those that stick, shape (m,).
+        matrix: A [1/kg], shape (m, m).
+        free: b [m/s²], the accelerations without contact forces, shape (m,).
+        free_motion: M⁻¹ h [of u̇], shape (n_dofs,).
+        responses: u̇ for a unit of each unknown force, shape (n_dofs, m).
+    """
+
+    rows: IntArray
+    matrix: FloatArray
+    free: FloatArray
+    free_motion: FloatArray
+    responses: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class AccelerationLaws:
+    """The contact laws of a system on acceleration level.
+
+    Attributes:
+        system: with planar friction or none.
+        direction_rates: Ẇᵀ u, None where W does not depend on q.
+    """
+
+    system: MechanicalSystem
+    direction_rates: DirectionRates | None = None
+
+    @property
+    def width(self) -> int:
+        """Rows of a contact, 1 or 2."""
+        return self.system.rows_per_contact
+
+    def constraints(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> Constraints:
+        """Return the equations of closed contacts, with the friction of slipping ones in their force directions."""
+        width, friction = self.width, np.asarray(self.system.friction)
+        rows, normal = _rows(modes, width)
+        directions = self.system.directions(position)
+        acting = directions[:, rows]
+        if width == 2:
+            contacts = normal[normal >= 0]
+            acting[:, normal >= 0] -= (friction * modes.slip)[contacts] * directions[:, 2 * contacts + 1]
+        mass = self.system.mass(position)
+        applied = np.column_stack([self.system.force(position, velocity), acting])
+        solved: FloatArray = np.linalg.solve(mass, applied).astype(np.float64)
+        transposed = directions[:, rows].T
+        free = transposed @ solved[:, 0]
+        if self.direction_rates is not None:
+            free += self.direction_rates(position, velocity)[rows]
+        return Constraints(rows, transposed @ solved[:, 1:], free, solved[:, 0], solved[:, 1:])
+
+    def motion(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> tuple[FloatArray, FloatArray]:
+        """Return u̇ and the forces λ [N], shape (n_contacts, width), that keep the constraints of ``modes``."""
+        equations = self.constraints(position, velocity, modes)
+        forces = np.zeros((len(modes.closed), self.width))
+        if not len(equations.rows):
+            return equations.free_motion, forces
+        solved = np.linalg.lstsq(equations.matrix, -equations.free, rcond=SINGULAR)
+        unknown: FloatArray = solved[0].astype(np.float64)
+        forces.flat[equations.rows] = unknown
+        if self.width == 2:
+            forces[:, 1] -= np.asarray(self.system.friction) * modes.slip * forces[:, 0]
+        return equations.free_motion + equations.responses @ unknown, forces
+
+    def problem(self, position: FloatArray, velocity: FloatArray, candidates: Modes) -> ContactProblem:
+        """Return the contact problem in λ [N] and γ̇ [m/s²] of contacts that are closed, or closed and not slipping.
+
+        Its rows are those of ``constraints``.
+
+        Raises:
+            ProblemError: if a slipping contact is drawn in by its force (Painlevé), which makes G_ii negative.
+        """
+        equations = self.constraints(position, velocity, candidates)
+        _, normal = _rows(candidates, self.width)
+        is_friction = normal < 0
+        coefficient = np.where(is_friction, np.asarray(self.system.friction)[equations.rows // self.width], 0.0)
+        kind = np.where(is_friction, LawKind.PLANAR_FRICTION, LawKind.UNILATERAL)
+        partner = np.where(is_friction, np.arange(len(normal)) - 1, -1)
+        laws = Laws.in_order(kind, coefficient, np.zeros(len(normal)), partner)
+        return ContactProblem.from_delassus(equations.matrix, equations.free, laws=laws, allow_asymmetric=True)
+
+
+def _rows(modes: Modes, width: int) -> tuple[IntArray, IntArray]:
+    """Return the rows with unknown forces, and the contact of each if it is a normal one, else −1."""
+    chosen = np.column_stack([modes.closed, modes.closed & (modes.slip == 0.0)])[:, :width]
+    rows = np.flatnonzero(chosen)
+    contact, lane = np.divmod(rows, width)
+    return rows, np.where(lane == 0, contact, -1)
+
+
+def least_change(mass: FloatArray, directions: FloatArray, violation: FloatArray) -> FloatArray:
+    """Return the change of least kinetic norm with Wᵀ change = violation."""
+    responses: FloatArray = np.linalg.solve(mass, directions).astype(np.float64)
+    change: FloatArray = responses @ np.linalg.lstsq(directions.T @ responses, violation, rcond=SINGULAR)[0]
+    return change

@@ -1,0 +1,384 @@
+"""Event-driven integration of systems with few contacts, an independent reference for time stepping.
+
+Smooth phases, in which every contact keeps its mode (open, stick, slip forwards or backwards), are integrated with an
+explicit Runge–Kutta method of order 8 under the contact laws on acceleration level (see ``acceleration``). A phase ends
+at the first event:
+
+    open contact        g falls to 0                                    impact, see below
+    closed contact      λ_N falls to 0                                  it opens
+    sticking contact    μ λ_N − |λ_T| falls to 0                        it begins to slip against λ_T
+    slipping contact    γ_T comes to 0                                  it sticks, or slips the other way
+
+An impact solves one contact problem with all contacts that are closed or hit: −(G Λ + (I + ε) Wᵀu) ∈ N_C(Λ), the impact
+law of Moreau's rule. Contacts with γ_N = 0 after it are closed, those with γ_N > 0 open; a closed contact slips if
+γ_T ≠ 0.
+
+After an event the modes of the next phase follow from the inclusion on acceleration level, one contact problem for all
+contacts with γ_N = 0, in which those with γ_T = 0 may stick or begin to slip in the direction of γ̇_T. It is degenerate
+for the contact whose event it is (λ_N = 0 = γ̇_N, or |λ_T| = μ λ_N and γ̇_T = 0): there the sign in which the event
+function falls has decided already, the contact opens or slips, and the inclusion determines the others only.
+
+A contact that has opened is watched by its gap velocity first, and by its gap from the moment on at which that turns
+downwards. So no zero of g at the begin of a flight is taken for its end, however short the flight.
+
+Impacts and accelerations are both solved by the solver handed in; Enumeration solves them exactly. Where friction
+admits several solutions, its first one is taken; where contacts are redundant, forces of least norm are, and with them
+the instant at which one of several sticking contacts begins to slip.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....arrays import FloatArray
+from ....contact.judge import judge
+from ....contact.problem import ContactProblem
+from ....errors import ProblemError, ProxbenchError, error_text
+from ...bodies.system import MechanicalSystem
+from ...state import State
+from ..contact_states import LawName, LawState
+from ..moreau import ContactSolver
+from .acceleration import AccelerationLaws, DirectionRates, Modes, least_change
+from .events import Trigger, Watch
+from .motion import AccumulationError, Event, Motion, MotionError, Phase
+
+ROUNDING = 1e-12
+"""Velocities and accelerations below this fraction of the largest ones in their problem count as zero."""
+
+SIMULTANEOUS = 1e-6
+"""Contacts that would hit within this fraction of the resolution of time hit together."""
+
+TRUSTED_RESIDUAL = 1e-9
+"""Largest judged residual of a contact problem whose solution is taken."""
+
+EVENTS_AT_ONCE = 100
+"""Phases within the resolution of time after which no consistent mode is expected any more."""
+
+
+@dataclass(frozen=True, eq=False)
+class EventDriven:
+    """The event-driven integrator.
+
+    Attributes:
+        system: with rows N or N, T.
+        solver: solves the contact problems of impacts and accelerations; Enumeration does so exactly.
+        stop: the stop criterion handed to it.
+        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,); None where W does not depend on q.
+        relative_tolerance: of the integration of smooth phases.
+        absolute_tolerance: of the same, in the units of q and u.
+        longest_step: of the integration [s]; two events of one contact within one step may be missed.
+        resolution: flight time [s] below which a bouncing contact is taken to come to rest by infinitely many impacts;
+            flights of 1e-7 s are 1e-14 m high under gravity, which positions of decimetres just resolve.
+        touching: gap [m] up to which a contact, penetrated or not, counts as closed at the start and is put to gap 0.
+
+    Raises:
+        ProblemError: if the system has spatial friction, or a tolerance is not positive.
+    """
+
+    system: MechanicalSystem
+    solver: ContactSolver
+    stop: Any
+    direction_rates: DirectionRates | None = None
+    relative_tolerance: float = 1e-13
+    absolute_tolerance: float = 1e-15
+    longest_step: float = np.inf
+    resolution: float = 1e-7
+    touching: float = 1e-6
+
+    def __post_init__(self) -> None:
+        if self.system.rows_per_contact not in (1, 2):
+            raise ProblemError(
+                "event-driven integration takes planar friction or none; the system has spatial friction."
+            )
+        for name in ("relative_tolerance", "absolute_tolerance", "longest_step", "resolution", "touching"):
+            if not getattr(self, name) > 0.0:
+                raise ProblemError(f"{name} must be positive, got {getattr(self, name)}.")
+
+    def simulate(self, start: State, until: float) -> Motion:
+        """Return the motion from ``start`` to the time ``until`` [s].
+
+        Raises:
+            AccumulationError: where impacts accumulate.
+            MotionError: if the start penetrates, M, h, g or W are not what they must be, a contact problem has no
+                solution, or no mode is consistent; like AccumulationError it holds the motion found up to there.
+            ProblemError: if ``until`` is before the start, or W depends on q while ``direction_rates`` is None.
+        """
+        run = _Run(self, start)
+        for _ in self._phases(run, until):
+            pass
+        return run.motion()
+
+    def phases(self, start: State, until: float) -> Iterator[Motion]:
+        """Yield the same motion in pieces: one phase, the events at its end, and the state after them.
+
+        Raises:
+            AccumulationError, MotionError, ProblemError: as ``simulate`` does.
+        """
+        run = _Run(self, start)
+        n_events = n_phases = 0
+        for _ in self._phases(run, until):
+            if len(run.phases) > n_phases:  # an event that is due at once has none
+                yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
+                n_events, n_phases = len(run.events), len(run.phases)
+
+    def _phases(self, run: "_Run", until: float) -> Iterator[None]:
+        """Advance phase by phase."""
+        if not run.time <= until < np.inf:
+            raise ProblemError(f"until must be a time from the start ({run.time} s) on, got {until}.")
+        begins = deque([-np.inf], maxlen=EVENTS_AT_ONCE)
+        try:
+            run.begin()
+            while run.time < until:
+                if len(begins) == EVENTS_AT_ONCE and run.time - begins[0] < self.resolution:
+                    raise MotionError(
+                        f"at t = {run.time:.9g} s the contact modes change {EVENTS_AT_ONCE} times within "
+                        f"{self.resolution:.0e} s; no mode is consistent to rounding. Time stepping does not need one.",
+                        run.motion(),
+                    )
+                begins.append(run.time)
+                run.advance(until)
+                yield
+        except ProxbenchError:
+            raise
+        except Exception as failure:
+            what = f"after t = {run.time:.9g} s the motion cannot be continued: {error_text(failure)}."
+            raise MotionError(what, run.motion()) from failure
+
+
+@dataclass(eq=False)
+class _Run:
+    """One motion in the making."""
+
+    options: EventDriven
+    start: State
+    events: list[Event] = field(default_factory=list)
+    phases: list[Phase] = field(default_factory=list)
+    _impacts: dict[int, list[float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.system, self.time = self.options.system, self.start.time
+        self.laws = AccelerationLaws(self.system, self.options.direction_rates)
+        self.width, self.n = self.system.rows_per_contact, len(self.start.position)
+        self.position, self.velocity = self.start.position.copy(), self.start.velocity.copy()
+        n_contacts = len(np.asarray(self.system.friction))
+        self.modes = Modes(np.zeros(n_contacts, dtype=np.bool_), np.zeros(n_contacts))
+        self.armed = np.ones(n_contacts, dtype=np.bool_)
+
+    def motion(self) -> Motion:
+        """Return what is found so far."""
+        return Motion(tuple(self.events), tuple(self.phases), self._state())
+
+    def begin(self) -> None:
+        """Find the modes at the start."""
+        try:
+            self.system.check(self.position, self.velocity)
+        except ProblemError as reason:
+            raise MotionError(f"the motion cannot begin at t = {self.time:.9g} s: {reason}", self.motion()) from None
+        self._directions = self.system.directions(self.position)
+        gap, velocity = self.system.gap(self.position), self._contact_velocity()
+        if gap.min(initial=0.0) < -self.options.touching:
+            contact = int(np.argmin(gap))
+            raise MotionError(
+                f"contact {contact} is {-gap[contact]:.2e} m deep in penetration at the start; separate the bodies, or "
+                "raise 'touching'.",
+                self.motion(),
+            )
+        touching = gap <= self.options.touching
+        margin = ROUNDING * np.abs(velocity).max(initial=0.0)
+        hitting = touching & (velocity[:, 0] < -margin)
+        closed = touching & (np.abs(velocity[:, 0]) <= margin)
+        self.armed = ~touching
+        self.modes = Modes(closed, self._slip(closed, velocity, margin))
+        if hitting.any():
+            self._impact(hitting)
+        else:
+            self._settle(self.modes)
+            self.events.clear()  # the modes at the start are no events
+
+    def advance(self, until: float) -> None:
+        """Integrate one phase, up to ``until`` or to the event that ends it."""
+        triggers = Watch(self.laws, self.modes, self.armed).triggers(self.position, self.velocity)
+        for trigger in triggers:
+            if trigger.ends_at_once(self.position, self.velocity):
+                self._switch(trigger)
+                return
+        from scipy.integrate import solve_ivp  # takes 0.2 s to import, and few scenes need it
+
+        solution = solve_ivp(
+            self._rates,
+            (self.time, until),
+            np.concatenate([self.position, self.velocity]),
+            method="DOP853",
+            rtol=self.options.relative_tolerance,
+            atol=self.options.absolute_tolerance,
+            max_step=self.options.longest_step,
+            events=[trigger.for_scipy() for trigger in triggers],
+            dense_output=True,
+        )
+        if solution.status < 0:
+            raise MotionError(f"integration fails at t = {solution.t[-1]:.9g} s: {solution.message}", self.motion())
+        self.phases.append(Phase(self.time, float(solution.t[-1]), solution.sol))
+        self.time = float(solution.t[-1])
+        self.position, self.velocity = solution.y[: self.n, -1].copy(), solution.y[self.n :, -1].copy()
+        self._check_directions()
+        for trigger, times in zip(triggers, solution.t_events or [], strict=True):
+            if len(times):
+                self._switch(trigger)
+                return
+
+    def _rates(self, time: float, both: FloatArray) -> FloatArray:
+        position, velocity = both[: self.n], both[self.n :]
+        acceleration, _ = self.laws.motion(position, velocity, self.modes)
+        if not np.isfinite(acceleration).all():  # with which solve_ivp would never end
+            raise MotionError(f"the motion is no longer finite at t = {time:.9g} s.", self.motion())
+        return np.concatenate([velocity, acceleration])
+
+    def _switch(self, trigger: Trigger) -> None:
+        """Find the modes after an event."""
+        contact, modes = trigger.contact, self.modes
+        if trigger.kind == "turn":
+            self.armed[contact] = True
+            return
+        if trigger.kind == "hit":
+            velocity = self._contact_velocity()[:, 0]
+            soon = self.system.gap(self.position) + SIMULTANEOUS * self.options.resolution * velocity <= 0.0
+            hitting = ~modes.closed & self.armed & soon & (velocity < 0.0)
+            hitting[contact] = True
+            self._impact(hitting)
+            return
+        closed, slip = modes.closed.copy(), modes.slip.copy()
+        closed[contact] = trigger.kind != "open"
+        slip[contact] = trigger.direction
+        self._settle(Modes(closed, slip))
+
+    def _impact(self, hitting: NDArray[np.bool_]) -> None:
+        """Apply the impact law to all contacts that are closed or hit, and find the modes after it."""
+        taking_part = self.modes.closed | hitting
+        contacts = np.flatnonzero(taking_part)
+        rows = (self.width * contacts[:, None] + np.arange(self.width)).ravel()
+        directions = self.system.directions(self.position)[:, rows]
+        responses = np.linalg.solve(self.system.mass(self.position), directions)
+        before = directions.T @ self.velocity
+        restitution = np.repeat(np.asarray(self.system.restitution_tangential)[contacts], self.width)
+        restitution[:: self.width] = np.asarray(self.system.restitution_normal)[contacts]
+        delassus, friction = directions.T @ responses, np.asarray(self.system.friction)[contacts]
+        problem = ContactProblem.from_delassus(
+            0.5 * (delassus + delassus.T), (1.0 + restitution) * before, friction, self.width
+        )
+        found = self._solved(problem, "impact")
+        self.velocity = self.velocity + responses @ found
+        impulses = np.zeros((len(taking_part), self.width))
+        impulses[contacts] = found.reshape(-1, self.width)
+        margin = ROUNDING * np.abs(before).max(initial=0.0)
+        after = self._contact_velocity()
+        closed = taking_part & (after[:, 0] <= margin)
+        self._settle(Modes(closed, self._slip(closed, after, margin)), hitting, impulses)
+        self._look_for_accumulation(hitting & (after[:, 0] > margin))
+
+    def _settle(
+        self, candidates: Modes, hitting: NDArray[np.bool_] | None = None, impulses: FloatArray | None = None
+    ) -> None:
+        """Begin a phase: project onto the constraints, and let the laws on acceleration level choose the modes."""
+        self._project(candidates)
+        closed, slip = candidates.closed.copy(), candidates.slip.copy()
+        if closed.any():
+            try:
+                problem = self.laws.problem(self.position, self.velocity, candidates)
+            except ProblemError as reason:
+                raise MotionError(
+                    f"at t = {self.time:.9g} s the laws on acceleration level make no contact problem: {reason} A slip "
+                    "that draws its contact in (Painlevé) has no continuous motion; time stepping jumps over it.",
+                    self.motion(),
+                ) from None
+            accelerations = problem.relative_velocity(self._solved(problem, "acceleration"))
+            margin = ROUNDING * np.abs(problem.free_velocity).max(initial=0.0)
+            rows = self.laws.constraints(self.position, self.velocity, candidates).rows
+            for row, acceleration in zip(rows.tolist(), accelerations.tolist(), strict=True):
+                contact, is_friction = divmod(row, self.width)
+                if is_friction:
+                    slip[contact] = np.sign(acceleration) if abs(acceleration) > margin else 0.0
+                else:
+                    closed[contact] = acceleration <= margin
+        modes = Modes(closed, np.where(closed, slip, 0.0))
+        self._record(modes, np.zeros_like(closed) if hitting is None else hitting, impulses)
+        self.armed[self.modes.closed | modes.closed | (False if hitting is None else hitting)] = False
+        self.modes = modes
+
+    def _project(self, candidates: Modes) -> None:
+        """Put q and u onto g = 0, γ_N = 0 and γ_T = 0 of sticking contacts, by the least change in kinetic metric."""
+        directions = self.system.directions(self.position)
+        normal = self.width * np.flatnonzero(candidates.closed)
+        if not len(normal):
+            return
+        mass = self.system.mass(self.position)
+        gap = self.system.gap(self.position)[candidates.closed]
+        self.position = self.position - least_change(mass, directions[:, normal], gap)
+        rows = self.laws.constraints(self.position, self.velocity, candidates).rows
+        kept = self.system.directions(self.position)[:, rows]
+        self.velocity = self.velocity - least_change(mass, kept, kept.T @ self.velocity)
+
+    def _check_directions(self) -> None:
+        """Raise ``ProblemError`` if W has changed and its rate is not given."""
+        directions, scale = self.system.directions(self.position), np.abs(self._directions).max(initial=0.0)
+        if self.options.direction_rates is None and np.abs(directions - self._directions).max() > ROUNDING * scale:
+            raise ProblemError("the force directions W depend on q; give 'direction_rates', (q, u) ↦ Ẇᵀ u.")
+
+    def _record(self, modes: Modes, hitting: NDArray[np.bool_], impulses: FloatArray | None) -> None:
+        """Write down which contacts change their states."""
+        state, nothing = self._state(), np.zeros(self.width)
+
+        def note(law: LawName, i: int, before: LawState, after: LawState, strokes: FloatArray) -> None:
+            self.events.append(Event(self.time, law, i, before, after, state, strokes))
+
+        for i in range(len(modes.closed)):
+            was, now = bool(self.modes.closed[i]), bool(modes.closed[i])
+            if hitting[i] and impulses is not None:
+                note("unilateral", i, "open", "closed", impulses[i])
+            if (was or hitting[i]) and not now:
+                note("unilateral", i, "closed", "open", nothing)
+            if was and now and self.width == 2 and self.modes.sticks(i) != modes.sticks(i):
+                friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
+                note("friction", i, *friction, nothing)
+
+    def _look_for_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
+        """Raise ``AccumulationError`` where flights become shorter and fall below the resolution."""
+        for i in np.flatnonzero(bouncing).tolist():
+            times = self._impacts.setdefault(i, [])
+            times.append(self.time)
+            if len(times) < 3:
+                continue
+            flight, previous = times[-1] - times[-2], times[-2] - times[-3]
+            if flight < min(self.options.resolution, previous):
+                rest = flight * flight / (previous - flight)
+                raise AccumulationError(self.motion(), i, len(times), flight, self.time + rest)
+
+    def _solved(self, problem: ContactProblem, level: str) -> FloatArray:
+        solution = self.options.solver.prepare(problem).solve(self.options.stop, None)
+        residual = judge(problem, solution.impulses).residual
+        if not residual <= TRUSTED_RESIDUAL:
+            raise MotionError(
+                f"at t = {self.time:.9g} s the solver leaves the {level} law at residual {residual:.1e} "
+                f"({solution.status}); take Enumeration for up to six contacts, or a tighter tolerance.",
+                self.motion(),
+            )
+        impulses: FloatArray = solution.impulses
+        return impulses
+
+    def _state(self) -> State:
+        return State(self.time, self.position.copy(), self.velocity.copy())
+
+    def _contact_velocity(self) -> FloatArray:
+        """γ = Wᵀ u [m/s], shape (n_contacts, width)."""
+        velocity: FloatArray = self.system.directions(self.position).T @ self.velocity
+        return velocity.reshape(-1, self.width)
+
+    def _slip(self, closed: NDArray[np.bool_], velocity: FloatArray, margin: float) -> FloatArray:
+        """Return the direction in which closed contacts slip, 0 for |γ_T| up to ``margin``."""
+        if self.width == 1:
+            return np.zeros(len(closed))
+        tangential = velocity[:, 1]
+        return np.where(closed & (np.abs(tangential) > margin), np.sign(tangential), 0.0)

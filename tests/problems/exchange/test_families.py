@@ -1,0 +1,75 @@
+"""Problems have the family that they say, or that of their name, and samples keep families in proportion."""
+
+from collections import Counter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from proxbench.problems import ProblemError, load
+from proxbench.problems.exchange.families import family_of, sampled
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [
+        ("funnel-planar-30", "funnel"),
+        ("woodpecker-beak-impact", "woodpecker"),
+        ("hard-stack-10", "hard: stacks"),
+        ("Box_Stacks-i0035-31-0", "Box_Stacks"),
+        ("funnel(balls=30, outlet=4)", "funnel"),
+        ("mine", "mine"),
+        ("-odd", "-odd"),
+    ],
+)
+def test_a_name_has_the_family_of_its_group_or_its_beginning(name: str, family: str) -> None:
+    assert family_of(name) == family
+
+
+def test_a_problem_has_the_family_that_its_provenance_names() -> None:
+    problem = load("hard-sticking-box")
+    assert family_of(problem) == "hard: supports"
+    assert family_of(problem.renamed("mine-1")) == "mine"
+    assert family_of(problem.renamed("mine-1", family="boxes")) == "boxes"
+
+
+def families_of(sizes: dict[str, int]) -> dict[str, str]:
+    return {f"{family}-{number}": family for family, size in sizes.items() for number in range(size)}
+
+
+@given(
+    sizes=st.dictionaries(st.sampled_from("abcdefgh"), st.integers(1, 60), min_size=1),
+    count=st.integers(1, 200),
+    seed=st.integers(0, 9),
+)
+def test_a_sample_has_its_size_and_every_family_its_share_to_within_one(
+    sizes: dict[str, int], count: int, seed: int
+) -> None:
+    families = families_of(sizes)
+    sample, total = sampled(families, count, seed), len(families)
+    wanted = min(count, total)
+    assert len(sample) == wanted
+    drawn = Counter(families[name] for name in sample)
+    for family, size in sizes.items():
+        assert abs(drawn[family] - wanted * size / total) < 1.0
+    places = [list(families).index(name) for name in sample]
+    assert places == sorted(places)
+    assert sampled(families, count, seed) == sample
+
+
+def test_another_seed_draws_others_and_all_members_are_drawn_alike() -> None:
+    families = families_of({"a": 20, "b": 10})
+    drawn: Counter[str] = Counter()
+    for seed in range(300):
+        drawn.update(sampled(families, 6, seed))
+    assert len(drawn) == 30
+    assert 30 < min(drawn.values()) <= max(drawn.values()) < 100  # 60 expected, six standard deviations
+
+
+def test_a_sample_of_a_grown_collection_keeps_most_of_its_members() -> None:
+    before, after = sampled(families_of({"a": 100}), 50, 1), sampled(families_of({"a": 102}), 50, 1)
+    assert len(set(before) - set(after)) <= 2
+
+
+def test_an_empty_sample_is_refused() -> None:
+    with pytest.raises(ProblemError, match="at least one problem, got 0"):
+        sampled(families_of({"a": 3}), 0, 1)

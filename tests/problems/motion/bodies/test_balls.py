@@ -1,0 +1,119 @@
+"""Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects ask for."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.bodies.balls import BallSystem
+from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
+
+SURFACES_3D = [
+    Plane((0.0, 0.0, 0.0), (0.2, 0.1, 1.0)),
+    Segment((0.3, 0.0), (1.3, 1.0)),
+    Rim((0.3, 0.0), (0.7, 0.7)),
+]
+
+
+def heap(dimension: int, friction: float | None, seed: int = 0) -> tuple[BallSystem, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    n = 40
+    surfaces = SURFACES_3D if dimension == 3 else [Segment((0.3, 0.0), (1.3, 1.0), 1), Plane((0.0, 0.0), (0.0, 1.0))]
+    system = BallSystem(rng.uniform(0.1, 0.2, n), rng.uniform(0.5, 2.0, n), surfaces, dimension, friction=friction)
+    return system, rng.uniform(-0.5, 0.7, (n, dimension)).ravel()
+
+
+@pytest.mark.parametrize(
+    ("dimension", "friction", "dofs", "rows"), [(3, 0.3, 6, 3), (2, 0.3, 3, 2), (3, None, 3, 1), (2, None, 2, 1)]
+)
+def test_degrees_of_freedom_and_rows_are_what_the_effects_ask_for(
+    dimension: int, friction: float | None, dofs: int, rows: int
+) -> None:
+    system, position = heap(dimension, friction)
+    contacts = system.assemble(position, np.zeros(system.n_balls * dofs), 1e-3).contacts
+    assert contacts is not None
+    assert system.dofs_per_ball == dofs
+    assert contacts.directions.to_csc().shape == (dofs * system.n_balls, rows * len(contacts.keys))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_normal_rows_are_the_derivative_of_the_gap(dimension: int) -> None:
+    """γ_N = ġ: a central difference of g along a motion equals W_Nᵀ u."""
+    system, position = heap(dimension, None)
+    velocity = np.random.default_rng(2).normal(size=position.size)
+    contacts = system.assemble(position, velocity, 1e-3).contacts
+    assert contacts is not None
+    width = 1e-6
+    gaps = []
+    for sign in (-1.0, 1.0):
+        moved = system.assemble(position + sign * width * velocity, velocity, 1e-3).contacts
+        assert moved is not None
+        assert np.array_equal(moved.keys, contacts.keys)
+        gaps.append(moved.gap)
+    rate = (gaps[1] - gaps[0]) / (2.0 * width)
+    assert contacts.directions.to_csc().T @ velocity == pytest.approx(rate, abs=1e-7)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_rigid_motion_of_touching_balls_moves_no_contact(dimension: int) -> None:
+    """Two balls in contact that translate and turn together as one body have no relative velocity at the contact."""
+    radii = np.array([0.6, 0.5])
+    system = BallSystem(radii, np.ones(2), [], dimension, friction=0.5)
+    normal = np.array([0.6, 0.0, 0.8])[-dimension:] if dimension == 3 else np.array([0.6, 0.8])
+    centres = np.array([np.zeros(dimension), -(radii.sum() - 1e-12) * normal])
+    if dimension == 3:
+        spin = np.array([0.3, -0.7, 0.4])
+        twists = [np.concatenate([np.cross(spin, centre), spin]) for centre in centres]
+    else:
+        twists = [np.array([-0.7 * centre[1], 0.7 * centre[0], 0.7]) for centre in centres]
+    contacts = system.assemble(centres.ravel(), np.concatenate(twists), 1e-3).contacts
+    assert contacts is not None
+    assert np.abs(contacts.directions.to_csc().T @ np.concatenate(twists)).max() <= 1e-11
+
+
+def test_tangents_and_normal_are_an_orthonormal_frame() -> None:
+    system, position = heap(3, 0.3)
+    contacts = system.assemble(position, np.zeros(240), 1e-3).contacts
+    assert contacts is not None
+    translation = contacts.directions.to_csc().toarray().reshape(40, 6, -1)[:, :3]
+    for contact in range(len(contacts.keys)):
+        columns = translation[:, :, 3 * contact : 3 * contact + 3]
+        body = columns[np.abs(columns).sum(axis=(1, 2)) > 0][0]
+        assert body.T @ body == pytest.approx(np.eye(3), abs=1e-12)
+
+
+def test_contacts_come_ordered_by_key() -> None:
+    system, position = heap(3, 0.3)
+    contacts = system.assemble(position, np.zeros(240), 1e-3).contacts
+    assert contacts is not None
+    assert (np.diff(contacts.keys) > 0).all()
+    assert (contacts.gap < 0).all()
+
+
+@pytest.mark.parametrize(("dimension", "friction"), [(2, None), (2, 0.3), (3, None), (3, 0.3)])
+def test_overlaps_are_the_gaps_and_normal_columns_of_a_step_at_the_same_place(
+    dimension: int, friction: float | None
+) -> None:
+    system, position = heap(dimension, friction)
+    contacts = system.assemble(position, np.zeros(system.n_balls * system.dofs_per_ball), 1e-3).contacts
+    overlaps = system.overlaps(position, 0.0)
+    assert contacts is not None
+    assert overlaps is not None
+    assert np.array_equal(overlaps.gap, contacts.gap)
+    columns = contacts.directions.to_csc().toarray()[:, :: contacts.rows_per_contact]
+    assert np.array_equal(overlaps.normals.to_csc().toarray(), columns)
+
+
+def test_there_are_no_overlaps_where_none_is_deeper_than_tolerated() -> None:
+    system, position = heap(3, 0.3)
+    depth = -system.gaps_below(position, 0.0)[1].min()
+    assert system.overlaps(position, 1.001 * depth) is None
+    assert system.overlaps(position, 0.999 * depth) is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("friction", -0.1), ("restitution_normal", 1.5), ("dimension", 4), ("masses", np.array([0.0])), ("radii", [-1.0])],
+)
+def test_a_number_out_of_range_is_named(name: str, value: object) -> None:
+    arguments = {"radii": np.ones(1), "masses": np.ones(1), "surfaces": [], "dimension": 3, name: value}
+    with pytest.raises(ProblemError, match=name):
+        BallSystem(**arguments)  # type: ignore[arg-type]

@@ -1,0 +1,32 @@
+"""The cell list finds exactly the overlapping pairs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems.motion.detection.broad_phase import overlapping_pairs
+
+
+def every_pair(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
+    overlap = apart < radii[:, None] + radii[None]
+    return np.argwhere(np.triu(overlap, 1))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), n=st.integers(1, 60), dim=st.sampled_from([2, 3]), spread=st.floats(0.1, 50.0))
+def test_it_agrees_with_looking_at_every_pair(seed: int, n: int, dim: int, spread: float) -> None:
+    rng = np.random.default_rng(seed)
+    centres, radii = rng.normal(size=(n, dim)) * spread, rng.uniform(0.2, 1.0, n)
+    assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(dim: int) -> None:
+    centres = np.random.default_rng(1).normal(size=(80, dim)) * 0.1
+    assert len(overlapping_pairs(centres, np.ones(80))) == 80 * 79 // 2
+
+
+def test_one_ball_far_away_costs_no_memory_and_no_pairs() -> None:
+    centres = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -1e6]])
+    assert overlapping_pairs(centres, np.full(3, 0.3)).tolist() == [[0, 1]]

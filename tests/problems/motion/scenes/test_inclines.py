@@ -1,0 +1,93 @@
+"""Sphere and block on an incline: constant accelerations are met exactly, a stop or a reversal with its order."""
+
+from collections.abc import Callable
+from math import atan, cos, sin, tan
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SphereOnIncline
+
+StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Order = Callable[[list[float], list[float]], float]
+
+
+@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize(("slope", "friction"), [(0.3, 0.5), (0.3, 0.02), (0.8, 0.1), (1.2, 0.9), (0.2, 0.0)])
+def test_the_sphere_is_exact_at_any_time_step(
+    step_errors: StepErrors, slope: float, friction: float, time_step: float
+) -> None:
+    """Both accelerations are constant, for which the midpoint rule is exact; what is left is the solver's tolerance."""
+    positions, velocities = step_errors(SphereOnIncline(slope, friction), time_step, round(0.4 / time_step))
+    assert positions.max() <= 1e-11
+    assert velocities.max() <= 1e-10
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_the_sphere_rolls_up_to_seven_halves_of_the_friction(step_errors: StepErrors, friction: float) -> None:
+    """A per mille of slope on either side of tan θ = 7μ/2 decides."""
+    for factor, rolls in ((0.999, True), (1.001, False)):
+        scene = SphereOnIncline(atan(factor * 3.5 * friction), friction)
+        assert scene.rolls is rolls
+        assert step_errors(scene, 1e-2, 20)[1].max() <= 1e-10
+        slip = scene.acceleration - scene.radius * scene.spin_acceleration
+        assert slip == pytest.approx(0.0, abs=1e-13) if rolls else slip > 1e-3
+
+
+def test_a_block_at_the_limit_of_friction_stays_and_beyond_it_slides(step_errors: StepErrors) -> None:
+    """At tan θ = μ and at θ + 1e-9, where it moves by g (sin θ − μ cos θ) t²/2, some nanometres."""
+    slope, friction = 0.4, tan(0.4)
+    for steeper, holds in ((0.0, True), (1e-9, False)):
+        scene = BlockOnIncline(slope + steeper, friction, 0.0)
+        assert scene.holds is holds
+        positions, velocities = step_errors(scene, 1e-2, 100)
+        assert positions.max() <= 1e-11
+        assert velocities.max() <= 1e-11
+        if not holds:
+            assert scene.exact(1.0).velocity[0] == pytest.approx(9.81 * 1e-9 / cos(slope), rel=1e-6)
+
+
+@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 1e-3])
+def test_a_sliding_block_is_exact_until_it_stops(step_errors: StepErrors, time_step: float) -> None:
+    for scene in (BlockOnIncline(0.8, 0.1, 0.0), BlockOnIncline(0.8, 0.1, 1.0), BlockOnIncline(0.3, 0.5, 1.0)):
+        steps = int(min(scene.stop_time, 0.4) / time_step) if scene.speed else 4
+        positions, velocities = step_errors(scene, time_step, steps)
+        assert positions.max() <= 1e-11
+        assert velocities.max() <= 1e-11
+
+
+def test_a_stop_costs_second_order_and_the_velocity_is_exact(step_errors: StepErrors, order: Order) -> None:
+    """A block pushed up stops a fraction s into a step; the trapezoid over the kink errs by a s (1 − s) Δt²/2."""
+    scene, fraction = BlockOnIncline(0.3, 0.5, -1.0), 0.25
+    deceleration, time_steps, errors = 9.81 * (0.5 * cos(0.3) + sin(0.3)), [], []
+    for steps in (10, 30, 90, 270):
+        time_step = scene.stop_time / (steps + fraction)
+        positions, velocities = step_errors(scene, time_step, 2 * steps)
+        assert velocities.max() <= 1e-11
+        predicted = 0.5 * deceleration * fraction * (1.0 - fraction) * time_step**2
+        assert positions[-1] == pytest.approx(predicted, rel=1e-6)
+        time_steps.append(time_step)
+        errors.append(positions[-1])
+    assert order(time_steps, errors) == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_reversal_costs_first_order(step_errors: StepErrors, order: Order) -> None:
+    """The block turns a fraction s into a step, and friction has the new direction in all of it.
+
+    That changes the velocity for good by 2 s μ g cos θ Δt.
+    """
+    scene, fraction, time_steps, errors = BlockOnIncline(0.5, 0.2, -1.0), 0.25, [], []
+    for steps in (10, 30, 90, 270):
+        time_step = scene.stop_time / (steps + fraction)
+        _, velocities = step_errors(scene, time_step, 2 * steps)
+        assert velocities[-1] == pytest.approx(2.0 * fraction * 0.2 * 9.81 * cos(0.5) * time_step, rel=1e-6)
+        time_steps.append(time_step)
+        errors.append(velocities[-1])
+    assert order(time_steps, errors) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_slope_out_of_range_is_named() -> None:
+    for scene in (SphereOnIncline, BlockOnIncline):
+        with pytest.raises(ProblemError, match="slope"):
+            scene(1.6)

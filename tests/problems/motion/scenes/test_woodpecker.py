@@ -1,0 +1,58 @@
+"""The woodpecker's limit cycle is that of the paper, and met with first order by fixed steps."""
+
+import numpy as np
+import pytest
+from proxbench.problems.motion.scenes.woodpecker import (
+    DESCENT,
+    INCIDENTS,
+    PERIOD,
+    published_start,
+    section_start,
+    woodpecker,
+)
+from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.solvers import Stop, create
+
+from ..stepping import published_cycle
+
+
+def error_after_one_period(steps: int) -> float:
+    """Largest of Δy, Δφ_S and Δφ̇_S after one period from the section, relative to the size of the cycle."""
+    start = section_start()
+    state = start
+    for step in Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 5000), PERIOD / steps).steps(start, steps):
+        state = step.state
+    return max(
+        abs(state.position[0] + DESCENT) / 0.01945,
+        abs(state.position[2] - start.position[2]) / 0.47,
+        abs(state.velocity[2] - start.velocity[2]) / 17.57,
+    )
+
+
+@pytest.mark.slow
+def test_the_error_of_fixed_steps_is_of_first_order_in_the_median() -> None:
+    """Single runs are erratic in the number of steps, so medians over neighbouring numbers are compared.
+
+    Known: 3.8e-2 with 500 steps and 4.2e-3 with 5000.
+    """
+    coarse = float(np.median([error_after_one_period(n) for n in range(480, 521, 4)]))
+    fine = float(np.median([error_after_one_period(n) for n in (1960, 1980, 2000, 2020, 2040)]))
+    assert 3.8e-2 / 3.0 <= coarse <= 3.8e-2 * 3.0
+    order = np.log(coarse / fine) / np.log(2000 / 500)
+    assert 0.6 <= order <= 1.6
+
+
+def test_the_published_start_hops_down_the_pole() -> None:
+    heights = []
+    stepper = Moreau(woodpecker(), create("SORprox"), Stop(1e-10, 5000), PERIOD / 500)
+    for step in stepper.steps(published_start(), 1000):
+        heights.append(step.state.position[0])
+        assert np.isfinite(step.state.velocity).all()
+    assert -0.1 < heights[-1] < -0.015
+
+
+def test_the_incidents_that_tables_are_compared_with_are_those_of_the_published_cycle() -> None:
+    first = [(time - PERIOD, *what) for time, *what in published_cycle.INCIDENTS[-2:]]  # table 1 begins with these
+    rows = [*first, *published_cycle.INCIDENTS[:-2]]
+    assert [(law, contact + 1, *states) for _, law, contact, *states in INCIDENTS] == [tuple(row[1:]) for row in rows]
+    assert [row[0] for row in INCIDENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)

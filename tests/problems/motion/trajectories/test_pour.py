@@ -1,0 +1,45 @@
+"""Aggregates of pours are means over the second half, and a pour that is over stays as it was."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.scene import Scene
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.trajectories.pour import ENERGY, FLOW, HEIGHT, Watch
+
+
+def column(scene: Scene, time: float, through: int) -> State:
+    """So many balls below the outlet, the others one metre above it, all at rest."""
+    heights = np.where(np.arange(scene.n_balls) < through, -1.0, 1.0)
+    position = np.column_stack([np.zeros((scene.n_balls, 2)), heights]).ravel()
+    return State(time, position, np.zeros_like(scene.start.velocity))
+
+
+def test_flow_and_height_are_those_of_the_second_half() -> None:
+    scene = make_scene("funnel", {"balls": 10})
+    watch = Watch(replace(scene, start=column(scene, 0.0, 0)))
+    for time, through in ((1.0, 0), (2.0, 5)):
+        watch.note(column(scene, time, through))
+    found = watch.aggregates(2.0)
+    assert found[FLOW] == pytest.approx(5.0)
+    assert found[HEIGHT] == pytest.approx(0.75)
+    weight = float(scene.potential_energy(column(scene, 0.0, 0).position)) / 10.0
+    assert found[ENERGY] == pytest.approx(weight * 2.0 * 2.5, rel=1e-9)
+
+
+def test_a_pour_that_ends_early_stays_as_it_was() -> None:
+    scene = make_scene("funnel", {"balls": 4})
+    watch = Watch(replace(scene, start=column(scene, 0.0, 0)))
+    watch.note(column(scene, 1.0, 4))
+    found = watch.aggregates(4.0)
+    assert found[FLOW] == 0.0
+    assert found[HEIGHT] == 0.0
+
+
+def test_a_pile_has_no_flow() -> None:
+    scene = make_scene("pile", {"balls": 3})
+    watch = Watch(scene)
+    watch.note(replace(scene.start, time=1.0))
+    assert set(watch.aggregates(1.0)) == {HEIGHT, ENERGY}
