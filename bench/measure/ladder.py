@@ -14,7 +14,8 @@ from typing import Any, Generic, TypeVar
 from ...problems.arrays import FloatArray
 from ..isolation.worker import LARGEST_CONTENT, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
-from ..store.records import CaseRecord, Curve, Limits, Point
+from ..store.plans import Limits
+from ..store.records import CaseRecord, Curve, Point
 from .measuring_core import MeasuringCore
 
 LONGEST_REASON = 2000

@@ -20,7 +20,8 @@ from ...plugins.contestants import Contestant
 from ...plugins.remote_solver import are_iterations
 from ...store.notes import is_explained_by_repetition
 from ...store.outcome import Outcome, late_reason
-from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
+from ...store.plans import Limits
+from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
 from ..ladder import LONGEST_REASON, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import joined, times_of, with_impulses_at_the_finest

@@ -29,7 +29,7 @@ from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.contestants import Contestant
 from ...store.notes import ALLOWANCE, COPY_RATIO, is_explained_by_repetition
 from ...store.outcome import Outcome
-from ...store.records import Limits
+from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from .protocol import MeasuringTask
 from .timed_round import NoRoundError, TimedRound

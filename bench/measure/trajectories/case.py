@@ -13,7 +13,8 @@ from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...isolation.worker import Fault, no_answer
 from ...store.fields import Count, Number
 from ...store.outcome import Outcome
-from ...store.records import CaseRecord, Limits, Measured, Point, QuantityError
+from ...store.plans import Limits
+from ...store.records import CaseRecord, Measured, Point, QuantityError
 from ..contacts.timed_round import TOLERATED_SECONDS, TOLERATED_SHARE
 from ..ladder import LONGEST_REASON, LadderCase
 from ..points import quartiles

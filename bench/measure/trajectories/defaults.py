@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from ....problems.motion.scenes.scene import Scene
 from ...plugins.contestants import Contestant
 from ...plugins.describing import contestant
-from ...store.trajectory_records import TrajectoryRecord
+from ...store.plans import TrajectoryRecord
 from .methods import Method, make_method, over_solver
 
 STEPS = (500, 1000, 2000, 5000, 10_000, 50_000)

@@ -16,7 +16,7 @@ from ...errors import BenchError
 from ...plugins.contestants import Contestant
 from ...plugins.describing import contestant
 from ...simulation.starts.registry import DEFAULT_START, check_start, default_start
-from ...store.trajectory_records import MethodRecord
+from ...store.plans import MethodRecord
 
 WITH, IN = " with ", " in "
 

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from proxbench.bench.isolation.child import IN_A_COPY
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
-from proxbench.bench.measure.plan import Limits
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 

@@ -7,12 +7,12 @@ from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
 from proxbench.bench.measure.passes import shuffled, uncertain
-from proxbench.bench.measure.plan import PASSES
 from proxbench.bench.store.certainty import ratio, times_by_point
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.frames import rounds_frame
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits, PlanRecord, Point
+from proxbench.bench.store.plans import PASSES, Limits, PlanRecord
+from proxbench.bench.store.records import CaseRecord, Point
 from proxbench.bench.store.store import Store
 from stored_cases import case_record, measured_in, timed_round
 
@@ -106,9 +106,9 @@ def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
 
 def test_levels_behind_one_that_ended_the_ladder_need_no_more_rounds() -> None:
     found = case("slow", STEADY, STEADY[:1])
-    assert not PLAN.has_finished(found)
+    assert not found.is_finished(PLAN)
     ended = replace(found.points[0], outcome=Outcome.STALLED, status="stalled")
-    assert PLAN.has_finished(replace(found, points=[ended, found.points[1]]))
+    assert replace(found, points=[ended, found.points[1]]).is_finished(PLAN)
 
 
 def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
@@ -124,7 +124,7 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
         for count in (1, 2)
     ]
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="1e-2 already ended")
-    assert [plan.has_finished(case_record(points=[one, rest])) for one in found] == [False, True]
+    assert [case_record(points=[one, rest]).is_finished(plan) for one in found] == [False, True]
 
 
 @pytest.mark.slow

@@ -157,5 +157,5 @@ def test_a_shard_without_a_problem_is_refused() -> None:
 
 def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
     plan = make_plan(["hard-groove", "hard-counterexample"], ["NSGS"], shard="01/2")
-    assert plan.shard == "1/2"
+    assert plan.record.shard == "1/2"
     assert plan.problems == ("hard-groove",)

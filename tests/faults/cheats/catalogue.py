@@ -11,11 +11,11 @@ import tampering_solvers as tampering
 from proxbench.bench.measure.contacts.case import Case, CasePass
 from proxbench.bench.measure.ladder import measure_ladder
 from proxbench.bench.measure.measuring_core import MeasuringCore
-from proxbench.bench.measure.plan import PASSES
 from proxbench.bench.measure.refutation import refuted
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits
+from proxbench.bench.store.plans import PASSES, Limits
+from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 

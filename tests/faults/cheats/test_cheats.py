@@ -16,7 +16,8 @@ from proxbench.bench.report.accuracy import times_to_accuracies
 from proxbench.bench.report.tables import results_table
 from proxbench.bench.store.notes import notes_of
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 

@@ -13,7 +13,7 @@ from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.contacts.timed_round import TimedRound
 from proxbench.bench.plugins.describing import contestant
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Limits
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.solvers import Status, create
 
