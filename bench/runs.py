@@ -17,7 +17,7 @@ from ..problems.spelling import switch
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
-from .measure.runner import measure, measure_rest
+from .measure.runner import measure, resume_measuring
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
@@ -297,7 +297,7 @@ def resume(
             or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
+    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
     return load(run_dir)
 
 

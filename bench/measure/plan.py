@@ -8,10 +8,10 @@ from typing import Generic, TypeVar
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
 from ..errors import BenchError
-from ..plugins.contestants import Contestant
-from ..plugins.describing import contestant
+from ..plugins.describing import solver_spec
+from ..plugins.solver_specs import SolverSpec
 from ..store.plans import PlanRecord, RunSettings
-from .selection import Given, Selection, name_of, place_of, select, shard_of
+from .selection import Given, Selection, parse_shard, problem_name, select, select_shard
 from .trajectories.methods import Method
 
 DEFAULT_SOLVERS = (
@@ -34,7 +34,7 @@ DEFAULT_SOLVERS = (
 """Solver variants that are measured by default."""
 
 
-Measured = TypeVar("Measured", Contestant, Method)
+Measured = TypeVar("Measured", SolverSpec, Method)
 """What is measured: a solver, or a stepper with a solver."""
 
 
@@ -61,7 +61,7 @@ def make_plan(
     suite: str | Path = "quick",
     sample: int | None = None,
     shard: str = "",
-) -> Plan[Contestant]:
+) -> Plan[SolverSpec]:
     """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
 
     Problems of plugins are built and files are read here, see ``select``; other problems are loaded later.
@@ -85,8 +85,8 @@ def make_plan(
     settings = settings or RunSettings()
     chosen = select(problems, suite, sample, settings.seed)
     if shard:
-        chosen, shard = shard_of(chosen, shard), "{}/{}".format(*place_of(shard))
-    specs = tuple(map(contestant, solvers or DEFAULT_SOLVERS))
+        chosen, shard = select_shard(chosen, shard), "{}/{}".format(*parse_shard(shard))
+    specs = tuple(map(solver_spec, solvers or DEFAULT_SOLVERS))
     names = [spec.name for spec in specs]
     duplicate = next((name for name in names if names.count(name) > 1), None)
     if duplicate is not None:
@@ -96,7 +96,7 @@ def make_plan(
 
 def _record(chosen: Selection, solvers: list[str], settings: RunSettings, shard: str) -> PlanRecord:
     return PlanRecord(
-        problems=[name_of(problem) for problem in chosen.problems],
+        problems=[problem_name(problem) for problem in chosen.problems],
         solvers=solvers,
         tolerances=settings.tolerances,
         limits=settings.limits,

@@ -8,10 +8,10 @@ from ...problems.contact.judge import JUDGE
 from ...problems.motion.scenes.registry import read_scene
 from ...problems.spelling import either
 from ..errors import BenchError
-from ..plugins.contestants import Contestant
-from ..plugins.describing import contestant
+from ..plugins.describing import solver_spec
 from ..plugins.files import check_again, sources, use_plugin_files
 from ..plugins.problems import carry, check_known
+from ..plugins.solver_specs import SolverSpec
 from ..store.condition import differences, other_software
 from ..store.conversion import content_of, record_of
 from ..store.outcome import FAULTS
@@ -27,7 +27,7 @@ from .trajectories.methods import Method, stored_method
 
 
 def measure(
-    plan: Plan[Contestant] | Plan[Method], folder: Path, on_event: OnEvent, executor: Executor | None = None
+    plan: Plan[SolverSpec] | Plan[Method], folder: Path, on_event: OnEvent, executor: Executor | None = None
 ) -> None:
     """Execute a plan, and store it with its results in a new folder, which is named like the run.
 
@@ -59,7 +59,7 @@ def measure(
         _executor(plan.solvers, store, record, on_event, executor).execute({})
 
 
-def measure_rest(
+def resume_measuring(
     folder: Path,
     retry_failed: bool,
     on_event: OnEvent,
@@ -101,7 +101,7 @@ def measure_rest(
     solvers: Solvers = tuple(map(stored_method, record.plan.methods))
     if not solvers:
         check_known(name for name in record.plan.problems if name not in record.carried)
-        solvers = tuple(map(contestant, record.plan.solvers))
+        solvers = tuple(map(solver_spec, record.plan.solvers))
     with store.alone():
         cases, _ = store.read_cases()
         stored = {(case.problem, case.solver): case for case in cases if not (retry_failed and case.outcome in FAULTS)}

@@ -14,11 +14,11 @@ from ....problems.exchange.plugins import registered
 from ....problems.exchange.storage import packed_problem
 from ....problems.spelling import either
 from ...errors import BenchError
-from ...plugins.contestants import Contestant
 from ...plugins.problems import problem_of
+from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session, with_sessions
 from ...store.store import Store
-from ..passes import shuffled
+from ..scheduling import shuffled
 from .events import CasePassFinished, OnEvent
 from .problem_task import MeasuredProblem, ProblemTask, measure_problem
 from .run_executor import RunExecutor, Solvers
@@ -102,7 +102,7 @@ class DistributedExecutor(RunExecutor):
             carried={name: problem.digest},
             sessions=record.sessions[: self._n_before],
         )
-        solvers = tuple(one for one in self._solvers if isinstance(one, Contestant))
+        solvers = tuple(one for one in self._solvers if isinstance(one, SolverSpec))
         cases = tuple(self._cases[name].values())
         return ProblemTask(own, cases, packed_problem(problem), solvers, tuple(registered()), self._mix)
 

@@ -13,19 +13,19 @@ from msgspec.structs import replace
 
 from ....problems.exchange.storage import problem_bytes
 from ...isolation.fork_server import load_server
-from ...plugins.contestants import Contestant
 from ...plugins.problems import problem_of
+from ...plugins.solver_specs import SolverSpec
 from ...store.conversion import content_of, record_of
 from ...store.outcome import Outcome
 from ...store.records import CaseRecord, RunRecord, Session
 from ...store.store import Store
 from ..contacts.case import Case, CasePass
-from ..contacts.verdicts import RememberedVerdicts
+from ..contacts.verdicts import VerdictCache
 from ..ladder import LadderCase, measure_ladder
 from ..machine import this_machine
 from ..measuring_core import MeasuringCore
-from ..passes import EXTRA_SHARE, shuffled, uncertain
-from ..refutation import refuted
+from ..refutation import find_refuted
+from ..scheduling import EXTRA_SHARE, shuffled, uncertain
 from ..trajectories.case import TrajectoryCase
 from ..trajectories.methods import Method
 from ..trajectories.problems import trajectory_of
@@ -41,7 +41,7 @@ class LocalExecutor(RunExecutor):
         super().__init__(solvers, store, record, on_event, mix)
         self._session = Session(started=_now(), machine=this_machine())
         self._core = MeasuringCore(None)
-        self._verdicts = RememberedVerdicts()
+        self._verdicts = VerdictCache()
 
     def _measure(self) -> None:
         """Measure what is left, and then more rounds of uncertain points."""
@@ -94,7 +94,7 @@ class LocalExecutor(RunExecutor):
         finally:
             for case in cases:
                 self._write_case(case.record())
-        for wrong in refuted(list(known.values()), cases[0].is_solvable if cases else None):
+        for wrong in find_refuted(list(known.values()), cases[0].is_solvable if cases else None):
             self._write_case(wrong)
         for solver, record in known.items():
             if solver not in finished and record.is_finished(plan):
@@ -115,7 +115,7 @@ class LocalExecutor(RunExecutor):
             methods = [one for one in self._solvers if isinstance(one, Method) and one.record.name in left]
             return [TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name)) for one in methods]
         problem = problem_of(self._store, record, name)
-        solvers = [one for one in self._solvers if isinstance(one, Contestant) and one.name in left]
+        solvers = [one for one in self._solvers if isinstance(one, SolverSpec) and one.name in left]
         data = problem_bytes(problem.anonymous()) if solvers else b""
         return [
             Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), case_pass)

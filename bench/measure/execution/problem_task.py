@@ -15,7 +15,7 @@ from ....problems.exchange.plugin_files import PluginFile
 from ....problems.exchange.plugins import Names, register
 from ....problems.exchange.storage import read_problem
 from ...errors import BenchError
-from ...plugins.contestants import Contestant
+from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord, Session
 from ...store.store import Store
 from ..machine import this_machine
@@ -41,7 +41,7 @@ class ProblemTask:
     run: RunRecord
     cases: tuple[CaseRecord, ...]
     problem: bytes
-    solvers: tuple[Contestant, ...]
+    solvers: tuple[SolverSpec, ...]
     plugin_files: tuple[tuple[PluginFile, Names | None], ...] = ()
     mix: bool = False
 

@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from ....problems.exchange.catalog import is_available
 from ...errors import InterruptedRunError
 from ...generate import generate
-from ...plugins.contestants import Contestant
 from ...plugins.problems import carry, problem_of
+from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
 from ..trajectories.methods import Method
@@ -17,7 +17,7 @@ from ..trajectories.problems import referenced, trajectory_of
 from ..trajectories.workload import compute_workload
 from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted
 
-Solvers = Sequence[Contestant] | Sequence[Method]
+Solvers = Sequence[SolverSpec] | Sequence[Method]
 """Solvers, or the steppers with solvers of a study."""
 
 

@@ -12,7 +12,7 @@ from ....problems.motion.scenes.scene import Scene
 from ....problems.motion.scenes.woodpecker import PERIOD
 from ....problems.names import Name
 from ...errors import BenchError
-from ...plugins.describing import contestant
+from ...plugins.describing import solver_spec
 from ...plugins.remote_scene import local_or_remote_scene
 from ...simulation.starts.registry import DEFAULT_START
 from ...store.plans import Limits, PlanRecord, TrajectoryRecord
@@ -71,7 +71,7 @@ def make_study_plan(
         chosen = list(default_methods(made, trajectory))
     else:
         chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
-    chosen += added_methods(made, map(contestant, solvers))
+    chosen += added_methods(made, map(solver_spec, solvers))
     chosen = [method.started(start) for method in chosen]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))

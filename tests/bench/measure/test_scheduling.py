@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
-from proxbench.bench.measure.passes import shuffled, uncertain
+from proxbench.bench.measure.scheduling import shuffled, uncertain
 from proxbench.bench.store.certainty import ratio, times_by_point
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.frames import rounds_frame
@@ -45,12 +45,20 @@ def test_each_pass_has_an_order_of_its_own_that_a_seed_gives_again() -> None:
 
 
 def test_wide_ratios_and_the_best_they_are_of_get_more_rounds() -> None:
-    cases = [case("fast", STEADY, STEADY), case("slow", NOISY, [0.4] * 5), case("noisy", [0.3] * 5, NOISY)]
+    cases = [
+        case("fast", STEADY, STEADY),
+        case("slow", NOISY, [0.4] * 5),
+        case("noisy", [0.3] * 5, NOISY),
+    ]
     assert uncertain(cases, PLAN, is_first=False) == {("fast", 0), ("slow", 0), ("fast", 1), ("noisy", 1)}
 
 
 def test_the_first_further_pass_is_for_what_is_undecided() -> None:
-    cases = [case("fast", STEADY, STEADY), case("slow", NOISY, NOISY), case("noisy", [0.3] * 5, [*NOISY[1:], 0.05])]
+    cases = [
+        case("fast", STEADY, STEADY),
+        case("slow", NOISY, NOISY),
+        case("noisy", [0.3] * 5, [*NOISY[1:], 0.05]),
+    ]
     assert uncertain(cases, PLAN, is_first=True) == {("fast", 0), ("fast", 1), ("noisy", 1)}
 
 
