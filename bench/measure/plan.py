@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
+from ...problems.representation import counted, html_table, names_or_number
 from ...problems.spelling import option
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
@@ -79,6 +80,26 @@ class Plan:
     families: Mapping[str, str] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     shard: str = ""
+
+    def __repr__(self) -> str:
+        sizes = counted(len(self.tolerances), "tolerance"), counted(self.passes, "pass", "passes")
+        return f"<Plan: {self._problem_names}; {self._solver_names}; {', '.join(sizes)}>"
+
+    def _repr_html_(self) -> str:
+        tolerances = ", ".join(f"{tolerance:g}" for tolerance in self.tolerances)
+        facts: dict[str, object] = {"problems": self._problem_names, "solvers": self._solver_names}
+        facts |= {"tolerances": tolerances, "passes": self.passes, "limit of a solve [s]": self.limits.solve_seconds}
+        return html_table("Plan of a run", facts)
+
+    @property
+    def _problem_names(self) -> str:
+        return names_or_number(map(name_of, self.problems), "problem")
+
+    @property
+    def _solver_names(self) -> str:
+        if self.methods:
+            return names_or_number((method.name for method in self.methods), "method")
+        return names_or_number((solver.name for solver in self.solvers), "solver")
 
 
 def make_plan(
