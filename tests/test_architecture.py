@@ -77,9 +77,10 @@ AT_HOME = {
             "main",
             "options",
             "record",
+            "report",
             "run",
             "simulation/command",
-            "travel",
+            "bundles",
         )
     },
     "h5py": {f"problems/exchange/fclib/{name}.py" for name in ("container", "files")},

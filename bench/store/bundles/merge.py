@@ -20,7 +20,7 @@ from ....problems.exchange.atomic_file import PART
 from ....problems.spelling import option
 from ...errors import BenchError
 from ..records import CaseRecord, PlanRecord, Session, with_sessions
-from ..store import Store
+from ..store import ELSEWHERE, Store
 from .bundle import Bundle, bundle_of_run, read_bundle
 from .rejudge import rejudge
 
@@ -184,7 +184,7 @@ def _write(folder: Path, merged: _Merged) -> None:
         made = folder.parent / f".{uuid4()}{PART}"
         made.mkdir()
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     try:
         store = Store.create(made)
         for problem in merged.carried.values():
@@ -194,6 +194,6 @@ def _write(folder: Path, merged: _Merged) -> None:
         store.write_run(replace(merged.run, run_id=folder.name))
         os.rename(made, folder)
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)
