@@ -1,6 +1,7 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
 import itertools
+import time
 from collections.abc import Iterator
 
 import psutil
@@ -125,6 +126,24 @@ def test_processes_that_a_case_leaves_are_counted(worker: Worker) -> None:
     assert worker.n_started() == 0
     worker.ask("leave a process")
     assert worker.n_started() == 1
+
+
+def test_between_requests_the_process_and_all_that_it_started_stand_still(worker: Worker) -> None:
+    worker.ask("leave a process")
+    processes = [psutil.Process(worker.process), *psutil.Process(worker.process).children(recursive=True)]
+    assert len(processes) == 2
+    deadline = time.monotonic() + 30.0
+    while any(process.status() != psutil.STATUS_STOPPED for process in processes) and time.monotonic() < deadline:
+        time.sleep(1e-3)
+    assert [process.status() for process in processes] == [psutil.STATUS_STOPPED] * 2
+    worker.ask("end what is left")  # which goes on with the process, or it could not end
+    assert worker.n_started() == 0
+
+
+def test_a_process_that_a_solver_forks_gives_no_answer(worker: Worker) -> None:
+    """It returns from the task as its parent does; one request has one answer."""
+    assert worker.ask("fork and return in both")[0]["fork has ended"]
+    assert [worker.ask("count")[0]["count"] for _ in range(3)] == [1, 2, 3]
 
 
 def test_a_kill_by_the_system_for_want_of_memory_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,7 @@
 """Contacts dealt into batches are swept as if one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -38,4 +40,18 @@ def test_a_funnel_is_swept_in_batches_and_its_iterates_are_those_of_the_delassus
         histories.append(seen)
     first, second = np.array(histories[0]), np.array(histories[1])
     assert first.shape == (60, problem.n_rows)
+    assert np.abs(first - second).max() <= 1e-12 * np.abs(first).max()
+
+
+def test_contacts_with_bounds_of_others_are_not_dealt_into_batches() -> None:
+    """A batch holds the bounds of its own contacts only; here neighbours bound each other's friction."""
+    funnel = load("funnel-300")
+    laws = funnel.laws
+    partner = laws.partner.copy()
+    friction = np.flatnonzero(laws.is_friction)
+    friction = friction[: len(friction) // 2 * 2]
+    partner[friction] = partner[friction].reshape(-1, 2)[:, ::-1].ravel()
+    problem = replace(funnel, laws=replace(laws, partner=partner))
+    sweeps = [create("SORprox", relaxation=1.2, form=form).prepare(problem) for form in ("delassus", "factors")]
+    first, second = (prepared.solve(Stop(1e-300, 20)).impulses for prepared in sweeps)
     assert np.abs(first - second).max() <= 1e-12 * np.abs(first).max()
