@@ -83,8 +83,8 @@ def test_a_contact_is_around_the_one_that_bounds_its_friction_and_the_other_way_
 
 
 def test_contacts_of_very_different_masses_are_coupled_relative_to_both() -> None:
-    """An entry g_ij counts against √(g_ii g_jj): beside 1 kg and 10²⁰ kg, 10⁻¹⁶ is no rounding."""
-    matrix = np.array([[1.0, 1e-16], [1e-16, 1e-20]])
+    """An entry g_ij counts against √(g_ii g_jj): between 1 kg and 10³⁰ kg, 10⁻¹⁹ is no rounding."""
+    matrix = np.array([[1.0, 1e-19], [1e-19, 1e-30]])
     problem = ContactProblem.from_delassus(matrix, -np.ones(2), dim=1)
     assert list(components(problem)) == [0, 0]
     assert list(largest_around(problem, np.array([1.0, 2.0]))) == [2.0, 2.0]
