@@ -90,7 +90,7 @@ def density(problem: ContactProblem) -> float:
         matrix = problem.matrix
         return 1.0 if _couples(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row) else UNCOUPLED
     pieces = problem.factor_pieces()
-    most, pairs = _count_pieces(pieces.chunks, pieces.n_chunks)
+    most, pairs = _counted(pieces.chunks, pieces.n_chunks)
     return UNCOUPLED if most <= 1 else pieces.width**2 * pairs / max(2.0 * pieces.values.size, 1.0)
 
 
@@ -105,8 +105,8 @@ def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, co
 
 
 @njit(cache=True)
-def _count_pieces(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
-    """Return the largest number of pieces in a chunk, and the number of pairs of pieces that share a chunk."""
+def _counted(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
+    """Return how many pieces a chunk has at most, and how many pairs of pieces share one."""
     counts = np.zeros(n_chunks + 1)
     for chunk in chunks:
         counts[chunk] += 1.0

@@ -78,9 +78,5 @@ def _adapted(values: FloatArray, parts: FloatArray) -> FloatArray:
     return adapted
 
 
-SHARES: dict[Damping, Callable[[int], Share]] = {
-    "none": Undamped,
-    "global": GlobalDamping,
-    "contact": ContactDamping,
-}
+SHARES: dict[Damping, Callable[[int], Share]] = {"none": Undamped, "global": GlobalDamping, "contact": ContactDamping}
 """Dampings by name; each takes the number of contacts."""

@@ -204,18 +204,7 @@ class FollowedPath:
     def _product(self, x: Direction, y: Direction) -> float:
         scaled, point = self._scaled, self._at
         inner = local_product(
-            scaled.kind,
-            scaled.friction,
-            self._p,
-            self._q,
-            point.r,
-            point.u,
-            x.r,
-            x.u,
-            x.s,
-            y.r,
-            y.u,
-            y.s,
+            scaled.kind, scaled.friction, self._p, self._q, point.r, point.u, x.r, x.u, x.s, y.r, y.u, y.s
         )
         return float(inner) + x.tau * y.tau
 

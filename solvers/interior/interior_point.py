@@ -281,16 +281,7 @@ class _Iterate:
     def _longest_step(self, dr: FloatArray) -> float:
         return float(
             cones.longest_steps(
-                self._kind,
-                self._friction,
-                self._p,
-                self._q,
-                self._r,
-                self._u,
-                dr,
-                self._du,
-                self._ds,
-                self._longest,
+                self._kind, self._friction, self._p, self._q, self._r, self._u, dr, self._du, self._ds, self._longest
             )
         )
 

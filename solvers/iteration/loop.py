@@ -217,9 +217,7 @@ def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool
 
 
 def iterate(
-    problem: ContactProblem,
-    sweeps: Callable[[FloatArray], Iterator[FloatArray]],
-    model: Model = Model.COULOMB,
+    problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]], model: Model = Model.COULOMB
 ) -> PreparedIteration:
     """Return an iteration made ready for ``problem`` from a generator, all that a simple method needs to provide.
 

@@ -42,14 +42,14 @@ class BlockSweep:
     def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
         layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
-        own_friction, remote = _split_friction(layout.friction_coefficient, layout.partner)
+        own_friction, remote = _of_own_and_others(layout.friction_coefficient, layout.partner)
         laws = (LawArrays if layout.has_contacts_only else AnyLawArrays).of(layout, sizes)
         return BlockSweep(FlatDelassus.of(problem), (own_friction, remote, *laws[2:]), sizes, relaxation)
 
 
 @njit(cache=True)
-def _split_friction(friction, partner):  # type: ignore[no-untyped-def]
-    """Return μ for each contact's own normal impulse, and μ for that of another contact."""
+def _of_own_and_others(friction, partner):  # type: ignore[no-untyped-def]
+    """Return μ of each contact's own normal impulse, and μ of another's."""
     own, remote = np.zeros_like(friction), np.zeros_like(friction)
     for i in range(len(friction)):
         if partner[i] == i:
