@@ -7,8 +7,7 @@ nine tenths increases it. If a step is short even with the smallest z, the reaso
 near a contact that neither opens nor closes strictly only Newton's step makes progress.
 """
 
-from collections.abc import Callable
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -26,48 +25,33 @@ REDUCTION, GROWTH = 0.8, 1.1
 """Factors of z after a short and after a long step."""
 
 
-class Share(Protocol):
-    """The shares of one solve."""
+class Undamped:
+    """z = 1 always: Newton's method.
 
-    @property
-    def values(self) -> FloatArray:
-        """The z of every contact, shape (n,)."""
-        ...
+    Attributes:
+        values: z of every contact, shape (n,).
+    """
+
+    def __init__(self, n_contacts: int) -> None:
+        self.values: FloatArray = np.ones(n_contacts)
 
     def record(self, part: float, longest: FloatArray) -> None:
         """Record a step of length ``part``; ``longest``, shape (n,), is the longest step that each contact allows."""
-        ...
 
 
-class Undamped:
-    """z = 1 always: Newton's method."""
-
-    def __init__(self, n_contacts: int) -> None:
-        self.values: FloatArray = np.ones(n_contacts)
-
-    def record(self, part: float, longest: FloatArray) -> None:
-        """See ``Share``."""
-
-
-class GlobalDamping:
+class GlobalDamping(Undamped):
     """One z for all contacts, from the length of each step."""
 
-    def __init__(self, n_contacts: int) -> None:
-        self.values: FloatArray = np.ones(n_contacts)
-
     def record(self, part: float, longest: FloatArray) -> None:
-        """See ``Share``."""
+        """See ``Undamped``."""
         self.values = _adapted(self.values, np.full_like(self.values, part))
 
 
-class ContactDamping:
+class ContactDamping(Undamped):
     """A separate z for each contact, from the longest step that it allows."""
 
-    def __init__(self, n_contacts: int) -> None:
-        self.values: FloatArray = np.ones(n_contacts)
-
     def record(self, part: float, longest: FloatArray) -> None:
-        """See ``Share``."""
+        """See ``Undamped``."""
         self.values = _adapted(self.values, longest)
 
 
@@ -78,5 +62,5 @@ def _adapted(values: FloatArray, parts: FloatArray) -> FloatArray:
     return adapted
 
 
-SHARES: dict[Damping, Callable[[int], Share]] = {"none": Undamped, "global": GlobalDamping, "contact": ContactDamping}
+SHARES: dict[Damping, type[Undamped]] = {"none": Undamped, "global": GlobalDamping, "contact": ContactDamping}
 """Dampings by name; each takes the number of contacts."""

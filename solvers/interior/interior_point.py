@@ -25,7 +25,7 @@ from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Status
 from ..iteration.method import check_form, check_option
 from . import cones
-from .damping import SHARES, Damping, Share
+from .damping import SHARES, Damping
 from .progress import Progress
 from .runs import InteriorMethod, PreparedRuns
 from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
@@ -164,7 +164,7 @@ class _Iterate:
         self._linearise = LINEARISATIONS[prepared.method.scaling]
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
-        self._share: Share = SHARES[prepared.method.damping](n)
+        self._share = SHARES[prepared.method.damping](n)
         self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))

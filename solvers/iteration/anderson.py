@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from .loop import Iterates
+from .loop import Iterates, WrappedIterates
 
 MIN_SINGULAR_VALUE = 1e-10
 """Relative to the largest one; directions below it are left out of the least-squares problem."""
@@ -76,7 +76,7 @@ class MovableIterates(Iterates, Protocol):
         ...
 
 
-class AndersonSweeps:
+class AndersonSweeps(WrappedIterates):
     """Sweeps with Anderson acceleration; ``memory`` differences are kept, 0 gives plain sweeps."""
 
     def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:
@@ -105,14 +105,6 @@ class AndersonSweeps:
             step = min(count, self._window - self._done)
             self._iterates.sweep(step)
             count, self._done = count - step, self._done + step
-
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._iterates.impulses()
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        return self._iterates.relative_velocity()
 
     def _extrapolate(self) -> None:
         """Start the next window from extrapolated impulses, or undo the last extrapolation."""

@@ -34,6 +34,20 @@ class Iterates(Protocol):
         ...
 
 
+class WrappedIterates:
+    """Base class of iterates that modify the sweeps of others; Λ and ξ are those of the wrapped iterates."""
+
+    _iterates: Iterates
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows."""
+        return self._iterates.impulses()
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        return self._iterates.relative_velocity()
+
+
 @runtime_checkable
 class AcceleratedIterates(Iterates, Protocol):
     """Iterates whose acceleration can be reduced when the residual makes no progress."""

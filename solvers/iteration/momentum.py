@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from .loop import Iterates
+from .loop import Iterates, WrappedIterates
 
 MIN_MOMENTUM = 0.3
 """A β up to this value is set to zero instead of being halved."""
@@ -58,12 +58,12 @@ class MomentumState:
         return True
 
 
-class MomentumIterates(MomentumState):
+class MomentumIterates(MomentumState, WrappedIterates):
     """Sweeps with momentum β."""
 
     def __init__(self, iterates: LinearIterates, momentum: float) -> None:
         super().__init__(momentum)
-        self._iterates = iterates
+        self._iterates: LinearIterates = iterates
         self._array, self._n_impulses = iterates.linear_state()
         self._before, self._change = np.empty_like(self._array), np.zeros_like(self._array)
 
@@ -78,14 +78,6 @@ class MomentumIterates(MomentumState):
     def _next_momentum(self, turns: bool, moved: float) -> float:
         """Return β of the next sweep; the last one changed Λ by √``moved`` and may have turned back."""
         return 0.0 if turns else self._momentum
-
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._iterates.impulses()
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        return self._iterates.relative_velocity()
 
 
 class RestartedMomentum(MomentumIterates):

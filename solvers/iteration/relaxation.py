@@ -18,7 +18,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from .loop import Iterates
+from .loop import Iterates, WrappedIterates
 
 WINDOW = 10
 """Sweeps between two choices of ω; the changes of its first and last sweep are compared."""
@@ -54,7 +54,7 @@ class ScalableIterates(Iterates, Protocol):
         ...
 
 
-class AdaptiveRelaxation:
+class AdaptiveRelaxation(WrappedIterates):
     """Iterates whose relaxation starts at ω = 1 and adapts.
 
     Attributes:
@@ -99,14 +99,6 @@ class AdaptiveRelaxation:
         """Set the step of each block to ω times this fraction of its initial step, shape (n_blocks,)."""
         self._fraction = fraction.copy()
         self._iterates.scale_steps(self.relaxation * self._fraction)
-
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._iterates.impulses()
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        return self._iterates.relative_velocity()
 
     def _change(self) -> float:
         return float(np.linalg.norm(self._weights * (self.padded - self._before)))

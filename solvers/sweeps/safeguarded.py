@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
+from ..iteration.loop import WrappedIterates
 from ..iteration.relaxation import ScalableIterates
 
 INTERVALS = (19, 37, 73)
@@ -37,7 +38,7 @@ ROUNDING = 1e-14
 """Increments below this fraction of the impulse are rounding, whatever their direction."""
 
 
-class SafeguardedIterates:
+class SafeguardedIterates(WrappedIterates):
     """Iterates whose steps are reduced where contacts oscillate.
 
     Attributes:
@@ -90,14 +91,6 @@ class SafeguardedIterates:
         """Continue from ``impulses``, shape (n_rows,), with the present step sizes."""
         self.padded[:] = self._iterates.layout.pad(impulses).reshape(-1)
         self._since_check = 0  # no increment spans the jump
-
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._iterates.impulses()
-
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        return self._iterates.relative_velocity()
 
 
 @njit(cache=True)
