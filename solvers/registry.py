@@ -159,7 +159,8 @@ def plain_names(name: str) -> list[str]:
 
 
 def _built_in(name: str) -> Callable[..., Solver]:
-    return getattr(import_module(f".{_OWN[name]}", __package__), name)
+    make: Callable[..., Solver] = getattr(import_module(f".{_OWN[name]}", __package__), name)
+    return make
 
 
 def _offer(name: str) -> Offer:

@@ -76,7 +76,7 @@ class MovableIterates(Iterates, Protocol):
         ...
 
 
-class AndersonSweeps(WrappedIterates):
+class AndersonSweeps(WrappedIterates[MovableIterates]):
     """Sweeps with Anderson acceleration; ``memory`` differences are kept, 0 gives plain sweeps."""
 
     def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:

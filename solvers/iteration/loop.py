@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -34,10 +34,13 @@ class Iterates(Protocol):
         ...
 
 
-class WrappedIterates:
+Inner = TypeVar("Inner", bound=Iterates)
+
+
+class WrappedIterates(Generic[Inner]):
     """Base class of iterates that modify the sweeps of others; Λ and ξ are those of the wrapped iterates."""
 
-    _iterates: Iterates
+    _iterates: Inner
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""

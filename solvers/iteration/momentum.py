@@ -58,12 +58,12 @@ class MomentumState:
         return True
 
 
-class MomentumIterates(MomentumState, WrappedIterates):
+class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
     """Sweeps with momentum β."""
 
     def __init__(self, iterates: LinearIterates, momentum: float) -> None:
         super().__init__(momentum)
-        self._iterates: LinearIterates = iterates
+        self._iterates = iterates
         self._array, self._n_impulses = iterates.linear_state()
         self._before, self._change = np.empty_like(self._array), np.zeros_like(self._array)
 

@@ -54,7 +54,7 @@ class ScalableIterates(Iterates, Protocol):
         ...
 
 
-class AdaptiveRelaxation(WrappedIterates):
+class AdaptiveRelaxation(WrappedIterates[ScalableIterates]):
     """Iterates whose relaxation starts at ω = 1 and adapts.
 
     Attributes:

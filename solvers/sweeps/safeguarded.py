@@ -38,7 +38,7 @@ ROUNDING = 1e-14
 """Increments below this fraction of the impulse are rounding, whatever their direction."""
 
 
-class SafeguardedIterates(WrappedIterates):
+class SafeguardedIterates(WrappedIterates[ScalableIterates]):
     """Iterates whose steps are reduced where contacts oscillate.
 
     Attributes:
