@@ -93,14 +93,14 @@ class PreparedRobust:
         windows = _windows(problem)
         for length in windows:
             window = Window(length, driver.iteration)
-            result = run_sweeps(sequence, driver, self.name, window, first, self.between_checks)
+            result = run_sweeps(sequence, driver, self.name, window, first=first, min_sweeps=self.between_checks)
             is_last = result.has_ended or length == windows[-1]
             if result.solution is None and is_last and can_accelerate(problem):
                 accelerated = ACCELERATED.prepare(problem)
                 begin = accelerated.begin
                 driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
                 window = Window(windows[-1] // ACCELERATED_SHARE, driver.iteration)
-                result = run_sweeps(sequence, driver, ACCELERATED.name, window, first)
+                result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
             if result.solution is not None:
                 return result.solution
             equations = equations or Equations(problem, residual)
@@ -148,7 +148,13 @@ class Window:
 
 
 def run_sweeps(
-    sequence: SolverSequence, driver: IterationDriver, name: str, window: Window, first: FloatArray, min_sweeps: int = 1
+    sequence: SolverSequence,
+    driver: IterationDriver,
+    name: str,
+    window: Window,
+    *,
+    first: FloatArray,
+    min_sweeps: int = 1,
 ) -> SweepResult:
     """Sweep while each window gains a digit, with at least ``min_sweeps`` sweeps between checks of the residual.
 

@@ -23,7 +23,7 @@ from ...problems.contact.residual import ModelResidual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, check_form
-from .programs import ClarabelProgram, Ended, Form, obstacle
+from .programs import ClarabelProgram, ConicStatus, Form, obstacle
 
 LADDER = tuple(10.0**-digits for digits in range(3, 16))
 """Tolerances of the conic solver; smaller ones are meaningless in double precision."""
@@ -34,7 +34,7 @@ FIRST_ACCURACY = 1e-2
 STRIDE = 2
 """Steps on the ladder between two runs."""
 
-_LIMITS = {Ended.ITERATION_LIMIT: Status.ITERATION_LIMIT, Ended.TIME_LIMIT: Status.TIME_LIMIT}
+_LIMITS = {ConicStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT, ConicStatus.TIME_LIMIT: Status.TIME_LIMIT}
 
 
 @dataclass(frozen=True)
@@ -97,14 +97,14 @@ class PreparedConvex:
                     best, best_residual = result.impulses, residual
             if best_residual <= stop.tolerance:
                 return Solution(best, Status.SOLVED, iterations)
-            limit = _LIMITS.get(result.ended)
+            limit = _LIMITS.get(result.status)
             if limit is not None or iterations >= stop.max_iterations or seconds >= stop.max_seconds:
                 reason = f"residual {best_residual:.1e} in the convex model"
                 return Solution(best, limit or Status.ITERATION_LIMIT, iterations, reason)
-            accuracies.is_failing = result.ended is not Ended.CONVERGED
+            accuracies.is_failing = result.status is not ConicStatus.CONVERGED
         reason = f"residual {best_residual:.1e} at the tightest tolerances of the conic solver"
         if accuracies.is_failing:
-            reason = f"the conic solver ended with {result.ended} at residual {best_residual:.1e}"
+            reason = f"the conic solver {result.status} at residual {best_residual:.1e}"
         return Solution(best, Status.STALLED, iterations, reason)
 
 

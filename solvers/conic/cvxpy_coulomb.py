@@ -21,7 +21,7 @@ from ...problems.contact.laws import ROWS_OF_KIND, LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
 from .fixed_point import FixedPointMethod, check_memory
-from .programs import ConicResult, Ended, Scaling, friction_parts, obstacle
+from .programs import ConicResult, ConicStatus, Scaling, friction_parts, obstacle
 
 MAX_CONTACTS = 2500
 """Contacts beyond which compiling takes gigabytes: 0.5 GB at 1000, 1.4 GB at 2000."""
@@ -147,28 +147,28 @@ class CvxpyProgram:
         """See ``ConicProgram``."""
         cp = cvxpy()
         self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
-        tolerances, most_iterations, most_seconds = _OPTIONS.get(self._solver, ((), "", ""))
+        tolerances, iteration_limit, time_limit = _OPTIONS.get(self._solver, ((), "", ""))
         options: dict[str, float] = dict.fromkeys(tolerances, accuracy)
-        if most_iterations:
-            options[most_iterations] = max(1, min(FIRST_ORDER_ITERATIONS, iterations))
-        if most_seconds:
-            options[most_seconds] = max(seconds, 1e-3)
+        if iteration_limit:
+            options[iteration_limit] = max(1, min(FIRST_ORDER_ITERATIONS, iterations))
+        if time_limit:
+            options[time_limit] = max(seconds, 1e-3)
         began = time.perf_counter()
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
-            ended = {cp.OPTIMAL: Ended.CONVERGED, cp.UNBOUNDED: Ended.UNBOUNDED}.get(
-                self._program.status, Ended.GAVE_UP
+            status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
+                self._program.status, ConicStatus.GAVE_UP
             )
         except cp.error.SolverError:
-            ended = Ended.GAVE_UP
+            status = ConicStatus.GAVE_UP
         taken = time.perf_counter() - began
         found = self._impulses.value
         impulses = np.full(self._problem.n_rows, np.nan) if found is None else self._scaling.impulse * found
         stats = self._program.solver_stats
         count = getattr(stats, "num_iters", None) if stats is not None else None
-        return ConicResult(impulses, int(count or 1), taken, ended)
+        return ConicResult(impulses, int(count or 1), taken, status)
 
     def regularised(self, weight: FloatArray) -> "CvxpyProgram":
         """See ``ConicProgram``."""

@@ -39,7 +39,7 @@ from ..iteration.correction import BeginCorrection, Correction, NoCorrection
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_option
 from ..iteration.stopping import ROUNDING, Clock, Outcome
-from .programs import ConicProgram, ConicResult, Ended, largest_curvatures
+from .programs import ConicProgram, ConicResult, ConicStatus, largest_curvatures
 
 MAX_TOLERANCE = 1e-8
 """The largest tolerance of a cone program; its solution has an error of about the square root of it."""
@@ -184,14 +184,14 @@ class _Outer:
             vector = shifted_velocity(problem, shift) - weight * impulses
             result = program.run(vector, accuracy, INNER_ITERATIONS, self.clock.remaining)
             self.iteration, self._inner = self.iteration + 1, self._inner + result.iterations
-            self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver ended with {result.ended}"
-            if result.ended is Ended.UNBOUNDED or not np.isfinite(result.impulses).all():
-                self.stalled = f"the conic solver ended with {result.ended} at residual {self.lowest:.1e}"
+            self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver {result.status}"
+            if result.status is ConicStatus.UNBOUNDED or not np.isfinite(result.impulses).all():
+                self.stalled = f"the conic solver {result.status} at residual {self.lowest:.1e}"
                 self._record(self.best, self.lowest)  # a failed iteration counts too
                 return self._time_limit(result)
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual.judged(problem, result.impulses)
-            if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
+            if result.status is ConicStatus.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
                 floor *= LOOSENING
             waited = 0 if residual < PROGRESS * lowest else waited + 1
             found, reached = self.correction.correct(result.impulses, residual, waited == phase.patience)
@@ -231,7 +231,7 @@ class _Outer:
 
     def _time_limit(self, result: ConicResult) -> Outcome | None:
         """Return the time limit if it has passed, by this clock or by that of the conic solver."""
-        if result.ended is Ended.TIME_LIMIT or self.clock.has_expired:
+        if result.status is ConicStatus.TIME_LIMIT or self.clock.has_expired:
             return Outcome(Status.TIME_LIMIT, self._progress())
         return None
 

@@ -41,15 +41,15 @@ REFINEMENT_TOLERANCE = 1e-15
 """The error at which refinements end."""
 
 
-class Ended(StrEnum):
+class ConicStatus(StrEnum):
     """How one run of a conic solver ended."""
 
-    CONVERGED = "its tolerances reached"
-    NEARLY = "its tolerances nearly reached"
-    ITERATION_LIMIT = "its iteration limit"
-    TIME_LIMIT = "its time limit"
-    UNBOUNDED = "a ray along which the energy falls for ever"
-    GAVE_UP = "no further progress"
+    CONVERGED = "converged"
+    NEARLY = "nearly converged"
+    ITERATION_LIMIT = "reached its iteration limit"
+    TIME_LIMIT = "reached its time limit"
+    UNBOUNDED = "found an unbounded energy"
+    GAVE_UP = "made no further progress"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +60,13 @@ class ConicResult:
         impulses: Λ [N s], shape (n_rows,); NaN if there are none.
         iterations: its iterations.
         seconds: its time [s].
-        ended: how it ended.
+        status: how the run ended.
     """
 
     impulses: FloatArray
     iterations: int
     seconds: float
-    ended: Ended
+    status: ConicStatus
 
 
 class ConicProgram(Protocol):
@@ -157,7 +157,8 @@ class ClarabelProgram:
         result = self._solver.solve()
         impulses = np.zeros(self._problem.n_rows)
         impulses[rows] = self._scaling.impulse[rows] * self._factor * np.asarray(result.z if is_dual else result.x)
-        return ConicResult(impulses, result.iterations, result.solve_time, _ENDED.get(result.status, Ended.GAVE_UP))
+        status = _STATUSES.get(result.status, ConicStatus.GAVE_UP)
+        return ConicResult(impulses, result.iterations, result.solve_time, status)
 
     def regularised(self, weight: FloatArray) -> "ClarabelProgram":
         """See ``ConicProgram``."""
@@ -188,16 +189,16 @@ def _over_velocities(
     return solver, rows, factor
 
 
-_ENDED = {
-    clarabel.SolverStatus.Solved: Ended.CONVERGED,
-    clarabel.SolverStatus.AlmostSolved: Ended.NEARLY,
-    clarabel.SolverStatus.MaxIterations: Ended.ITERATION_LIMIT,
-    clarabel.SolverStatus.MaxTime: Ended.TIME_LIMIT,
+_STATUSES = {
+    clarabel.SolverStatus.Solved: ConicStatus.CONVERGED,
+    clarabel.SolverStatus.AlmostSolved: ConicStatus.NEARLY,
+    clarabel.SolverStatus.MaxIterations: ConicStatus.ITERATION_LIMIT,
+    clarabel.SolverStatus.MaxTime: ConicStatus.TIME_LIMIT,
     # the forms are dual to each other
-    clarabel.SolverStatus.PrimalInfeasible: Ended.UNBOUNDED,
-    clarabel.SolverStatus.AlmostPrimalInfeasible: Ended.UNBOUNDED,
-    clarabel.SolverStatus.DualInfeasible: Ended.UNBOUNDED,
-    clarabel.SolverStatus.AlmostDualInfeasible: Ended.UNBOUNDED,
+    clarabel.SolverStatus.PrimalInfeasible: ConicStatus.UNBOUNDED,
+    clarabel.SolverStatus.AlmostPrimalInfeasible: ConicStatus.UNBOUNDED,
+    clarabel.SolverStatus.DualInfeasible: ConicStatus.UNBOUNDED,
+    clarabel.SolverStatus.AlmostDualInfeasible: ConicStatus.UNBOUNDED,
 }
 
 

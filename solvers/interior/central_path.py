@@ -122,5 +122,5 @@ class ResumablePath:
             return infeasible_solution(self.problem)
         self._path = self._path or self._prepared.path(progress)
         self._path.resume(progress)
-        self.has_ended = progress.ended is None or progress.ended[0] is not Status.ITERATION_LIMIT
+        self.has_ended = progress.outcome is None or progress.outcome[0] is not Status.ITERATION_LIMIT
         return progress.solution()

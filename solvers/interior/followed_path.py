@@ -96,7 +96,7 @@ class FollowedPath:
 
     def follow(self) -> None:
         """Follow the path until the progress has ended."""
-        while self._progress.ended is None:
+        while self._progress.outcome is None:
             self.advance()
 
     def find(self, first: FloatArray) -> None:
@@ -108,7 +108,7 @@ class FollowedPath:
             starts = (max(WARM_SHARE * min(self._progress.best_residual, 1.0), MIN_WARM_TAU), *STARTS)
         for tau in starts:
             self._point = self._correct(Point(self._scaled, self._system, v, tau))
-            if self._progress.ended is not None or self._point.is_within(CLOSE):
+            if self._progress.outcome is not None or self._point.is_within(CLOSE):
                 return
             v = np.zeros_like(v)
         self._progress.end(Status.STALLED, f"no point of the path was found, best residual {self._reached}")
@@ -135,7 +135,7 @@ class FollowedPath:
             found = self._correct_across(following[0])
             if found.is_within(LOOSE):
                 self._point = found
-            if self._point is found or self._progress.ended is not None:
+            if self._point is found or self._progress.outcome is not None:
                 return
             reach = RETRY_SHARE * following[1]
         self._progress.end(Status.STALLED, f"the path cannot be followed further, best residual {self._reached}")
@@ -248,7 +248,7 @@ class FollowedPath:
     def _correct(self, point: Point, max_steps: int = FIRST_STEPS) -> Point:
         """Return the point after Newton steps at fixed τ, shortened where R_p does not decrease."""
         for _ in range(max_steps):
-            if point.is_within(CLOSE) or self._progress.ended is not None or not self._factorise(point):
+            if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
             step = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
             part, change = 1.0, step.r - step.u
@@ -266,7 +266,7 @@ class FollowedPath:
         """Return the point after Newton steps in the plane normal to the last tangent, where τ may change."""
         assert self._tangent is not None
         for _ in range(FURTHER_STEPS):
-            if point.is_within(CLOSE) or self._progress.ended is not None or not self._factorise(point):
+            if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
             newton = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
             along = self._solve(self._towards_tau(), self._lifts * 0.0)

@@ -151,7 +151,7 @@ class PreparedInteriorPoint(PreparedRuns):
     def run(self, progress: Progress) -> None:
         """Do Newton steps until the progress has ended."""
         iterate = _Iterate(self, progress.best, progress.best_residual)
-        while progress.ended is None:
+        while progress.outcome is None:
             iterate.step(progress)
             progress.check_gain()
 

@@ -40,7 +40,7 @@ class Progress:
     Attributes:
         best: the best Λ so far [N s], shape (n_rows,).
         best_residual: its residual in the judge's arithmetic.
-        ended: the outcome once the solve is over.
+        outcome: the outcome once the solve is over.
     """
 
     def __init__(
@@ -49,6 +49,7 @@ class Progress:
         residual: Residual,
         stop: Stop,
         observe: Observer | None,
+        *,
         flops: float,
         first: FloatArray,
         shortest: float = 0.0,
@@ -60,7 +61,7 @@ class Progress:
         self.best, self._latest, self._iteration = first, first, 0
         self.best_residual = self._began_at = residual.judged(problem, first)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_PER_SECOND, 0.0, 0, 0
-        self.ended: Outcome | None = None
+        self.outcome: Outcome | None = None
         self._check_limits()
 
     def factorise(self, factorise: Callable[[], bool]) -> bool:
@@ -97,15 +98,15 @@ class Progress:
 
     def end(self, status: Status, reason: str) -> None:
         """End the solve, unless it has ended already."""
-        self.ended = self.ended or Outcome(status, reason)
+        self.outcome = self.outcome or Outcome(status, reason)
 
     def may_run(self) -> bool:
         """Whether a run may begin: the first one, or one after a run that stalled but reduced the residual."""
-        if self.ended is None:
+        if self.outcome is None:
             return True
-        if self.ended[0] is not Status.STALLED or not self.best_residual < MARK * self._began_at:
+        if self.outcome[0] is not Status.STALLED or not self.best_residual < MARK * self._began_at:
             return False
-        self.ended, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
+        self.outcome, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         self._gained = self._run_began = self._iteration
         return True
 
@@ -118,7 +119,7 @@ class Progress:
     def check_feasibility(self, r: FloatArray) -> None:
         """End the solve if scaled impulses are very large and prove that the problem is infeasible."""
         if (
-            self.ended is None
+            self.outcome is None
             and np.abs(r).max(initial=0.0) > LARGE
             and proves_infeasibility(self._problem, self._latest)
         ):
@@ -126,8 +127,8 @@ class Progress:
 
     def solution(self) -> Solution:
         """Return the best Λ with the outcome of the solve."""
-        assert self.ended is not None
-        status, reason = self.ended
+        assert self.outcome is not None
+        status, reason = self.outcome
         return Solution(self.best, status, self._iteration, reason)
 
     def _check_limits(self) -> None:

@@ -52,7 +52,7 @@ class PreparedRuns(ABC):
     ) -> Solution:
         """Do a single run."""
         progress = self.begin(stop, start, observe, NEGLIGIBLE_STEP)
-        if progress is not None and progress.ended is None:
+        if progress is not None and progress.outcome is None:
             self.run(progress)
         return infeasible_solution(self.problem) if progress is None else progress.solution()
 
@@ -64,7 +64,7 @@ class PreparedRuns(ABC):
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return None
-        return Progress(self.problem, self.residual, stop, observe, self.flops, first, shortest)
+        return Progress(self.problem, self.residual, stop, observe, flops=self.flops, first=first, shortest=shortest)
 
 
 class InteriorMethod(Method, ABC):

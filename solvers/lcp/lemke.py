@@ -26,7 +26,7 @@ from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 MAX_GROUP_SIZE = 6000
 """Largest number of unknowns of a group; larger tableaus need more than 300 MB and hours of pivoting."""
 
-PIVOTS_BETWEEN_LOOKS = 20
+PIVOTS_BETWEEN_CHECKS = 20
 """Pivots between two checks of the clock."""
 
 
@@ -116,29 +116,24 @@ class PreparedLemke:
                 unknowns[group] = tableau.solution()
         impulses = self.formulated.impulses(unknowns)
         residual = self.residual.judged(self.problem, impulses)
-        return Solution(impulses, *self._ended(stop, residual, limit, rays, proofs, pivots))
-
-    def _ended(
-        self, stop: Stop, residual: float, limit: Status | None, rays: int, proofs: int, pivots: int
-    ) -> tuple[Status, int, str]:
-        """Return status, pivots and reason."""
+        reached = f"residual {residual:.1e} after {pivots} pivots"
         if residual <= stop.tolerance:
-            return Status.SOLVED, pivots, ""
+            return Solution(impulses, Status.SOLVED, pivots)
         if limit is not None:
-            return limit, pivots, f"residual {residual:.1e} after {pivots} pivots"
+            return Solution(impulses, limit, pivots, reached)
         if proofs and not self.problem.laws.friction_coefficient.any():
-            return Status.INFEASIBLE, pivots, "the path ends on a ray, which without Coulomb friction proves it"
-        if rays:
-            return Status.STALLED, pivots, f"the path ends on a ray after {pivots} pivots, residual {residual:.1e}"
-        return Status.STALLED, pivots, f"rounding leaves the residual at {residual:.1e} after {pivots} pivots"
+            reason = "the path ends on a ray, which proves infeasibility without Coulomb friction"
+            return Solution(impulses, Status.INFEASIBLE, pivots, reason)
+        reason = "the path ends on a ray" if rays else "rounding limits the accuracy"
+        return Solution(impulses, Status.STALLED, pivots, f"{reason}, {reached}")
 
 
-def _advance(tableau: Tableau, most: int, clock: Clock) -> Status | None:
-    """Pivot to the end, to ``most`` pivots or to the deadline; return the limit that was reached, if any."""
+def _advance(tableau: Tableau, max_pivots: int, clock: Clock) -> Status | None:
+    """Pivot to the end, to ``max_pivots`` or to the deadline; return the limit that was reached, if any."""
     while tableau.ending is Ending.UNFINISHED:
-        if tableau.pivots >= most:
+        if tableau.pivots >= max_pivots:
             return Status.ITERATION_LIMIT
         if clock.has_expired:
             return Status.TIME_LIMIT
-        tableau.advance(min(PIVOTS_BETWEEN_LOOKS, most - tableau.pivots))
+        tableau.advance(min(PIVOTS_BETWEEN_CHECKS, max_pivots - tableau.pivots))
     return None

@@ -9,7 +9,7 @@ values of all contacts are adjacent. The loop over a batch has no branches, so t
 data are copied before and after. Empty lanes hold zeros and use the idle chunk.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, uint64
@@ -24,21 +24,28 @@ MIN_FILL = 0.75
 """Smallest share of used lanes for which batches pay."""
 
 
-def assign_batches(pieces: Pieces) -> tuple[Any, int]:
-    """Return the place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
+class Batches(NamedTuple):
+    """The place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
+
+    places: Any
+    count: int
+
+
+def assign_batches(pieces: Pieces) -> Batches:
+    """Assign each block to a lane of a batch."""
     places, n_batches = _deal(pieces.chunks, pieces.n_chunks)
-    return places, int(n_batches)
+    return Batches(places, int(n_batches))
 
 
 def batch_arguments(
-    pieces: Pieces, places: Any, n_batches: int, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
+    pieces: Pieces, batches: Batches, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
 ) -> tuple[Any, ...]:
     """Return the constant arguments of ``sweep_batches``: axes of a chunk, bodies of the contacts, and the records.
 
     W̃ has pairs of pieces of width 3, c is padded and flat; the laws are step sizes (N and T of each block), μ and a;
     the coupling is G_T1N and G_T2N of each block.
     """
-    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, *laws, coupling)
+    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, *batches, free, *laws, coupling)
     return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)
 
 

@@ -79,12 +79,13 @@ class FactorSweep:
             arguments: tuple[Any, ...] = (*factor, free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
         product = (_product_spatial_pairs, _pairs(pieces), free)
-        places, n_batches = assign_batches(pieces)
-        if len(places) < MIN_FILL * LANES * n_batches or not layout.bounds_are_own:
+        batches = assign_batches(pieces)
+        n_lanes = LANES * batches.count
+        if len(batches.places) < MIN_FILL * n_lanes or not layout.bounds_are_own:
             arguments = (*_pairs(pieces), free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))
-        arguments = batch_arguments(pieces, places, n_batches, free, laws[:3], coupling)
-        slots, n_held = slots_in_batches(places), 3 * LANES * n_batches
+        arguments = batch_arguments(pieces, batches, free, laws[:3], coupling)
+        slots, n_held = slots_in_batches(batches.places), 3 * n_lanes
         return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_held)
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:

@@ -30,7 +30,7 @@ SWEEPS = 40
 PRECISION = 1e-14
 """A violation below this fraction of the free velocity is rounding."""
 
-SHORTEST = 1.0 / 64.0
+MIN_STEP = 1.0 / 64.0
 """The shortest fraction of a step in the line search."""
 
 PIVOT = 1e-13
@@ -98,7 +98,7 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
                 for k in range(d):
                     trial[k] = x[k] + part * system[k, d]
                 present = _violation(g, q, sliding, laws, alpha, trial, xi)
-                if present < (1.0 - 1e-4 * part) * before or part <= SHORTEST:
+                if present < (1.0 - 1e-4 * part) * before or part <= MIN_STEP:
                     break
                 part *= 0.5
             x[:] = trial

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
-from .elimination import MOST_COLUMNS, elimination
+from .elimination import MAX_COLUMNS, elimination
 
 
 class BlockLU:
@@ -28,10 +28,10 @@ class BlockLU:
     """
 
     def __init__(
-        self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, most_columns: int = MOST_COLUMNS
+        self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, max_columns: int = MAX_COLUMNS
     ) -> None:
         """Order a pattern in compressed block rows, symmetric, its diagonal stored, of blocks (width, width)."""
-        found = elimination(starts, columns, most_columns)
+        found = elimination(starts, columns, max_columns)
         self._width, self._order = width, found.order
         self._fronts = (
             found.nodes,

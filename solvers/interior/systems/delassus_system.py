@@ -11,7 +11,7 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
-from .elimination import MOST_COLUMNS
+from .elimination import MAX_COLUMNS
 
 REFINEMENTS = 2
 """Number of refinements of each solution."""
@@ -31,8 +31,8 @@ class DelassusSystem:
         self._matrix = sp.bsr_array((self._values, columns, starts), shape=(size, size))
         self._summed = self._values.copy()
         # redundant joints, which D regularises little, need all rows of their front as pivot candidates
-        most = len(starts) if problem.layout.is_bilateral.any() else MOST_COLUMNS
-        self._factors = BlockLU(starts, columns, self._width, most_columns=most)
+        most = len(starts) if problem.layout.is_bilateral.any() else MAX_COLUMNS
+        self._factors = BlockLU(starts, columns, self._width, max_columns=most)
         self._coupled: FloatArray = np.zeros((0, self._width, self._width))
 
     @property

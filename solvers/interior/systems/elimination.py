@@ -16,10 +16,10 @@ from scipy.sparse.linalg import splu
 
 from ....problems.arrays import IntArray
 
-MOST_ZEROS = 0.2
+MAX_ZERO_SHARE = 0.2
 """Share of zeros that a supernode may gain by taking in its neighbour."""
 
-MOST_COLUMNS = 40
+MAX_COLUMNS = 40
 """Most blocks of columns of a supernode: inverting larger ones takes more operations than passing updates on."""
 
 
@@ -62,13 +62,13 @@ class Elimination:
         return float((pivots**3 + 2.0 * pivots**2 * below + pivots * below**2).sum())
 
 
-def elimination(starts: IntArray, columns: IntArray, most_columns: int = MOST_COLUMNS) -> Elimination:
+def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLUMNS) -> Elimination:
     """Return the elimination of a matrix with a symmetric pattern of block rows that includes the diagonal.
 
     Args:
         starts: first stored block of each block row, shape (n + 1,).
         columns: block column of each stored block.
-        most_columns: largest number of columns of a supernode.
+        max_columns: largest number of columns of a supernode.
     """
     starts, columns = np.asarray(starts, dtype=np.int64), np.asarray(columns, dtype=np.int64)
     order = _minimum_degree(starts, columns)
@@ -76,7 +76,7 @@ def elimination(starts: IntArray, columns: IntArray, most_columns: int = MOST_CO
     position = np.argsort(order)
     parent = _tree(starts, columns, position, order)
     column_starts, column_rows = _structures(starts, columns, position, order, parent)
-    nodes = _supernodes(column_starts, parent, MOST_ZEROS, most_columns)
+    nodes = _supernodes(column_starts, parent, MAX_ZERO_SHARE, max_columns)
     row_starts, rows, node_of, child_starts, children = _fronts(column_starts, column_rows, nodes, parent)
     entry_starts, entries, row_of = _entries(starts, columns, position, node_of, len(nodes) - 1)
     local = _local_places(
@@ -185,15 +185,15 @@ def _structures(starts, columns, position, order, parent):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _supernodes(column_starts, parent, most_zeros, most_columns):  # type: ignore[no-untyped-def]
+def _supernodes(column_starts, parent, max_zero_share, max_columns):  # type: ignore[no-untyped-def]
     """Return the first place of each supernode; a column joins the one before it if that adds few zeros."""
     n = len(parent)
     nodes, count, zeros = np.empty(n + 1, dtype=np.int64), 0, 0.0
     for j in range(n):
-        if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < most_columns:
+        if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < max_columns:
             width, below = j - nodes[count - 1], column_starts[j + 1] - column_starts[j]
             gained = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
-            if zeros + gained <= most_zeros * (width + 1) * (below + 1 + 0.5 * width):
+            if zeros + gained <= max_zero_share * (width + 1) * (below + 1 + 0.5 * width):
                 zeros += gained
                 continue
         nodes[count] = j

@@ -118,7 +118,7 @@ OFFERED = "SOLVERS = [Mine]\n"
         ("PROBLEMS = {'funnel-30': abs}", "problem 'funnel-30', a name that Proxbench itself uses"),
         ("PROBLEMS = {'a/b': abs}", "a problem's name must be made of letters"),
         (CLASS + MODEL + SUPPORTS + PREPARE + OFFERED, "it has no name, the text in tables; add name = "),
-        (CLASS + NAME + SUPPORTS + PREPARE + OFFERED, "it has no model, the model that it solves; add model = Model.COULOMB"),
+        (CLASS + NAME + SUPPORTS + PREPARE + OFFERED, "it has no model, the model that it solves; add model = "),
         (CLASS + NAME + "    model = 'coulomb'\n" + SUPPORTS + PREPARE + OFFERED, "its model is a str, not"),
         (CLASS + NAME + MODEL + SUPPORTS + PREPARE + "SOLVERS = [Mine, Mine]\n", "offers the name 'Mine' twice"),
         (CLASS + NAME + MODEL + PREPARE + OFFERED, "it has no method supports(problem)"),

@@ -72,13 +72,13 @@ def test_short_steps_go_on_where_no_other_method_takes_over(name: str) -> None:
 def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:
     problem = load("funnel-30")
     residual = Residual(problem)
-    progress = Progress(problem, residual, Stop(1e-12), None, 1.0, np.zeros(problem.n_rows))
+    progress = Progress(problem, residual, Stop(1e-12), None, flops=1.0, first=np.zeros(problem.n_rows))
     for count in range(2 * MAX_SHORT_STEPS):
         progress.record(np.ones(problem.n_rows) * (1.0 + min(count, MAX_SHORT_STEPS)), 2.0, 1e-12)
-        assert progress.ended is None
+        assert progress.outcome is None
     progress.record(np.ones(problem.n_rows) * (1.0 + MAX_SHORT_STEPS), 2.0)
-    assert progress.ended is not None
-    assert progress.ended[0] is Status.STALLED
+    assert progress.outcome is not None
+    assert progress.outcome[0] is Status.STALLED
 
 
 def test_a_solve_whose_steps_gain_nothing_any_more_ends_stalled() -> None:
@@ -92,10 +92,10 @@ def test_only_who_looks_for_a_gain_ends_without_one() -> None:
     """The residual of a path may stay up for most of its length, while τ rises; Newton steps that gain nothing end."""
     problem = load("funnel-30")
     residual, rng = Residual(problem), np.random.default_rng(1)
-    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, 1.0, np.zeros(problem.n_rows))
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))
     for _ in range(1000):
         progress.record(rng.uniform(size=problem.n_rows), 2.0)
-    assert progress.ended is None
+    assert progress.outcome is None
     progress.check_gain()
-    assert progress.ended is not None
-    assert progress.ended[0] is Status.STALLED
+    assert progress.outcome is not None
+    assert progress.outcome[0] is Status.STALLED
