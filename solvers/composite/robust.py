@@ -180,7 +180,7 @@ def run_newton_steps(sequence: SolverSequence, newton: NewtonRunner, swept: Swee
     sequence.keep_best(*newton.run(NEWTON_SETTINGS, swept.latest, swept.residual))
     sequence.iterations = newton.driver.iteration
     is_solved = sequence.best_residual <= sequence.stop.tolerance
-    sequence.history.append(f"Newton steps: {Status.SOLVED if is_solved else 'no progress'}")
+    sequence.history.append(f"Newton steps: {Status.SOLVED if is_solved else 'no gain'}")
     if is_solved:
         return sequence.finish(Status.SOLVED, "")
     limit = newton.reached_limit
