@@ -55,7 +55,7 @@ def check_factory(name: str, source: str, factory: Any) -> None:
     """Raise ``PluginError`` unless ``factory`` can be called without options."""
     head = f"solver {name} of {source}"
     if not callable(factory):
-        raise PluginError(f"{head} is {_an(factory)}; offer the class of the solver, not {factory!r:.60}.")
+        raise PluginError(f"{head} is {_with_article(factory)}; offer the class of the solver, not {factory!r:.60}.")
     try:
         parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
@@ -78,7 +78,7 @@ def form_fault(solver: Any) -> str | None:
     if not isinstance(model, Model):
         return _missing("model", model, "the model that it solves", "Model.COULOMB")
     if not isinstance(getattr(solver, "has_iterates", True), bool):
-        return f"its has_iterates is {_an(solver.has_iterates)}; it must be True or False"
+        return f"its has_iterates is {_with_article(solver.has_iterates)}; it must be True or False"
     for method, wanted in _METHODS.items():
         fault = _method_fault(solver, method, wanted, lambda signature: signature.bind(None))
         if fault:
@@ -89,7 +89,9 @@ def form_fault(solver: Any) -> str | None:
 def prepared_fault(prepared: Any) -> str | None:
     """Return how the result of ``prepare`` fails to implement ``Prepared``, or None."""
     fault = _method_fault(prepared, "solve", _SOLVE, _bind_solve)
-    return None if fault is None else f"its prepare returned {_an(prepared)}, which {fault.removeprefix('it ')}"
+    if fault is None:
+        return None
+    return f"its prepare returned {_with_article(prepared)}, which {fault.removeprefix('it ')}"
 
 
 def reason_fault(reason: Any) -> str | None:
@@ -153,7 +155,7 @@ def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: di
 def _missing(member: str, value: Any, meaning: str, example: str) -> str:
     if value is None:
         return f"it has no {member}, {meaning}; add {member} = {example}"
-    return f"its {member} is {_an(value)}, not {meaning}, for example {example}"
+    return f"its {member} is {_with_article(value)}, not {meaning}, for example {example}"
 
 
 def _method_fault(thing: Any, name: str, wanted: str, bind: Callable[[inspect.Signature], object]) -> str | None:
@@ -176,6 +178,6 @@ def _bind_solve(signature: inspect.Signature) -> None:
     signature.bind(None, start=None, observe=None)
 
 
-def _an(value: Any) -> str:
+def _with_article(value: Any) -> str:
     kind = type(value).__name__
     return f"{'an' if kind[:1].lower() in 'aeiou' else 'a'} {kind}"

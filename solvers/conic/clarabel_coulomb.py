@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import check_form
 from .fixed_point import FixedPointMethod, check_memory
-from .programs import ClarabelProgram, Form, obstacle
+from .programs import ClarabelProgram, Form, unsupported_reason
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ClarabelCoulomb(FixedPointMethod):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return obstacle(problem, self.form)
+        return unsupported_reason(problem, self.form)
 
     def program(self, problem: ContactProblem) -> ClarabelProgram:
         """Return the program, set up."""

@@ -23,7 +23,7 @@ from ...problems.contact.residual import ModelResidual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, check_form
-from .programs import ClarabelProgram, ConicStatus, Form, obstacle
+from .programs import ClarabelProgram, ConicStatus, Form, unsupported_reason
 
 LADDER = tuple(10.0**-digits for digits in range(3, 16))
 """Tolerances of the conic solver; smaller ones are meaningless in double precision."""
@@ -60,7 +60,7 @@ class ClarabelSOCP(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return obstacle(problem, self.form)
+        return unsupported_reason(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedConvex":
         """Set up the program."""

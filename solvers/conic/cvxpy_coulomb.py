@@ -21,7 +21,7 @@ from ...problems.contact.laws import ROWS_OF_KIND, LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
 from .fixed_point import FixedPointMethod, check_memory
-from .programs import ConicResult, ConicStatus, Scaling, friction_parts, obstacle
+from .programs import ConicResult, ConicStatus, Scaling, friction_parts, unsupported_reason
 
 MAX_CONTACTS = 2500
 """Contacts beyond which compiling takes gigabytes: 0.5 GB at 1000, 1.4 GB at 2000."""
@@ -80,7 +80,7 @@ class CvxpyCoulomb(FixedPointMethod):
             return (
                 f"it has {problem.n_contacts} contacts, and cvxpy needs gigabytes to compile more than {MAX_CONTACTS}"
             )
-        return obstacle(problem, "delassus")
+        return unsupported_reason(problem, "delassus")
 
     def program(self, problem: ContactProblem) -> "CvxpyProgram":
         """Return the program, compiled."""

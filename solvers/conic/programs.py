@@ -81,7 +81,7 @@ class ConicProgram(Protocol):
         ...
 
 
-def obstacle(problem: ContactProblem, form: Form) -> str | None:
+def unsupported_reason(problem: ContactProblem, form: Form) -> str | None:
     """Return why ``problem`` has no cone program in ``form``, or None."""
     if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:
         return "G is not symmetric, so the convex model has no energy to minimise"

@@ -27,7 +27,7 @@ from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import check_form, check_option
 from .followed_path import FollowedPath
-from .interior_point import NewtonSystem, form_obstacle, newton_system
+from .interior_point import NewtonSystem, newton_system, unsupported_form
 from .progress import Progress
 from .runs import NEGLIGIBLE_STEP, InteriorMethod, PreparedRuns
 from .scaled_problem import ScaledProblem
@@ -61,7 +61,7 @@ class CentralPath(InteriorMethod):
         if len(remote):
             law = int(layout.friction_law[remote[0]])
             return f"friction law {law} is bounded by the unilateral law of another contact"
-        return form_obstacle(problem, self.form)
+        return unsupported_form(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedPath":
         """Scale the problem, assemble what the form needs, and order the factorisation."""

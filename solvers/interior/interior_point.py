@@ -111,7 +111,7 @@ class InteriorPoint(InteriorMethod):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return form_obstacle(problem, self.form)
+        return unsupported_form(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorPoint":
         """Scale the problem, assemble what the form needs, and order the factorisation."""
@@ -121,7 +121,7 @@ class InteriorPoint(InteriorMethod):
         return PreparedInteriorPoint(problem, residual, scaled, newton_system(problem, scaled, self.form), self)
 
 
-def form_obstacle(problem: ContactProblem, form: str) -> str | None:
+def unsupported_form(problem: ContactProblem, form: str) -> str | None:
     """Return why the Newton systems of ``problem`` cannot have this form, or None."""
     if form == "factors" and problem.factors is None:
         return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"

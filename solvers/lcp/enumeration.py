@@ -123,9 +123,9 @@ class PreparedEnumeration:
                 for law, state in enumerate(states)
             )
             if not slips_for_nothing:  # the bound is zero, and "+" is the same state
-                yield self._solved(states)
+                yield self._solve(states)
 
-    def _solved(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:
+    def _solve(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:
         laws, n_rows = self.problem.laws, self.problem.n_rows
         system, right = self.matrix.copy(), -self.problem.free_velocity
         for law, state in enumerate(states):

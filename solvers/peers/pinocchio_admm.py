@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
-from .pinocchio_problem import Contacts, check_installed, obstacle, on_deep_stack, pinocchio
+from .pinocchio_problem import Contacts, check_installed, on_deep_stack, pinocchio, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 TOLERANCE_RATIO = 0.5
@@ -52,7 +52,7 @@ class PinocchioADMM(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return obstacle(problem)
+        return unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedADMM":
         """Assemble scaled G and the contacts."""
@@ -100,10 +100,10 @@ class PreparedADMM(PreparedRounds):
             if result.isValid():
                 result.setConstraintVelocityGuess(result.retrieveConstraintVelocities())
                 settings.warmstart_rho_with_previous_result = True
-            result.setConstraintImpulseGuess(contacts.theirs(impulses))
+            result.setConstraintImpulseGuess(contacts.to_pinocchio(impulses))
             arguments = operator, contacts.velocity, contacts.models, contacts.datas, settings, result
             is_converged = on_deep_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
-            found = contacts.ours(result.retrieveConstraintImpulses())
+            found = contacts.from_pinocchio(result.retrieveConstraintImpulses())
             return Round(found, min(result.iterations, iterations), bool(is_converged))
 
         return call

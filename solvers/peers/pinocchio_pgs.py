@@ -6,7 +6,7 @@ from typing import ClassVar
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
-from .pinocchio_problem import Contacts, check_installed, obstacle, on_deep_stack, pinocchio
+from .pinocchio_problem import Contacts, check_installed, on_deep_stack, pinocchio, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 UNREACHABLE = 1e-300
@@ -42,7 +42,7 @@ class PinocchioPGS(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         if problem.n_contacts > MAX_CONTACTS:
             return f"it has {problem.n_contacts} contacts, and the dense G of more than {MAX_CONTACTS} takes gigabytes"
-        return obstacle(problem)
+        return unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedPGS":
         """Assemble scaled dense G and the contacts."""
@@ -72,9 +72,9 @@ class PreparedPGS(PreparedRounds):
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
             settings.max_iterations = iterations
-            result.setConstraintImpulseGuess(contacts.theirs(impulses))
+            result.setConstraintImpulseGuess(contacts.to_pinocchio(impulses))
             arguments = self._operator, contacts.velocity, contacts.models, contacts.datas, settings, result
             on_deep_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
-            return Round(contacts.ours(result.retrieveConstraintImpulses()), iterations, False)
+            return Round(contacts.from_pinocchio(result.retrieveConstraintImpulses()), iterations, False)
 
         return call

@@ -46,7 +46,7 @@ def pinocchio() -> Any:
     return importlib.import_module("pinocchio")
 
 
-def obstacle(problem: ContactProblem) -> str | None:
+def unsupported_reason(problem: ContactProblem) -> str | None:
     """Return why Pinocchio's point contacts cannot represent ``problem``, or None."""
     laws = problem.laws
     n_contacts = laws.n_laws // 2
@@ -83,7 +83,7 @@ class Contacts:
 
     @staticmethod
     def of(problem: ContactProblem) -> "Contacts":
-        """Return the contacts of a problem without an ``obstacle``."""
+        """Return the contacts of a problem that Pinocchio supports."""
         pin = pinocchio()
         scaling = Scaling(problem)
         order = np.arange(problem.n_rows).reshape(-1, 3)[:, [1, 2, 0]].ravel()
@@ -103,13 +103,13 @@ class Contacts:
             datas.append(models[len(models) - 1].createData())
         return Contacts(matrix, velocity, order, scaling.impulse, models, datas)
 
-    def ours(self, answer: FloatArray) -> FloatArray:
+    def from_pinocchio(self, answer: FloatArray) -> FloatArray:
         """Return Λ over rows [N s] from a solution of Pinocchio."""
         impulses = np.empty_like(answer)
         impulses[self.order] = answer
         return impulses * self.impulse
 
-    def theirs(self, impulses: FloatArray) -> FloatArray:
+    def to_pinocchio(self, impulses: FloatArray) -> FloatArray:
         """Return the initial impulses for Pinocchio from Λ over rows [N s]."""
         first: FloatArray = (impulses / self.impulse)[self.order]
         return first
