@@ -22,8 +22,8 @@ from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from ..store.outcome import Outcome
-from .contestants import Contestant
-from .describing import contestant
+from .describing import solver_spec
+from .solver_specs import SolverSpec
 
 GRACE_SECONDS = 1.0
 """Wall time that a solver may take beyond its time limit before its process is ended [s]."""
@@ -53,7 +53,7 @@ class RemoteSolver(RenewedWorker):
 
     def __init__(
         self,
-        solver: Contestant,
+        solver: SolverSpec,
         seconds: float = REQUEST_SECONDS,
         memory_bytes: int = MEMORY_BYTES,
         limit_seconds: float = np.inf,
@@ -181,7 +181,7 @@ def are_iterations(shown: Any) -> bool:
 class SolvingTask:
     """The child's half: answers "problem" (bytes), "supports", "prepare", "solve", and "impulses" of the last solve."""
 
-    contestant: Contestant
+    solver_spec: SolverSpec
     _solver: Solver | None = None
     _problem: ContactProblem | None = None
     _prepared: Prepared | None = None
@@ -194,7 +194,7 @@ class SolvingTask:
             MisbehaviourError: if the solver breaks its contract.
         """
         if self._solver is None:
-            self._solver = self.contestant.make()
+            self._solver = self.solver_spec.make()
         if request == "problem":
             self._problem = read_problem(io.BytesIO(arguments[0]), "problem")
             return {}, b""
@@ -253,11 +253,11 @@ def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
     Raises:
         ProxbenchError: for an unknown name or option, or a plugin's solver that cannot be made.
     """
-    return _working(contestant(name), seconds)
+    return _working(solver_spec(name), seconds)
 
 
 @contextmanager
-def working_solver(solver: Contestant, limit_seconds: float = np.inf) -> Iterator[Solver]:
+def working_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[Solver]:
     """Yield a solver that can be used here; a process of its own, if it has one, ends with the block.
 
     Args:
@@ -272,7 +272,7 @@ def working_solver(solver: Contestant, limit_seconds: float = np.inf) -> Iterato
             working.close()
 
 
-def _working(solver: Contestant, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
+def _working(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
     if solver.is_built_in:
         return solver.make()
     return cast(

@@ -29,7 +29,7 @@ RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
 
 _ELSEWHERE = f"choose another folder with {option('results')}"
 
-LARGEST_FILE = 2**28
+MAX_FILE_BYTES = 2**28
 """Bytes that a file of a run may have."""
 
 
@@ -235,7 +235,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
         BenchError: if it is damaged, too large, or of another format; the sentence ends with the remedy.
     """
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+        if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
             raise BenchError(f"{path.name} is no file that a run writes; remove it.")
         text = path.read_bytes()
     except OSError as error:

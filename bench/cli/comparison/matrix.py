@@ -30,7 +30,7 @@ def matrix(
     from ....problems.contact.solver import Stop
     from ....problems.spelling import for_command_line
     from ...errors import BenchError, UnwritableError
-    from ...measure.contacts.matrix import default_solvers, measured_matrix
+    from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
     from ...report.layout.output_file import refuse_taken, write_file
     from ...report.layout.text import csv_content, print_json
@@ -57,7 +57,7 @@ def matrix(
             shown.name(f"{cell.solver} on {cell.problem}", again=True)
             shown.advance()
 
-        cells = measured_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
+        cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
         print(f"proxbench: {for_command_line(sentence)}", file=sys.stderr)
     command = _command(suite, problem, solver, tolerance, output)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.measure.contacts.matrix import default_solvers, measured_matrix
+from proxbench.bench.measure.contacts.matrix import default_solvers, measure_matrix
 from proxbench.bench.report.matrix import count_bad, matrix_page, matrix_table
 from proxbench.bench.store.outcome import Cell, Outcome
 from proxbench.solvers import Stop, available
@@ -18,7 +18,7 @@ SOLVERS = ["SORprox", "Enumeration", "ClarabelSOCP"]
 
 @pytest.fixture(scope="module")
 def cells() -> list[Cell]:
-    return measured_matrix(PROBLEMS, SOLVERS, Stop(1e-8, 10_000, 2.0))
+    return measure_matrix(PROBLEMS, SOLVERS, Stop(1e-8, 10_000, 2.0))
 
 
 def cell(cells: list[Cell], problem: str, solver: str) -> Cell:
@@ -100,7 +100,7 @@ def test_a_page_names_bad_outcomes_only_where_there_are_any() -> None:
 
 
 def test_a_solver_that_crashes_costs_its_own_cell() -> None:
-    found = measured_matrix(["hard-groove", "hard-sticking-box"], [Misbehaving("segfault")], Stop(1e-6, 100, 1.0))
+    found = measure_matrix(["hard-groove", "hard-sticking-box"], [Misbehaving("segfault")], Stop(1e-6, 100, 1.0))
     assert [crashed.outcome for crashed in found] == [Outcome.CRASHED] * 2
     assert count_bad(found) == 2
     assert "crashed" in matrix_page(found, 1e-6, "")
@@ -109,7 +109,7 @@ def test_a_solver_that_crashes_costs_its_own_cell() -> None:
 @pytest.mark.parametrize("action", ["sleep", "prepare for ever"])
 def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str) -> None:
     ended: list[float] = []
-    found = measured_matrix(
+    found = measure_matrix(
         ["hard-groove", "hard-sticking-box"],
         [Misbehaving(action)],
         Stop(1e-6, 100, 1.0),
@@ -121,7 +121,7 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str)
 
 
 def test_a_solver_that_keeps_its_time_limit_is_not_ended() -> None:
-    (found,) = measured_matrix(["hard-groove"], [Misbehaving("whisper")], Stop(1e-6, 100, 1.0))
+    (found,) = measure_matrix(["hard-groove"], [Misbehaving("whisper")], Stop(1e-6, 100, 1.0))
     assert found.outcome is Outcome.SOLVED
 
 
