@@ -13,7 +13,7 @@ import msgspec
 
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
-from ..problems.spelling import switch
+from ..problems.spelling import option, switch
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
@@ -30,7 +30,7 @@ from .store.bundles.rejudge import Rejudged
 from .store.bundles.rejudge import rejudge as judge_again
 from .store.frames import RunFrames, read_frames
 from .store.plans import Limits, RunSettings
-from .store.store import Store, plain_name
+from .store.store import UNFIT_NAME, Store, plain_name
 
 OnCase = Callable[[int, int], None]
 
@@ -103,7 +103,7 @@ class Run(RunFrames, os.PathLike[str]):
         return make_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
-        """Write one offline HTML page into the folder of the run, as ``proxbench report --html`` does; return its file.
+        """Write one offline HTML page into the folder of the run, as ``proxbench report --page`` does; return its file.
 
         Args:
             residual: as in ``report``.
@@ -266,7 +266,7 @@ def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Pa
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
         return next(folder for folder in itertools.chain([first], numbered) if not folder.exists())
     if run_id != plain_name(run_id):
-        raise BenchError(f"run id {run_id!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
+        raise BenchError(f"{option('run_id')} {run_id!r} {UNFIT_NAME}")
     return Path(results) / run_id
 
 

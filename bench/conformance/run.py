@@ -106,7 +106,9 @@ def _named(target: str) -> list[dict[str, str]]:
         return [{"kind": "solver", "name": solver.name, "source": solver.source}]
     known = problem_names()
     if target not in known:
-        raise BenchError(f"there is no solver or problem {target!r}{suggestion(target, [*available(), *known])}")
+        raise BenchError(
+            f"there is no solver or problem {target!r}{suggestion(target, [*available(), *known], 'proxbench list')}"
+        )
     source = next((offer.source for offer in plugin_problems() if offer.name == target), "")
     if not source:
         load(target)  # which says how to make a problem that is not generated yet

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
+from ...problems.representation import counted, html_table, names_or_number
 from ..errors import BenchError
 from ..plugins.describing import solver_spec
 from ..plugins.solver_specs import SolverSpec
@@ -51,6 +52,26 @@ class Plan(Generic[Measured]):
     record: PlanRecord
     problems: tuple[str | ContactProblem, ...]
     solvers: tuple[Measured, ...]
+
+    def __repr__(self) -> str:
+        settings = self.record
+        sizes = counted(len(settings.tolerances), "tolerance"), counted(settings.passes, "pass", "passes")
+        return f"<Plan: {'; '.join(self._names().values())}; {', '.join(sizes)}>"
+
+    def _repr_html_(self) -> str:
+        settings = self.record
+        facts: dict[str, object] = dict(self._names())
+        facts["tolerances"] = ", ".join(f"{tolerance:g}" for tolerance in settings.tolerances)
+        facts |= {"passes": settings.passes, "limit of a solve [s]": settings.limits.solve_seconds}
+        return html_table("Plan of a run", facts)
+
+    def _names(self) -> dict[str, str]:
+        """Return the names of problems and solvers, or their numbers if there are many."""
+        measured = "method" if self.record.methods else "solver"
+        return {
+            "problems": names_or_number(self.record.problems, "problem"),
+            f"{measured}s": names_or_number(self.record.solvers, measured),
+        }
 
 
 def make_plan(

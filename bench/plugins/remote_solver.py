@@ -8,7 +8,8 @@ raise, hang, crash or take memory without harm to the process that judges: a req
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any, cast
 
 import numpy as np
@@ -21,7 +22,7 @@ from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, s
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
-from ..store.outcome import Outcome
+from ..store.outcome import LATE_PREPARING, Outcome, late_reason
 from .describing import solver_spec
 from .solver_specs import SolverSpec
 
@@ -65,8 +66,8 @@ class RemoteSolver(RenewedWorker):
             seconds: wall time that a request may take beyond the time limit of its solve [s]: preparing, and ending an
                 iteration.
             memory_bytes: memory that it may take beyond what the framework itself needs.
-            limit_seconds: wall time after which, and ``GRACE_SECONDS``, preparing and solving are ended [s], each by
-                itself; where it is infinite, they are ended after ``seconds`` and the time limit of the solve.
+            limit_seconds: wall time for preparing and solving together [s]; each is ended ``GRACE_SECONDS`` later. If
+                infinite, each is ended after ``seconds`` and the time limit of the solve.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
         self._limit_seconds = limit_seconds
@@ -119,6 +120,11 @@ class RemoteSolver(RenewedWorker):
             reason = f"it did not end at its time limit of {limit:g} s"
             raise FailedSolveError(self.name, Fault(Outcome.TIMEOUT, reason)) from None
 
+    @property
+    def has_one_limit(self) -> bool:
+        """Whether preparing counts towards the time limit of a solve."""
+        return bool(np.isfinite(self._limit_seconds))
+
     def failure(self, fault: Fault) -> Exception:
         """Return the error of a request that is not answered."""
         return FailedSolveError(self.name, fault)
@@ -149,7 +155,7 @@ class RemotePrepared:
             FailedSolveError: if the solver does not answer, or with what is no solution.
         """
         self.solver.make_ready(self.problem)  # another one was prepared meanwhile, or the process is a fresh one
-        arguments = stop, start, observe is not None
+        arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
         _, content = self.solver.ask("impulses")  # iterates may be many, and their transfer is no time of the solver
         shown: Any = answer.get("shown")
@@ -185,6 +191,7 @@ class SolvingTask:
     _solver: Solver | None = None
     _problem: ContactProblem | None = None
     _prepared: Prepared | None = None
+    _prepare_seconds: float = 0.0
     _impulses: bytes = b""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
@@ -210,12 +217,20 @@ class SolvingTask:
         return {"refusal": reason or ""}, b""
 
     def _prepare(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
+        began = perf_counter()
         self._prepared = solver.prepare(problem)
+        self._prepare_seconds = perf_counter() - began
         refuse(prepared_fault(self._prepared))
         return {}, b""
 
     def _solve(
-        self, solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None, is_observed: bool
+        self,
+        solver: Solver,
+        problem: ContactProblem,
+        stop: Stop,
+        start: FloatArray | None,
+        is_observed: bool,
+        has_one_limit: bool,
     ) -> tuple[dict[str, Any], bytes]:
         assert self._prepared is not None
         shown: list[int] = []
@@ -229,10 +244,18 @@ class SolvingTask:
                 raise MisbehaviourError(f"it showed its observer impulses of shape {shape}, not a row each")
 
         digest = problem.digest
-        solution = self._prepared.solve(stop, start=start, observe=note if is_observed else None)
+        left, began = stop.max_seconds - (self._prepare_seconds if has_one_limit else 0.0), perf_counter()
+        if left > 0.0:
+            own_stop = replace(stop, max_seconds=left)
+            solution = self._prepared.solve(own_stop, start=start, observe=note if is_observed else None)
+        else:
+            solution = Solution(np.zeros(problem.n_rows), Status.TIME_LIMIT, 0, LATE_PREPARING)
+        late = late_reason(self._prepare_seconds + perf_counter() - began, stop.max_seconds) if has_one_limit else ""
         refuse(solution_fault(problem, solution))
         if problem.fresh().digest != digest:
             raise MisbehaviourError("it changed the numbers of the problem")
+        if late and solution.status is Status.SOLVED:
+            solution = replace(solution, status=Status.TIME_LIMIT, message=late)
         answer = {
             "status": solution.status.value,
             "iterations": int(solution.iterations),

@@ -27,6 +27,7 @@ from ....solvers.contract import prepared_fault, reason_fault, solution_fault, t
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
 from ...plugins.solver_specs import SolverSpec
+from ...store.outcome import LATE_PREPARING
 from ..ladder import MAX_REASON_LENGTH
 
 FIRST_ITERATIONS = 30
@@ -248,7 +249,7 @@ class Measurement:
                 if synchronise is not None:
                     synchronise()
             else:
-                solution = Solution(impulses, Status.TIME_LIMIT, 0, "preparing took longer than the time limit")
+                solution = Solution(impulses, Status.TIME_LIMIT, 0, LATE_PREPARING)
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()

@@ -21,7 +21,7 @@ from ....problems.spelling import option
 from ...errors import BenchError
 from ..plans import PlanRecord
 from ..records import CaseRecord, Session, with_sessions
-from ..store import Store
+from ..store import ELSEWHERE, Store
 from .bundle import Bundle, bundle_of_run, read_bundle
 from .rejudge import rejudge
 
@@ -185,7 +185,7 @@ def _write(folder: Path, merged: _Merged) -> None:
         made = folder.parent / f".{uuid4()}{PART}"
         made.mkdir()
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     try:
         store = Store.create(made)
         for problem in merged.carried.values():
@@ -195,6 +195,6 @@ def _write(folder: Path, merged: _Merged) -> None:
         store.write_run(replace(merged.run, run_id=folder.name))
         os.rename(made, folder)
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)

@@ -140,7 +140,7 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
     text: str, words: str, written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(text)
-    for line in (["run", "--results", str(tmp_path / "results"), "--plugin", str(path)], ["check", str(path)]):
+    for line in (["run", "--output", str(tmp_path / "results"), "--plugin", str(path)], ["check", str(path)]):
         assert run_command(line) == 2
         printed = capsys.readouterr()
         assert printed.out == ""
@@ -165,7 +165,7 @@ def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
     code: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(GOOD + code)
-    assert run_command(["run", "--results", str(tmp_path / "results"), "--plugin", str(path)]) == 2
+    assert run_command(["run", "--output", str(tmp_path / "results"), "--plugin", str(path)]) == 2
     printed = capfd.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
@@ -243,7 +243,7 @@ def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
     for body, words in (("return 3", "makes a value of type int"), ("1 / 0", "cannot be built: ZeroDivisionError")):
         path = written(f"def f():\n    {body}\nPROBLEMS = {{'mine': f}}")
         results = tmp_path / "results"
-        for line in (["generate", "mine"], ["run", "--problem", "mine", "--results", str(results)]):
+        for line in (["generate", "mine"], ["run", "--problem", "mine", "--output", str(results)]):
             assert run_command([*line, "--plugin", str(path)]) == 2
             assert words in capsys.readouterr().err
         assert not results.exists()

@@ -169,7 +169,7 @@ def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
         "-c",
         "from proxbench.bench.cli.main import main; main()",
         "run",
-        "--results",
+        "--output",
         str(tmp_path),
     ]
     names = ["hard-no-motion", "hard-tresca-joint", "funnel-100", "funnel-1000"]

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+from cheating_solvers import LateInPrepare
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.measure.contacts.matrix import default_solvers, measure_matrix
@@ -118,6 +119,14 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str)
     assert [hung.outcome for hung in found] == [Outcome.TIMEOUT] * 2
     assert {hung.reason for hung in found} == {"it did not end at its time limit of 1 s"}
     assert 2.0 < ended[1] - ended[0] < 8.0  # the limit, the grace, and a process that starts
+
+
+def test_preparing_counts_towards_the_time_limit_of_a_solve() -> None:
+    solver = LateInPrepare()
+    (late,) = measure_matrix(["hard-groove"], [solver], Stop(1e-6, 100, 0.02))
+    assert late.outcome is Outcome.TIME_LIMIT
+    (in_time,) = measure_matrix(["hard-groove"], [solver], Stop(1e-6, 100, 2.0))
+    assert in_time.outcome is Outcome.SOLVED
 
 
 def test_a_solver_that_keeps_its_time_limit_is_not_ended() -> None:
