@@ -17,7 +17,7 @@ from ..problems.spelling import option, switch
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
-from .measure.runner import measure, measure_rest
+from .measure.runner import measure, resume_measuring
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
@@ -29,7 +29,7 @@ from .store.bundles.merge import merge as merge_sources
 from .store.bundles.rejudge import Rejudged
 from .store.bundles.rejudge import rejudge as judge_again
 from .store.frames import RunFrames, read_frames
-from .store.records import Limits
+from .store.plans import Limits, RunSettings
 from .store.store import UNFIT_NAME, Store, plain_name
 
 OnCase = Callable[[int, int], None]
@@ -193,18 +193,14 @@ def run(
         "memory_bytes": None if memory is None else round(memory * 2**20),
     }
     changed = {name: value for name, value in given.items() if value is not None}
-    plan = make_plan(
-        _several(problems),
-        _several(solvers),
-        suite,
+    settings = RunSettings.checked(
         _several(tolerances),
         msgspec.structs.replace(limits or Limits(), **changed),
-        passes,
-        seed,
-        sample,
-        thorough,
-        shard,
+        passes=passes,
+        seed=seed,
+        thorough=thorough,
     )
+    plan = make_plan(_several(problems), _several(solvers), settings, suite=suite, sample=sample, shard=shard)
     folder = _new_folder(results, run_id)
     measure(plan, folder, on_event, executor)
     return load(folder)
@@ -301,7 +297,7 @@ def resume(
             or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
+    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
     return load(run_dir)
 
 

@@ -36,6 +36,7 @@ def record(
     from ..recordings.still import refuse_still, write_still
     from ..report.layout.text import print_json
     from ..simulation.file import is_result
+    from ..store.plans import RunSettings
     from .simulation.show import record_simulation
 
     options.refuse_two_prints(quiet, as_json)
@@ -47,7 +48,7 @@ def record(
     if is_simulation:
         record_simulation(Path(problem), file, force)
     else:
-        plan = make_plan([problem], solver, tolerances=[tolerance])
+        plan = make_plan([problem], solver, RunSettings.checked([tolerance]))
         stop = Stop(tolerance, max_iterations, solve_seconds)
         made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, file, force)
     if still is not None:

@@ -36,7 +36,7 @@ UNFIT_NAME = (
 )
 """What is wrong with a name that ``plain_name`` changes."""
 
-LARGEST_FILE = 2**28
+MAX_FILE_BYTES = 2**28
 """Bytes that a file of a run may have."""
 
 
@@ -254,7 +254,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
         BenchError: if it is damaged, too large, or of another format; the sentence ends with the remedy.
     """
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+        if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
             raise BenchError(f"{path.name} is no file that a run writes; remove it.")
         text = path.read_bytes()
     except OSError as error:

@@ -101,7 +101,7 @@ def test_a_quiet_matrix_prints_where_its_page_is(capsys: pytest.CaptureFixture[s
     line = f"matrix --problem hard-groove --problem hard-empty --solver SORprox --quiet --output {page}"
     assert run_command(line.split()) == 0
     printed = capsys.readouterr()
-    assert (printed.out, printed.err) == (f"matrix   {page}\n", "")
+    assert (printed.out, printed.err) == (f"matrix   {page}\ntable    {page.with_suffix('.csv')}\n", "")
     assert "hard-groove" in page.read_text()
 
 

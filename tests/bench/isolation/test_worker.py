@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from proxbench.bench.isolation.child import IN_A_COPY
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
-from proxbench.bench.measure.plan import Limits
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 
@@ -25,7 +25,7 @@ ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
 def carried_out(action: str) -> Case:
     problem = load("hard-sticking-box")
     limits = replace(LIMITS, case_seconds=ENDLESS.get(action, LIMITS.case_seconds))
-    case = Case(problem, contestant(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
+    case = Case(problem, solver_spec(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
     try:
         case.begin()
         if case.is_open(0):

@@ -9,7 +9,8 @@ from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure import ladder
 from proxbench.bench.measure.ladder import LadderCase, measure_ladder
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Limits, Point
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import Point
 
 
 class Fake(LadderCase[None]):

@@ -8,7 +8,7 @@ import pytest
 from proxbench.bench import load, resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.problems import resolved
 from proxbench.bench.store.outcome import Outcome
@@ -72,7 +72,7 @@ def written(tmp_path: Path) -> Callable[..., Path]:
 def test_a_file_s_names_can_be_measured(written: Callable[..., Path], tmp_path: Path) -> None:
     use_plugin_files([written(GOOD)])
     assert "Filed" in available()
-    assert contestant("Filed(relaxation = 1.5)").name == "Filed(relaxation=1.5)"
+    assert solver_spec("Filed(relaxation = 1.5)").name == "Filed(relaxation=1.5)"
     assert resolved("falling-point").name == "falling-point"
     folder = run(
         ["falling-point", "hard-sticking-box"],
@@ -186,19 +186,19 @@ def test_two_files_with_one_name_are_refused_and_the_first_stays(written: Callab
         PluginError, match=r"other\.py offers the solver 'Filed', and plugin file .*mine\.py offers the"
     ):
         use_plugin_files([written(GOOD, "other.py")])
-    assert contestant("Filed").name == "Filed"
+    assert solver_spec("Filed").name == "Filed"
 
 
 def test_a_name_that_hides_its_options_is_refused(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD.replace("name = property(described)", "name = 'Filed'"))])
     with pytest.raises(PluginError, match=r"with relaxation=1.5 it still calls itself 'Filed'"):
-        contestant("Filed(relaxation=1.5)")
+        solver_spec("Filed(relaxation=1.5)")
 
 
 def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD)])
     with pytest.raises(PluginError, match="'relaxation'"):
-        contestant("Filed(relaxtion=1)")
+        solver_spec("Filed(relaxtion=1)")
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ import pytest
 from habitual_solvers import STOP, Wrapped
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.case import warm_up_data
-from proxbench.bench.measure.contacts.clock_account import ALLOWANCE, REQUEST_SECONDS, SHARE, ClockAccount
+from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, REQUEST_SECONDS, SHARE, ClockAccount
 from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.contacts.timed_round import TimedRound
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Limits
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.solvers import Status, create
 
@@ -24,14 +24,14 @@ MICROSECOND = 1e-6
 
 @pytest.fixture
 def controls(request: pytest.FixtureRequest) -> Iterator[Controls]:
-    made = Controls(PROBLEM, warm_up_data(PROBLEM), contestant(request.param), LIMITS)
+    made = Controls(PROBLEM, warm_up_data(PROBLEM), solver_spec(request.param), LIMITS)
     yield made
     made.close()
 
 
 def test_a_solver_that_remembers_is_accused_with_both_times() -> None:
     problem = load("funnel-1000")  # ten milliseconds, which no noise makes microseconds
-    controls = Controls(problem, warm_up_data(problem), contestant(Wrapped("remember")), LIMITS)
+    controls = Controls(problem, warm_up_data(problem), solver_spec(Wrapped("remember")), LIMITS)
     with contextlib.closing(controls), pytest.raises(Fault) as found:
         controls.first_solves(STOP, 8 * MICROSECOND, lambda: 8 * MICROSECOND)
     assert found.value.outcome is Outcome.MISBEHAVED
@@ -65,6 +65,6 @@ def of_one_solve(seconds: float) -> TimedRound:
 def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
     account = ClockAccount(PROBLEM)
     assert account.fault(of_one_solve(1.0), worked=1.0 + SHARE + REQUEST_SECONDS) is None
-    fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE + 0.1)
+    fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE_SECONDS + 0.1)
     assert fault is not None
     assert "s in rounds, of which its own clock explains 1.0" in fault
