@@ -33,6 +33,7 @@ MOST_ARROWS = 40
 AT_HOME = {
     "altair": {
         "bench/report/charts/drawing.py",
+        "bench/report/charts/plots.py",
         "bench/report/charts/problems.py",
         "bench/report/charts/profiles.py",
         "bench/report/charts/summary.py",

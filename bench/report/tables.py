@@ -41,7 +41,7 @@ from .cells import (
 )
 from .layout.fitting import hanging, narrowest, print_table
 from .layout.output_file import write_file
-from .layout.text import counted, csv_content, inline, markdown_table
+from .layout.text import counted, csv_content, inline, latex_table, markdown_table
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
@@ -88,10 +88,10 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
-    """Write all tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
+    """Write all tables as CSV, Parquet, Markdown and LaTeX, and the matrix of solvers and problems; return the files.
 
-    A run over trajectories has results and a table of its points. The matrix is of claims, which are
-    of judged residuals, and written with those alone.
+    A run over trajectories has results and a table of its points. The matrix shows claims, which are about judged
+    residuals, so it is written with judged residuals only.
 
     Raises:
         UnwritableError: if they cannot be written.
@@ -102,7 +102,12 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
         parquet = io.BytesIO()
         frame.to_parquet(parquet, index=False)
         page = _markdown_head(frames) + _markdown(shown(frame)) + note
-        contents = {"csv": csv_content(frame), "parquet": parquet.getvalue(), "md": page.encode()}
+        contents = {
+            "csv": csv_content(frame),
+            "parquet": parquet.getvalue(),
+            "md": page.encode(),
+            "tex": latex_table(shown(frame)).encode(),
+        }
         files += [write_file(folder / f"{name}.{kind}", content) for kind, content in contents.items()]
     if not frames.is_study and frames.residual == JUDGED:
         files.append(write_file(folder / "matrix.md", matrix_of_run(frames).encode()))

@@ -117,12 +117,17 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
     files = []
     draw = trajectory_chart if frames.is_study else problem_chart
     for problem in frames.cases["problem"].unique():
-        drawn = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
-        if len(drawn) or len(_iterations(frames, problem).rows):
+        if has_drawable_rows(frames, problem):
             files += write_drawing(draw(frames, problem), folder / plain_name(problem))
     for name, chart in ({} if frames.is_study else summary_charts(frames)).items():
         files += write_drawing(chart, folder / name)
     return files
+
+
+def has_drawable_rows(frames: RunFrames, problem: str) -> bool:
+    """Return whether a chart of a problem has anything to show."""
+    costs = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
+    return len(costs) > 0 or len(_iterations(frames, problem).rows) > 0
 
 
 def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
