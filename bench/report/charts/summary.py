@@ -138,7 +138,7 @@ def _time_panel(
     columns = ["solver", "accuracy", "problem", "milliseconds"]
     dots, mean = tried[tried["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]
     rows = _rows(means["solver"].unique(), named=first, grid=True)
-    across = log_axis(alt.X, "milliseconds", "time, preparing included [ms]", domain).axis(
+    across = log_axis(alt.X, "milliseconds", "time, preparation included [ms]", domain).axis(
         format="~g", values=round_values(domain)
     )
     tick = alt.Chart(dots.dropna()).mark_tick(thickness=1.5, height=10, opacity=0.75)

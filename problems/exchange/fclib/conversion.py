@@ -128,7 +128,7 @@ def _local(contents: LocalContents, treatment: Asymmetry, attributes: dict[str, 
     if off > SYMMETRY_TOLERANCE:
         misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
         if treatment == "refuse" or (treatment == "symmetrise" and not off <= LARGEST_ASYMMETRY):
-            raise ProblemError(f"{misses}; correct it, or read it as it is with `asymmetry` 'keep'.")
+            raise ProblemError(f"{misses}; correct it, or keep it with `asymmetry` keep.")
         attributes["provenance"]["asymmetry"] = off
         if treatment == "keep":
             attributes["allow_asymmetric"] = True
