@@ -48,6 +48,16 @@ def test_the_message_ends_with_the_part_that_solves_the_problem(name: str, part:
     assert ": slow; " in solution.message
 
 
+@pytest.mark.parametrize("name", ["hard-chain-100", "hard-chain-100-pulled"])
+def test_with_joints_newton_steps_follow_a_short_window_of_sweeps(name: str) -> None:
+    """An impulse passes one joint per sweep, so a hundred joints would take several windows."""
+    problem = load(name)
+    solution = solve(problem, tolerance=1e-8)
+    assert solution.status is Status.SOLVED
+    assert solution.message.endswith("; Newton steps: solved")
+    assert solution.iterations < WINDOW
+
+
 def test_sweeps_continue_after_useless_newton_steps() -> None:
     """On few rows Newton steps are tried after a hundred slow sweeps; here sweeps find the solution later."""
     problem = load("hard-random-frictionless-masses")

@@ -7,7 +7,7 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
-from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, Progress
+from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, MIN_STEPS, Progress
 from proxbench.solvers.interior.runs import InteriorMethod, SingleRun
 from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
 
@@ -99,3 +99,22 @@ def test_only_a_check_of_the_gain_ends_a_solve_without_one() -> None:
     progress.check_gain()
     assert progress.outcome is not None
     assert progress.outcome[0] is Status.STALLED
+
+
+def test_the_gain_of_a_run_is_measured_within_that_run() -> None:
+    """A run after 300 fruitless steps of an earlier run has 200 steps of its own."""
+    problem = load("funnel-30")
+    residual, rng = Residual(problem), np.random.default_rng(1)
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))
+    progress.record(rng.uniform(size=problem.n_rows), 1e-3)
+    for _ in range(300):
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.end(Status.STALLED, "short steps")
+    assert progress.may_run()
+    for _ in range(MIN_STEPS - 1):
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.check_gain()
+    assert progress.outcome is None
+    progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.check_gain()
+    assert progress.outcome is not None

@@ -88,6 +88,19 @@ def test_an_extrapolation_that_misleads_is_undone() -> None:
     assert mixed.impulses() == pytest.approx(0.9 ** (2 * FIRST_WINDOW + 1))
 
 
+@pytest.mark.parametrize(("trap", "is_undone"), [(0.1, False), (0.8, True)])
+def test_an_extrapolation_is_undone_if_it_moves_more_than_twice_as_far_as_the_window_before(
+    trap: float, is_undone: bool
+) -> None:
+    """The window before moved by 0.9³ − 0.9⁶ = 0.198; the trap adds a displacement at the extrapolated point."""
+    mixed = AndersonSweeps(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + trap), np.ones(1)), np.ones(1), 1)
+    mixed.sweep(3 * FIRST_WINDOW)
+    away = trap * 0.9 ** (FIRST_WINDOW - 1)
+    assert mixed.impulses() == pytest.approx(away, rel=1e-3)
+    mixed.sweep(1)
+    assert (mixed.impulses() == pytest.approx(0.9 ** (2 * FIRST_WINDOW + 1))) is is_undone
+
+
 def test_zero_differences_and_diverging_iterates_are_not_extrapolated() -> None:
     differences = WindowDifferences(3, 2)
     assert differences.step(np.ones(2), np.zeros(2)) is None
