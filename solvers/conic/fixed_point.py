@@ -3,7 +3,7 @@
 Coulomb's law is the associated law for the velocity whose normal part is raised by s = μ‖ξ_T‖ (and by μ_r‖ξ_R‖ more
 where there is rolling friction),
 
-    −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact,
+    −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact.
 
 Each outer iteration solves one cone program with c_N + s and computes s from the resulting velocity: s ← F(s). The
 plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. Where the

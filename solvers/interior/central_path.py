@@ -11,8 +11,8 @@ no solution to converge to, and stagnates. The path is therefore followed by arc
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
-The angle to the previous tangent does not where the path bends sharply, and would lead back. Where the solution is
-strictly complementary the path is analytic at τ = 0 and converges fast; elsewhere the residual decreases like √τ.
+The angle to the previous tangent would lead back where the path bends sharply. Where the solution is strictly
+complementary the path is analytic at τ = 0 and converges fast; elsewhere the residual decreases like √τ.
 """
 
 from dataclasses import dataclass, field

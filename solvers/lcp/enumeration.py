@@ -100,7 +100,9 @@ class PreparedEnumeration:
         if best_residual <= max(NO_SOLUTION, stop.tolerance):
             reason = f"rounding limits the best of {tried} combinations to residual {best_residual:.1e}"
             return Solution(best, Status.STALLED, tried, reason)
-        return Solution(best, Status.INFEASIBLE, tried, f"none of {tried} states solves it, and none is singular")
+        return Solution(
+            best, Status.INFEASIBLE, tried, f"none of {tried} combinations is a solution, and none is singular"
+        )
 
     def all_solutions(self, tolerance: float) -> list[FloatArray]:
         """Return all different Λ whose residual in the judge's arithmetic is at most ``tolerance``."""

@@ -2,7 +2,7 @@
 
 Nesterov's method for ½ΛᵀGΛ + cᵀΛ over the product K of friction cones,
 
-    Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k),
+    Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k).
 
 The step t is halved while the function lies above its quadratic bound, and grows by a tenth after each iteration. The
 method restarts with β = 0 where the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).

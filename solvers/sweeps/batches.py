@@ -28,7 +28,7 @@ class Batches(NamedTuple):
     """The place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
 
     places: Any
-    count: int
+    n_batches: int
 
 
 def assign_batches(pieces: Pieces) -> Batches:

@@ -80,7 +80,7 @@ class FactorSweep:
             return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
         product = (_product_spatial_pairs, _pairs(pieces), free)
         batches = assign_batches(pieces)
-        n_lanes = LANES * batches.count
+        n_lanes = LANES * batches.n_batches
         if len(batches.places) < MIN_FILL * n_lanes or not layout.bounds_are_own:
             arguments = (*_pairs(pieces), free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))

@@ -1,4 +1,4 @@
-"""A census of stalls: what ends stalled is run on for ten times as long, without the rule and from what it returned.
+"""Stalled solves are continued ten times as long, without the rule and from the returned impulses.
 
 A stall is false if that brings the judged residual below half of what it was, unless it was rounding already.
 """
@@ -54,7 +54,7 @@ UNIT_ROUNDING = 0.01
 
 
 def without_rules(patch: pytest.MonkeyPatch) -> None:
-    """Let sweeps and interior points go on where nothing moves or rounding is all."""
+    """Disable the rules that end sweeps and interior points as stalled."""
     cycle, end = Monitor.check_cycle, Progress.end
 
     def no_stall(monitor: Monitor, *iterates: Any) -> Outcome | None:

@@ -1,4 +1,4 @@
-"""Refined takes a fixed point over cone programs to where an interior point method alone cannot come."""
+"""Refined reaches residuals that a fixed point over cone programs alone does not."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from proxbench.solvers.composite.refined import Refinement
 from proxbench.solvers.iteration.stopping import Clock
 
 
-def test_it_reaches_what_an_interior_point_method_cannot() -> None:
+def test_it_reaches_residuals_that_an_interior_point_method_cannot() -> None:
     problem = load("hard-incline-mu1-critical")
     plain = solve(problem, "ClarabelCoulomb", tolerance=1e-12)
     refined = solve(problem, "Refined(ClarabelCoulomb)", tolerance=1e-12)
@@ -52,7 +52,7 @@ def test_impulses_with_the_states_of_the_solution_are_corrected_to_rounding(scal
     assert reached <= 1e-14
 
 
-def test_its_name_has_the_solver_with_its_options() -> None:
+def test_its_name_contains_the_solver_with_its_options() -> None:
     assert create("Refined(ClarabelCoulomb(memory=0))").name == "Refined(ClarabelCoulomb(memory=0))"
 
 

@@ -1,4 +1,4 @@
-"""Restarts begin where the solve has come closest, and are limited by counted work."""
+"""Restarts begin at the best iterate and are limited by counted work."""
 
 from types import SimpleNamespace
 
@@ -23,7 +23,7 @@ from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 def restarts_of(
     problem: ContactProblem, first: np.ndarray, stop: Stop
 ) -> tuple[Restarts, IterationDriver, NewtonRunner]:
-    """The restarts of a solve that has done nothing yet."""
+    """Return the restarts of a solve without iterations."""
     sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, 1.5))
 
     def begin(impulses: np.ndarray) -> SafeguardedIterates:
@@ -35,7 +35,7 @@ def restarts_of(
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_they_begin_from_the_best_iterate(seed: int) -> None:
+def test_restarts_begin_from_the_best_iterate(seed: int) -> None:
     """One step from impulses that have the states of the solution solves the problem; from others it does not."""
     problem = with_solution(Family(6, dim=2, n_dofs=30, friction=0.5, states=("slip", "open")), seed)
     assert problem.answer is not None
@@ -50,8 +50,8 @@ def test_they_begin_from_the_best_iterate(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["five sliding", "hard-random-mu8"])
-def test_they_try_the_first_iterate_too(name: str) -> None:
-    """Whatever is held for the best, even impulses without use, the first iterate leads to a solution."""
+def test_restarts_try_the_first_iterate_too(name: str) -> None:
+    """The first iterate leads to a solution even if the best iterate is useless."""
     five = Family(5, dim=2, n_dofs=4, density=0.6, friction=0.5, states=("slip",))
     problem = with_solution(five, 1130) if name == "five sliding" else load(name)
     restarts, driver, newton = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8))
@@ -60,7 +60,7 @@ def test_they_try_the_first_iterate_too(name: str) -> None:
     assert restarts.run() == (Status.SOLVED, "")
 
 
-def test_they_come_again_only_after_the_work_has_doubled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_restarts_repeat_only_after_the_work_has_doubled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(restarts_module, "MIN_WORK", 0.1)
     problem = load("hard-squeezed")
     restarts, _, newton = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6))
@@ -72,7 +72,7 @@ def test_they_come_again_only_after_the_work_has_doubled(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(("before", "least", "expected"), [(0.0, 0.1, 0.1), (0.12, 0.1, 0.12), (0.12, 100.0, 0.15)])
-def test_they_stay_within_their_share_of_the_work(
+def test_restarts_respect_their_share_of_the_work(
     before: float, least: float, expected: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The limit is 0.3 s of a clock that stands still; one Newton step may go beyond the share, and no sweep."""
@@ -87,7 +87,7 @@ def test_they_stay_within_their_share_of_the_work(
 
 @pytest.mark.parametrize("name", ["hard-squeezed", "pile-100"])
 def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock of one machine runs a thousand times as fast as that of the other; neither reaches its limit."""
+    """One clock runs a thousand times as fast as the other; neither reaches the limit."""
     prepared = create("HybridNewton").prepare(load(name))
 
     def solved(reading: float) -> Solution:

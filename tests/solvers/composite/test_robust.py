@@ -1,4 +1,4 @@
-"""Robust: sweeps solve what is easy, other methods the rest, and the message says which parts ran."""
+"""Robust: sweeps solve easy problems, other methods the rest, and the message lists the parts."""
 
 import math
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-100-late", "hard-sticking-box", "woodpecker-upper-impact"])
-def test_what_flows_is_solved_by_sweeps_alone_and_by_the_same_ones(name: str) -> None:
+def test_flows_are_solved_by_sweeps_alone_with_the_same_bits(name: str) -> None:
     """No other method is prepared, and the impulses are those of as many sweeps to the last bit.
 
     On few rows, where a check of the residual takes longer than a sweep, the residual is checked after other sweeps.
@@ -39,7 +39,7 @@ def test_what_flows_is_solved_by_sweeps_alone_and_by_the_same_ones(name: str) ->
         ("hard-stack-2-top-1e8", "Newton steps"),
     ],
 )
-def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: str, part: str) -> None:
+def test_the_message_ends_with_the_part_that_solves_the_problem(name: str, part: str) -> None:
     problem = load(name)
     solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
     assert solution.status is Status.SOLVED
@@ -49,8 +49,8 @@ def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: 
 
 
 @pytest.mark.parametrize("name", ["hard-chain-100", "hard-chain-100-pulled"])
-def test_where_there_are_joints_newton_steps_are_tried_after_a_short_window_of_sweeps(name: str) -> None:
-    """An impulse passes one joint a sweep, so a hundred joints would take several windows."""
+def test_with_joints_newton_steps_follow_a_short_window_of_sweeps(name: str) -> None:
+    """An impulse passes one joint per sweep, so a hundred joints would take several windows."""
     problem = load(name)
     solution = solve(problem, tolerance=1e-8)
     assert solution.status is Status.SOLVED
@@ -58,8 +58,8 @@ def test_where_there_are_joints_newton_steps_are_tried_after_a_short_window_of_s
     assert solution.iterations < WINDOW
 
 
-def test_where_newton_steps_lead_no_further_sweeps_go_on() -> None:
-    """On few rows they are tried after a hundred slow sweeps, here on the way to an answer that sweeps find."""
+def test_sweeps_continue_after_useless_newton_steps() -> None:
+    """On few rows Newton steps are tried after a hundred slow sweeps; here sweeps find the solution later."""
     problem = load("hard-random-frictionless-masses")
     solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
     assert solution.status is Status.SOLVED
@@ -70,7 +70,7 @@ def test_where_newton_steps_lead_no_further_sweeps_go_on() -> None:
     ("name", "tolerance"),
     [("hard-random-sparse-300", 1e-8), pytest.param("pile-1000", 1e-4, marks=pytest.mark.slow)],
 )
-def test_where_sweeps_are_slow_mixed_ones_go_on_from_the_best(name: str, tolerance: float) -> None:
+def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(name: str, tolerance: float) -> None:
     problem = load(name)
     solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
     assert solution.status is Status.SOLVED
@@ -78,8 +78,8 @@ def test_where_sweeps_are_slow_mixed_ones_go_on_from_the_best(name: str, toleran
     assert solution.message == f"{select_sweeps(problem).name}: slow; AndersonSORprox: solved"
 
 
-def test_sweeps_that_diverge_are_not_gone_on_with() -> None:
-    """Within the first window: mixed sweeps begin at the best impulses, and after them the others take their turns."""
+def test_diverging_sweeps_are_not_resumed() -> None:
+    """Within the first window: accelerated sweeps begin at the best impulses, then the other parts follow."""
     problem = load("funnel-30-late")
 
     def growing(start: np.ndarray) -> Iterator[np.ndarray]:
@@ -94,19 +94,19 @@ def test_sweeps_that_diverge_are_not_gone_on_with() -> None:
     assert parts[-1].endswith(": solved")
 
 
-def test_sweeps_are_not_mixed_where_g_is_many_times_as_large_as_its_factors_or_no_contact_acts_on_another() -> None:
+def test_sweeps_are_not_accelerated_if_g_is_dense_or_contacts_are_uncoupled() -> None:
     """512 contacts of one slab, and balls that touch nothing but the ground."""
     assert not can_accelerate(load("hard-sliding-block-512"))
     assert not can_accelerate(ContactProblem.from_delassus(np.eye(6), -np.ones(6), 0.5, dim=3))
     assert can_accelerate(load("funnel-30"))
 
 
-def test_a_problem_without_a_solution_is_proven_to_have_none() -> None:
-    """Two walls closer than the body between them: sweeps go on for ever, interior points find the proof."""
+def test_a_problem_without_a_solution_is_proved_infeasible() -> None:
+    """Two walls closer than the body between them: sweeps never end, interior points find the proof."""
     assert solve(load("hard-squeezed"), tolerance=1e-8).status is Status.INFEASIBLE
 
 
-def test_iterations_are_counted_through_all_parts_and_each_is_shown() -> None:
+def test_iterations_of_all_parts_are_consecutive_and_observed() -> None:
     seen: list[int] = []
     prepared = create("Robust").prepare(load("funnel-30-late"))
     solution = prepared.solve(Stop(1e-8), observe=lambda iteration, _: seen.append(iteration))
@@ -139,7 +139,7 @@ def test_the_best_impulses_of_all_parts_are_returned() -> None:
     assert judge(problem, solution.impulses).residual <= judge(problem, sweeps.impulses).residual * (1 + 1e-9)
 
 
-def test_a_slab_on_many_supports_is_swept_over_its_factors() -> None:
+def test_sweeps_use_the_factors_for_a_slab_on_many_supports() -> None:
     """512 contacts of one body couple each with each: G has a million entries and more, and is not assembled."""
     assert select_sweeps(load("hard-sliding-block-512")).name == "SORprox(relaxation=1.5, form='factors')"
     assert "form" not in select_sweeps(load("funnel-1000")).name

@@ -15,7 +15,7 @@ ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
 
 @dataclass(frozen=True)
 class Scripted:
-    """Answers zero, and ends as it is said to."""
+    """Returns zero with a given status."""
 
     name: str
     status: Status
@@ -42,7 +42,7 @@ class Scripted:
         ((Status.TIME_LIMIT, Status.DIVERGED, Status.STALLED), Status.TIME_LIMIT),
     ],
 )
-def test_how_it_ends(ends: tuple[Status, ...], status: Status) -> None:
+def test_the_status_is_that_of_the_last_run_or_a_time_limit(ends: tuple[Status, ...], status: Status) -> None:
     stop = Stop(1e-8)
     sequence = SolverSequence(ONE, Residual(ONE), {}, stop, None, Clock(stop.max_seconds))
     for number, end in enumerate(ends):

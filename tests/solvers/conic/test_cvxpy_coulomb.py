@@ -7,7 +7,7 @@ from proxbench.problems import ContactProblem, Laws, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 
 
-def test_a_splitting_method_by_name_solves_it_too() -> None:
+def test_a_splitting_method_selected_by_name_solves_the_problem() -> None:
     problem = load("funnel-30-early")
     solution = create("CvxpyCoulomb", solver="SCS").prepare(problem).solve(Stop(1e-4, 200))
     assert solution.status is Status.SOLVED
@@ -58,12 +58,12 @@ def test_planar_coulomb_friction_is_a_fixed_point_over_quadratic_programs(name: 
     assert judge(problem, solution.impulses).residual <= 1e-6
 
 
-def test_spatial_friction_is_refused_to_a_quadratic_solver_with_the_reason() -> None:
+def test_a_quadratic_solver_declines_spatial_friction_with_the_reason() -> None:
     reason = create("CvxpyCoulomb", solver="OSQP").supports(load("funnel-30-early"))
     assert reason == "it has spatial friction, and OSQP does not support second-order cones"
 
 
-def test_a_solver_that_is_unknown_or_not_installed_is_named_with_those_that_are() -> None:
+def test_the_message_about_an_unknown_solver_names_the_installed_ones() -> None:
     with pytest.raises(SolverError, match=r"cvxpy has no solver 'NOSUCH'; use one of .*CLARABEL"):
         create("CvxpyCoulomb", solver="NOSUCH")
     missing = next(one for one in cvxpy.settings.SOLVERS if one not in cvxpy.installed_solvers())

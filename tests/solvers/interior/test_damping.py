@@ -1,4 +1,4 @@
-"""The share of De Saxcé's term follows the steps, within its limits."""
+"""The share of De Saxcé's term adapts to the steps, within its limits."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_short_steps_reduce_it_to_the_least_and_long_ones_raise_it_to_one(
 
 
 @pytest.mark.parametrize("make", [GlobalDamping, ContactDamping])
-def test_the_least_share_is_given_up_where_steps_stay_short(make: type[GlobalDamping] | type[ContactDamping]) -> None:
+def test_the_share_returns_to_one_if_steps_stay_short(make: type[GlobalDamping] | type[ContactDamping]) -> None:
     share = make(2)
     while (share.values > MIN_SHARE).all():
         share.record(0.1, np.full(2, 0.1))
@@ -44,7 +44,7 @@ def test_contacts_that_neither_open_nor_close_strictly_are_solved_with_damping(u
     assert solution.status is Status.SOLVED
 
 
-def test_each_contact_is_damped_by_its_own_boundary_only() -> None:
+def test_each_contact_is_damped_by_its_own_boundary() -> None:
     share = ContactDamping(3)
     share.record(0.2, np.array([0.2, 0.7, 5.0]))
     assert share.values[0] < 1.0

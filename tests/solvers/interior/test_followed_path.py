@@ -1,4 +1,4 @@
-"""Between two corrections the path is as accurate as its power series."""
+"""Between two corrections the path has the accuracy of its power series."""
 
 import numpy as np
 import pytest

@@ -102,7 +102,7 @@ def test_no_friction_and_huge_friction_are_limits_like_any_other(name: str, fric
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_a_body_squeezed_between_walls_that_approach_is_proven_to_have_no_answer(variant: str) -> None:
+def test_a_body_between_approaching_walls_is_proved_infeasible(variant: str) -> None:
     """Two opposite contacts whose gaps both close: Λ₁ = Λ₂ moves nothing, and c·(1, 1) < 0."""
     problem = ContactProblem.from_delassus([[1.0, -1.0], [-1.0, 1.0]], [-1.0, -0.5], dim=1)
     solution = solve(problem, variant, max_iterations=500)
@@ -153,7 +153,7 @@ def test_an_unknown_option_is_refused_in_words(options: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("small", [1e-9, 1e-6, 1.0, 1e6])
-def test_what_is_too_small_beside_the_free_velocity_still_moves_contacts(small: float) -> None:
+def test_small_motions_are_not_taken_for_infeasibility(small: float) -> None:
     """G d is compared with what its own terms add up to, however small both are beside c."""
     stack = load("hard-stack-2-top-1e8")
     pressed = replace(in_units(stack, mass=small, length=small).problem, name="pressed", answer=None)

@@ -16,7 +16,7 @@ def contraction(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 6))
-def test_a_linear_map_of_n_dimensions_is_solved_after_n_mixings(seed: int, n: int) -> None:
+def test_a_linear_map_of_n_dimensions_is_solved_after_n_extrapolations(seed: int, n: int) -> None:
     matrix, offset = contraction(seed, n)
     x, anderson = np.zeros(n), Anderson(n + 1)
     for _ in range(n + 2):

@@ -1,4 +1,4 @@
-"""Linear systems of Newton steps are solved exactly, and only where that ends in time."""
+"""Linear systems of Newton steps are solved exactly, and only if the deadline permits."""
 
 import math
 from types import SimpleNamespace
@@ -64,7 +64,7 @@ def test_a_singular_system_has_no_step() -> None:
     assert LinearSolver(Clock(math.inf), Work(entries=0)).solve(system, np.ones(2), 0.0) is None
 
 
-def test_without_a_time_limit_nothing_is_factorised_to_learn_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_time_limit_no_part_is_factorised(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = Machine(monkeypatch, 1.0)
     LinearSolver(Clock(math.inf), Work(entries=0)).solve(grid(50), np.ones(2500), 0.0)
     assert machine.rows == [2500]
@@ -72,10 +72,10 @@ def test_without_a_time_limit_nothing_is_factorised_to_learn_the_time(monkeypatc
 
 @pytest.mark.parametrize("whole", [1e-2, 1.0, 1e2, 1e3])
 @pytest.mark.parametrize("limit", [0.5, 5.0, 50.0])
-def test_a_factorisation_that_would_come_too_late_is_not_begun(
+def test_a_factorisation_that_would_miss_the_deadline_is_not_started(
     limit: float, whole: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Time grows with the square of the entries, less than what is allowed for: no attempt ends after the limit."""
+    """Time grows with the square of the entries, less than assumed: no factorisation ends after the limit."""
     system = grid(100)
     machine = Machine(monkeypatch, whole / system.matrix.nnz**2)
     clock = Clock(limit)
@@ -100,7 +100,7 @@ def test_parts_do_not_change_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("whole", [0.1, 3.0, 100.0])
 @pytest.mark.parametrize("limit", [0.5, 1.0])
-def test_a_solve_ends_at_its_time_limit_whatever_a_factorisation_takes(
+def test_the_time_limit_holds_for_any_duration_of_a_factorisation(
     limit: float, whole: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps of ``whole`` seconds, and looks of some 4 ms, on a pile that is not solved in the time."""

@@ -101,7 +101,7 @@ def test_open_contacts_and_their_friction_leave_the_system() -> None:
 
 
 @pytest.mark.parametrize("free", [0.1, -0.1])
-def test_a_law_that_nothing_moves_leaves_the_system(free: float) -> None:
+def test_a_law_without_curvature_leaves_the_system(free: float) -> None:
     laws = Laws(np.array([1, 1]), np.array([0, 1]), np.zeros(2), np.array([0.2, 0.2]), np.array([-1, -1]))
     problem = ContactProblem.from_delassus(np.diag([1.0, 0.0]), (free, 0.0), laws=laws)
     system = Equations(problem, Residual(problem)).linearise(np.array([0.0, 0.05]))

@@ -1,4 +1,4 @@
-"""Splittings and gradients over whole cones reach the answers of other methods, and decline what is no cone."""
+"""Splittings and gradient methods over cones agree with other methods, and decline other laws."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_acceleration_saves_most_passes_where_masses_differ() -> None:
     assert 5 * fast.iterations < slow.iterations
 
 
-def test_regularisation_bridges_what_newton_alone_diverges_on() -> None:
+def test_regularisation_solves_a_problem_on_which_newton_alone_diverges() -> None:
     problem = load("hard-duplicated-slider-mu10")
     solution = solve(problem, "ProximalPoint", tolerance=1e-8)
     assert solution.status is Status.SOLVED

@@ -1,4 +1,4 @@
-"""Contacts dealt into batches are swept as if one by one."""
+"""Sweeps in batches equal sequential sweeps."""
 
 from dataclasses import replace
 
