@@ -29,6 +29,10 @@ def given(context: typer.Context) -> set[str]:
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
+_OTHER_NAMES = {"results": "output", "plugins": "plugin"}
+"""Names of parameters in Python whose option has another name."""
+
+
 def spelled(name: str) -> str:
     """Return how the command line spells an option: ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
@@ -36,7 +40,7 @@ def spelled(name: str) -> str:
 
 def spell_options(message: str) -> str:
     """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
-    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(found[1]), message)
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
@@ -81,6 +85,12 @@ Problems = Annotated[
 
 SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time of one solve.")]
 """Time limit of one solve [s]."""
+
+Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs.")]
+"""Folder of runs."""
+
+RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; the time by default.")]
+"""Name of a new run."""
 
 Json = Annotated[bool, output("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""

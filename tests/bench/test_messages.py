@@ -85,7 +85,7 @@ def test_a_message_names_the_remedy(act: Callable[[Path], object], words: list[s
 def test_the_command_line_prints_its_own_spelling(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "it").mkdir()
     taken(tmp_path / "it")
-    line = f"run --problem hard-no-motion --solver SORprox --results {tmp_path} --run-id it"
+    line = f"run --problem hard-no-motion --solver SORprox --output {tmp_path} --run-id it"
     assert run_command(line.split()) == 2
     printed = capsys.readouterr().err
     assert "--resume" in printed

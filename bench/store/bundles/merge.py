@@ -18,8 +18,9 @@ from msgspec.structs import replace
 from ....problems.contact.problem import ContactProblem
 from ....problems.exchange.atomic_file import PART
 from ...errors import BenchError
-from ..records import CaseRecord, PlanRecord, Session, with_sessions
-from ..store import Store
+from ..plans import PlanRecord
+from ..records import CaseRecord, Session, with_sessions
+from ..store import ELSEWHERE, Store
 from .bundle import Bundle, bundle_of_run, read_bundle
 from .rejudge import rejudge
 
@@ -110,7 +111,7 @@ class _Merged:
         """Add a case, or see that it is there already."""
         key = case.problem, case.solver
         before = self.cases.get(key)
-        finished = [one is not None and bundle.run.plan.has_finished(one) for one in (before, case)]
+        finished = [one is not None and one.is_finished(bundle.run.plan) for one in (before, case)]
         if all(finished) and before != case:
             raise BenchError(
                 f"{case.solver} on {case.problem} is in {sources[key]} and in {bundle.source}, measured twice; leave "
@@ -183,7 +184,7 @@ def _write(folder: Path, merged: _Merged) -> None:
         made = folder.parent / f".{uuid4()}{PART}"
         made.mkdir()
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another `results`.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     try:
         store = Store.create(made)
         for problem in merged.carried.values():
@@ -193,6 +194,6 @@ def _write(folder: Path, merged: _Merged) -> None:
         store.write_run(replace(merged.run, run_id=folder.name))
         os.rename(made, folder)
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another `results`.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)

@@ -1,0 +1,86 @@
+"""``proxbench bundle``, ``rejudge`` and ``merge``: runs as single files."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options
+
+
+def bundle(
+    run_dir: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    output: Annotated[
+        Path | None, options.output(metavar="FILE", help="Bundle to write; RUN.bundle by default.")
+    ] = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> None:
+    """Pack a run into one file: plan, machines, cases, impulses, and problems that Proxbench does not ship."""
+    from ..report.layout.text import print_json
+    from ..runs import bundle as pack
+
+    file = pack(run_dir, output, force=force)
+    if as_json:
+        print_json({"file": str(file), "bytes": file.stat().st_size})
+    else:
+        print(f"packed  {file} ({file.stat().st_size / 1024:.0f} kB)")
+
+
+def rejudge(
+    file: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to check.")],
+    quiet: Annotated[bool, options.output("--quiet", help="Print disagreements only.")] = False,
+    as_json: options.Json = False,
+    progress: options.Progress = True,
+) -> int:
+    """Recompute the residuals of a bundle from its problems and impulses; the exit code is 1 if one disagrees.
+
+    No code in the bundle runs, and nothing is written.
+    """
+    from msgspec import to_builtins
+    from rich.console import Console
+
+    from ..report.layout.text import print_json
+    from ..runs import rejudge as judge_again
+    from .progress import ProgressBar
+
+    options.refuse_two_prints(quiet, as_json)
+    with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+        found = judge_again(file, shown.count)
+    if as_json:
+        print_json({"file": str(file), **to_builtins(found)})
+    else:
+        for sentence in found.disagreements:
+            print(sentence)
+        if not quiet:
+            print(found.sentence)
+    return int(bool(found.disagreements))
+
+
+def merge(
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Bundles, and folders of runs.")],
+    output: options.Runs = Path("results"),
+    run_id: options.RunId = "",
+    as_json: options.Json = False,
+    progress: options.Progress = True,
+) -> None:
+    """Combine bundles and runs into one run, after recomputing their residuals.
+
+    All cases of a problem must come from one machine.
+    """
+    from rich.console import Console
+
+    from ..report.layout.text import print_json
+    from ..runs import merge as joined
+    from .progress import ProgressBar
+
+    missing: list[str] = []
+    with ProgressBar(Console(stderr=True), hidden=not progress or as_json) as shown:
+        made = joined(sources, output, run_id or None, on_case=shown.count, on_missing=missing.append)
+    for sentence in missing:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+    if as_json:
+        print_json({"run": str(made.folder), "is_finished": made.is_finished, "missing": missing})
+    else:
+        print(made)

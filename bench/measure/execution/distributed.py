@@ -1,0 +1,140 @@
+"""Executes the plan of a run on the workers of an executor, with one task for each problem.
+
+A task that is lost with its worker is submitted again. A task that is done twice gives the same cases, and the later
+ones count. A worker that dies loses the task that it was measuring, and nothing else.
+"""
+
+from collections.abc import Collection
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+
+from msgspec.structs import replace
+
+from ....problems.errors import first_line
+from ....problems.exchange.plugins import registered
+from ....problems.exchange.storage import packed_problem
+from ...errors import BenchError
+from ...plugins.problems import problem_of
+from ...plugins.solver_specs import SolverSpec
+from ...store.records import RunRecord, Session, with_sessions
+from ...store.store import Store
+from ..scheduling import shuffled
+from .events import CasePassFinished, OnEvent
+from .problem_task import MeasuredProblem, ProblemTask, measure_problem
+from .run_executor import RunExecutor, Solvers
+
+MAX_WAITING_BYTES = 2**28
+"""Bytes of problems that an executor has at a time, unless one alone has more."""
+
+MAX_ATTEMPTS = 3
+"""Workers that may be lost with a task, or fail at it, before it is given up."""
+
+
+class DistributedExecutor(RunExecutor):
+    """Measures on workers; the machine of this process measures nothing."""
+
+    def __init__(
+        self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor, mix: bool
+    ) -> None:
+        """Set what to measure, where to store it, what receives events, what measures, and whether machines may mix."""
+        super().__init__(solvers, store, record, on_event, mix)
+        self._executor = executor
+        self._n_before = len(record.sessions)
+        self._lost: dict[str, BaseException] = {}
+
+    def _measure(self) -> None:
+        """Give each unfinished problem to the executor, and store what comes back.
+
+        Raises:
+            BenchError: if problems were lost with their workers, or refused by them, too often; all else is stored.
+        """
+        plan = self._record.plan
+        left = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
+        attempts, n_done = dict.fromkeys(left, MAX_ATTEMPTS), len(plan.problems) - len(left)
+        running: dict[Future[MeasuredProblem], str] = {}
+        sizes: dict[str, int] = {}
+        try:
+            while left or running:
+                self._submit(left, running, sizes)
+                for future in _results_first(wait(running, return_when=FIRST_COMPLETED).done):
+                    name, fault = running.pop(future), _fault(future)
+                    if fault is None:
+                        self._store_result(name, future.result())
+                        n_done += 1
+                        self._on_event(CasePassFinished(name, n_done, len(plan.problems)))
+                        continue
+                    attempts[name] -= 1
+                    if attempts[name]:
+                        left.append(name)
+                    else:
+                        self._lost[name] = fault
+        finally:
+            for future in running:
+                future.cancel()
+        self._require_all_measured()
+
+    def _submit(self, left: list[str], running: dict[Future[MeasuredProblem], str], sizes: dict[str, int]) -> None:
+        """Give the executor as many problems as it may have; all are lost if it takes none any more."""
+        while left and (not running or sum(sizes[name] for name in running.values()) < MAX_WAITING_BYTES):
+            task = self._task(left[0])
+            sizes[left[0]] = len(task.problem)
+            try:
+                running[self._executor.submit(measure_problem, task)] = left[0]
+            except (RuntimeError, OSError) as broken:
+                self._lost |= dict.fromkeys(left, broken)
+                left.clear()
+            else:
+                left.pop(0)
+
+    def _require_all_measured(self) -> None:
+        if self._lost:
+            count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
+            why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
+            raise BenchError(
+                f"{count} could not be measured ({why}); the others are kept; resume with: "
+                f"proxbench run --resume {folder}"
+            )
+
+    def _task(self, name: str) -> ProblemTask:
+        record, plan = self._record, self._record.plan
+        problem = problem_of(self._store, record, name)
+        own = replace(
+            record,
+            plan=replace(plan, problems=[name], families={name: plan.family(name)}, left_out=[], shard=""),
+            carried={name: problem.digest},
+            sessions=record.sessions[: self._n_before],
+        )
+        solvers = tuple(one for one in self._solvers if isinstance(one, SolverSpec))
+        cases = tuple(self._cases[name].values())
+        return ProblemTask(own, cases, packed_problem(problem), solvers, tuple(registered()), self._mix)
+
+    def _store_result(self, name: str, result: MeasuredProblem) -> None:
+        """Store the cases of a problem that were not finished, or were measured anew, and their session."""
+        finished = self._finished_solvers(name)
+        places = [*range(self._n_before), self._place_of(result.session)]
+        for case in result.cases:
+            if result.is_restarted or case.solver not in finished:
+                self._write_case(with_sessions(case, places))
+                if case.is_finished(self._record.plan) and case.solver not in finished:
+                    self._report_finished(case)
+
+    def _place_of(self, session: Session) -> int:
+        """Return the number of the session of a machine, to which what was measured there now is added."""
+        sessions = self._record.sessions
+        for place, known in enumerate(sessions[self._n_before :], self._n_before):
+            if known.host == session.host:
+                busy = [*known.busy_cores, *session.busy_cores]
+                joined = replace(known, finished=session.finished, busy_cores=busy)
+                self._write_run(replace(self._record, sessions=[*sessions[:place], joined, *sessions[place + 1 :]]))
+                return place
+        self._write_run(replace(self._record, sessions=[*sessions, session]))
+        return len(sessions)
+
+
+def _results_first(done: Collection[Future[MeasuredProblem]]) -> list[Future[MeasuredProblem]]:
+    """Return futures with those that have results first: an error of another one must not cost them."""
+    return sorted(done, key=lambda future: future.cancelled() or future.exception() is not None)
+
+
+def _fault(future: Future[MeasuredProblem]) -> BaseException | None:
+    """Return why a task has no result; None if it has."""
+    return CancelledError("it was cancelled") if future.cancelled() else future.exception()

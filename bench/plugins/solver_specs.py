@@ -1,0 +1,97 @@
+"""Solvers as a run knows them: data, from which each is made in the process where it works.
+
+Built-in solvers are made wherever they are needed. What comes from elsewhere, from a plugin or from the caller, is
+made and looked at in children only: no code of it runs where results are judged.
+"""
+
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import cloudpickle
+
+from ...problems.contact.model import Model
+from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
+from ...solvers import registry
+from ..errors import BenchError
+
+
+@dataclass(frozen=True)
+class SolverSpec:
+    """A solver with its options.
+
+    Attributes:
+        name: its name, with options.
+        model: what it solves.
+        has_iterates: whether it shows its iterates to an observer.
+        source: the plugin it comes from, as messages call it; empty for a built-in solver and for an object.
+        carried: an object of the caller's, pickled; empty for a solver that its name makes.
+        is_randomised: whether it declares that its answers differ between repeats.
+    """
+
+    name: str
+    model: Model
+    has_iterates: bool = True
+    source: str = ""
+    carried: bytes = b""
+    is_randomised: bool = False
+
+    @property
+    def is_built_in(self) -> bool:
+        """Whether no code but that of Proxbench is needed to make it."""
+        return not self.source and not self.carried
+
+    def make(self) -> Solver:
+        """Return the solver; only for built-in ones in the process that judges.
+
+        Raises:
+            ProxbenchError: if its class is not what it was.
+            Exception: whatever code of the caller's raises.
+        """
+        made: Solver = cloudpickle.loads(self.carried) if self.carried else registry.create(self.name)
+        return made
+
+
+def built_in(name: str) -> SolverSpec:
+    """Return a built-in solver by its name.
+
+    Raises:
+        SolverError: for an unknown option of it, or one out of range.
+    """
+    solver = registry.create(name)
+    return SolverSpec(solver.name, solver.model, shows_iterates(solver), is_randomised=draws_randomly(solver))
+
+
+def carried(solver: Any) -> bytes:
+    """Return an object of the caller's as it travels to the processes of its cases.
+
+    A class that children cannot import (of a notebook, a script, or standard input) travels with it.
+
+    Raises:
+        BenchError: if the object or its class cannot be pickled.
+    """
+    module = sys.modules.get(type(solver).__module__)
+    by_value = module is not None and module.__name__ != "__main__" and not _is_importable(module.__name__)
+    try:
+        if by_value:
+            cloudpickle.register_pickle_by_value(module)
+        return bytes(cloudpickle.dumps(solver))
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        raise BenchError(
+            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({what:.200}); let it hold "
+            "plain options only, or offer its class from a plugin file."
+        ) from None
+    finally:
+        if by_value:
+            cloudpickle.unregister_pickle_by_value(module)
+
+
+def _is_importable(name: str) -> bool:
+    """Whether a fresh process finds a module; this one may have it from elsewhere."""
+    package = sys.modules.get(name.rpartition(".")[0])
+    path = getattr(package, "__path__", None)
+    try:
+        return any(finder.find_spec(name, path) is not None for finder in sys.meta_path)
+    except (ImportError, ValueError, AttributeError):
+        return False

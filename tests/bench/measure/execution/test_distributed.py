@@ -1,0 +1,231 @@
+"""A run on an executor is the run on one machine: each problem is a task, and lost tasks are done again or named."""
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from proxbench.bench import Run, bundle, rejudge, resume, run
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.execution import distributed, problem_task
+from proxbench.bench.measure.execution.events import CaseFinished, CasePassFinished, Event
+from proxbench.bench.store.condition import hosts, warnings
+from proxbench.bench.store.outcome import Outcome
+from proxbench.problems import ContactProblem
+
+PROBLEMS = ["hard-groove", "hard-counterexample", "woodpecker-beak-impact"]
+SOLVERS = ["NSGS", "SORprox"]
+
+
+class Inline(Executor):
+    """Does each task at once, or what is put in its place."""
+
+    def __init__(self, *instead: Callable[[Any], Any]) -> None:
+        self.instead, self.parts = list(instead), list[problem_task.ProblemTask]()
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        self.parts += arguments
+        future: Future[Any] = Future()
+        try:
+            future.set_result((self.instead.pop(0) if self.instead else function)(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def lost(given: Any) -> Any:
+    raise ConnectionError("the worker is gone")
+
+
+def measured(executor: Executor | None, results: Path, **options: Any) -> Run:
+    given: dict[str, Any] = {"tolerances": [1e-2, 1e-4], "passes": 1, "results": results, **options}
+    return run(given.pop("problems", PROBLEMS), SOLVERS, executor=executor, **given)
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The run on one machine."""
+    return measured(None, tmp_path_factory.mktemp("here"), run_id="here")
+
+
+@pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.slow)])
+def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine(workers: str, here: Run, tmp_path: Path) -> None:
+    events: list[Event] = []
+    fresh = multiprocessing.get_context("spawn")
+    with ThreadPoolExecutor(2) if workers == "threads" else ProcessPoolExecutor(2, fresh) as executor:
+        made = measured(executor, tmp_path, on_event=events.append)
+    assert made.is_finished
+    assert made.points["residual"].equals(here.points["residual"])
+    assert made.points["outcome"].tolist() == here.points["outcome"].tolist()
+    assert made.info.plan == here.info.plan
+    assert [event.done for event in events if isinstance(event, CaseFinished)] == list(range(1, 7))
+    assert [event.done for event in events if isinstance(event, CasePassFinished)] == [1, 2, 3]
+    assert rejudge(bundle(made, tmp_path / "it.bundle")).disagreements == []
+
+
+@pytest.mark.slow
+def test_a_machine_has_one_session_with_its_other_cores(tmp_path: Path) -> None:
+    made = measured(Inline(), tmp_path)
+    (session,) = made.info.sessions
+    assert session.machine is not None
+    assert len(session.busy_cores) >= len(PROBLEMS)
+    assert session.finished
+    assert set(made.rounds["session"]) == {0}
+
+
+def elsewhere(host: str) -> Callable[[problem_task.ProblemTask], problem_task.MeasuredProblem]:
+    def measure(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
+        found = problem_task.measure_problem(given)
+        machine = found.session.machine
+        assert machine is not None
+        return problem_task.MeasuredProblem(replace(found.session, machine=replace(machine, host=host)), found.cases)
+
+    return measure
+
+
+@pytest.mark.slow
+def test_every_problem_is_of_one_machine_and_rounds_name_its_session(tmp_path: Path) -> None:
+    made = measured(Inline(elsewhere("one"), elsewhere("two"), elsewhere("one")), tmp_path)
+    assert hosts(made) == {"one": 2, "two": 1}
+    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert any(sentence.startswith("MACHINES: measured on 2 machines") for sentence in warnings(made))
+
+
+@pytest.mark.slow
+def test_a_task_that_is_lost_is_done_by_another_worker(here: Run, tmp_path: Path) -> None:
+    made = measured(Inline(lost, elsewhere("it"), lost), tmp_path)
+    assert made.points["residual"].equals(here.points["residual"])
+
+
+@pytest.mark.slow
+def test_what_is_lost_too_often_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
+    executor = Inline(*[lost] * (len(PROBLEMS) * distributed.MAX_ATTEMPTS - 2))
+    with pytest.raises(BenchError, match=r"of 3 problems could not be measured \(ConnectionError: the worker"):
+        measured(executor, tmp_path, run_id="it")
+    again = Inline()
+    made = resume(tmp_path / "it", executor=again)
+    assert 0 < len(again.parts) < len(PROBLEMS)
+    assert made.is_finished
+    assert made.points["residual"].equals(here.points["residual"])
+
+
+class Broken(Inline):
+    """Takes one task, and then no more."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+        if self.parts:
+            raise RuntimeError("no new tasks after shutdown")
+        return super().submit(function, *arguments, **options)
+
+
+@pytest.mark.slow
+def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(RuntimeError: no new tasks"):
+        measured(Broken(), tmp_path, run_id="it")
+    made = resume(tmp_path / "it")
+    assert made.is_finished
+    assert len(made.info.sessions) == 2
+
+
+@pytest.mark.slow
+def test_a_problem_of_another_machine_gets_no_more_rounds_here(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match="2 of 3 problems could not be measured"):
+        measured(Broken(elsewhere("away")), tmp_path, run_id="it")
+    made = resume(tmp_path / "it")
+    assert made.is_finished
+    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert hosts(made)["away"] == 1
+
+
+def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
+    class Cancelling(Inline):
+        def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(BenchError, match="3 of 3 problems could not be measured"):
+        measured(Cancelling(), tmp_path)
+
+
+@pytest.mark.slow
+def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def other(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
+        machine = replace(given.run.machine, source="0" * 64)
+        return problem_task.measure_problem(
+            problem_task.ProblemTask(replace(given.run, machine=machine), (), given.problem, given.solvers)
+        )
+
+    with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*has another source of proxbench"):
+        measured(Inline(*[other] * len(PROBLEMS) * distributed.MAX_ATTEMPTS), tmp_path, problems=PROBLEMS[:1])
+    assert measured(Inline(other), tmp_path).is_finished
+
+
+@pytest.mark.slow
+def test_a_worker_needs_nothing_but_its_task(tmp_path: Path) -> None:
+    mine = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
+        made = measured(executor, tmp_path, problems=[mine])
+    assert made.is_finished
+    assert made.info.carried == {"mine": mine.digest}
+
+
+@pytest.mark.slow
+def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    inside: list[int] = []
+
+    class Watched:
+        def __init__(self, *_: Any) -> None:
+            inside.append(1)
+            assert len(inside) == 1
+
+        def execute(self, stored: Any) -> None:
+            inside.pop()
+            raise ConnectionError
+
+    monkeypatch.setattr(problem_task, "LocalExecutor", Watched)
+    with ThreadPoolExecutor(3) as executor, pytest.raises(BenchError, match="ConnectionError"):
+        measured(executor, tmp_path)
+    assert inside == []
+
+
+def begun_elsewhere(results: Path) -> Path:
+    """Return a run of which one problem is measured with one solver of two, on another machine."""
+    made = measured(Inline(*[elsewhere("away")] * len(PROBLEMS)), results, run_id="it")
+    next((made.folder / "cases").glob("hard-groove-*NSGS*.json")).unlink()
+    return made.folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("executor", [None, Inline()])
+def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
+    executor: Executor | None, tmp_path: Path
+) -> None:
+    made = resume(begun_elsewhere(tmp_path), executor=executor)
+    assert made.is_finished
+    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert hosts(made)["away"] == 2
+
+
+@pytest.mark.slow
+def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path: Path) -> None:
+    def crashing(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
+        found = problem_task.measure_problem(given)
+        cases = [replace(case, points=[], outcome=Outcome.CRASHED) for case in found.cases]
+        return problem_task.MeasuredProblem(found.session, tuple(cases), found.is_restarted)
+
+    made = resume(begun_elsewhere(tmp_path), executor=Inline(crashing))
+    own = made.cases[made.cases["problem"] == "hard-groove"]
+    assert set(own["outcome"]) == {Outcome.CRASHED}
+
+
+@pytest.mark.slow
+def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(tmp_path: Path) -> None:
+    made = resume(begun_elsewhere(tmp_path), executor=Inline(), mix=True)
+    assert made.rounds[made.rounds["problem"] == "hard-groove"]["session"].nunique() == 2
+    assert any(sentence.startswith("MIXED") for sentence in warnings(made))

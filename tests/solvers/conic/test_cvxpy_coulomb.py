@@ -1,0 +1,71 @@
+"""CvxpyCoulomb solves the problems that ClarabelCoulomb solves, with any conic or quadratic solver."""
+
+import cvxpy
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, Laws, judge, load
+from proxbench.solvers import SolverError, Status, Stop, create, solve
+
+
+def test_a_splitting_method_by_name_solves_it_too() -> None:
+    problem = load("funnel-30-early")
+    solution = create("CvxpyCoulomb", solver="SCS").prepare(problem).solve(Stop(1e-4, 200))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-4
+
+
+@pytest.mark.parametrize("name", ["funnel-30-early", "funnel-30", "woodpecker-lower-slip-to-stick"])
+def test_the_fixed_point_gives_coulomb_friction(name: str) -> None:
+    problem = load(name)
+    solution = create("CvxpyCoulomb").prepare(problem).solve(Stop(1e-6, 200))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-6
+
+
+def test_a_problem_with_only_the_delassus_matrix_is_solved_through_its_eigenvalues() -> None:
+    """A unit point mass at rest on the ground, pulled by 5 m/s: it slides with Λ = (1, −0.3, 0)."""
+    problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 5.0, 0.0), 0.3)
+    assert solve(problem, "CvxpyCoulomb", tolerance=1e-7).impulses == pytest.approx([1.0, -0.3, 0.0], abs=1e-6)
+
+
+def test_a_fixed_bound_and_a_cone_hold_in_one_problem() -> None:
+    """Law 0: a joint with a = 0.2 pushed by 1 m/s; laws 1, 2: a contact that sticks under μ = 0.5."""
+    laws = Laws(
+        np.array([1, 0, 1]), np.arange(3), np.array([0.0, 0.0, 0.5]), np.array([0.2, 0.0, 0.0]), np.array([-1, -1, 1])
+    )
+    problem = ContactProblem.from_delassus(np.eye(3), (1.0, -1.0, 0.4), laws=laws)
+    assert solve(problem, "CvxpyCoulomb", tolerance=1e-7).impulses == pytest.approx([-0.2, 1.0, -0.4], abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["OSQP", "CLARABEL"])
+def test_frictionless_contact_is_a_quadratic_program(solver: str) -> None:
+    problem = load("funnel-frictionless-100")
+    solution = create("CvxpyCoulomb", solver=solver).prepare(problem).solve(Stop(1e-6))
+    swept = create("SORprox", relaxation=1.3).prepare(problem).solve(Stop(1e-11, 100_000))
+    assert solution.status is Status.SOLVED
+    assert solution.iterations <= 2
+    assert swept.status is Status.SOLVED
+    difference = problem.relative_velocity(solution.impulses) - problem.relative_velocity(swept.impulses)
+    assert np.abs(difference).max() <= 1e-4 * float(np.abs(problem.free_velocity).max())
+
+
+@pytest.mark.parametrize("name", ["hard-counterexample", "woodpecker-beak-impact", "hard-sliding-block"])
+def test_planar_coulomb_friction_is_a_fixed_point_over_quadratic_programs(name: str) -> None:
+    """The wedge |Λ_T| ≤ μ Λ_N is a set of linear inequalities."""
+    problem = load(name)
+    solution = create("CvxpyCoulomb", solver="OSQP").prepare(problem).solve(Stop(1e-6, 100, 60.0))
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-6
+
+
+def test_spatial_friction_is_refused_to_a_quadratic_solver_with_the_reason() -> None:
+    reason = create("CvxpyCoulomb", solver="OSQP").supports(load("funnel-30-early"))
+    assert reason == "it has spatial friction, and OSQP does not support second-order cones"
+
+
+def test_a_solver_that_is_unknown_or_not_installed_is_named_with_those_that_are() -> None:
+    with pytest.raises(SolverError, match=r"cvxpy has no solver 'NOSUCH'; use one of .*CLARABEL"):
+        create("CvxpyCoulomb", solver="NOSUCH")
+    missing = next(one for one in cvxpy.settings.SOLVERS if one not in cvxpy.installed_solvers())
+    with pytest.raises(SolverError, match=rf"solver '{missing}' of cvxpy is not installed; .*CLARABEL"):
+        create("CvxpyCoulomb", solver=missing)
