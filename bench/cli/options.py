@@ -16,10 +16,6 @@ selection, limits, output = (partial(typer.Option, rich_help_panel=topic) for to
 """Make options that stand under these topics."""
 
 
-_OTHER_NAMES = {"results": "output"}
-"""Options of the command line that have another name in Python."""
-
-
 def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
     if paths:
         from ..plugins.files import use_plugin_files
@@ -33,14 +29,18 @@ def given(context: typer.Context) -> set[str]:
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
+_OTHER_NAMES = {"results": "output", "plugins": "plugin"}
+"""Names of parameters in Python whose option has another name."""
+
+
 def spelled(name: str) -> str:
     """Return how the command line spells an option: ``"--run-id"``."""
-    return f"--{_OTHER_NAMES.get(name, name).replace('_', '-')}"
+    return f"--{name.replace('_', '-')}"
 
 
 def spell_options(message: str) -> str:
     """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
-    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(found[1]), message)
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:

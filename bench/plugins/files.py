@@ -83,7 +83,7 @@ def check_again(recorded: Iterable[PluginUse]) -> None:
         if path not in used and not Path(path).is_file():
             raise BenchError(f"the results need the plugin file {path}, which is gone; put it back.")
         if path not in used:
-            raise BenchError(f"the results need the plugin file {path}; name it with `plugin`.")
+            raise BenchError(f"the results need the plugin file {path}; name it with `plugins`.")
         if used[path].sha256 != sha256:
             raise BenchError(
                 f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
