@@ -60,7 +60,7 @@ class Comparison:
         return (
             f"<h4>{escape(self.before.info.run_id)} and {escape(self.after.info.run_id)}</h4>"
             f"<p>{escape(self.verdict)}</p>"
-            + (table.to_html(index=False, border=0, escape=True, float_format="%.3g") if len(table) else "")
+            + (table.to_html(index=False, border=0, escape=True, float_format="{:.3g}".format) if len(table) else "")
         )
 
     def slower(self, slowdown: float | None = None) -> list[str]:
