@@ -11,7 +11,7 @@ from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.catalog import load
 from ...problems.hard import CASE_GROUPS
-from ..store.outcome import BAD_OUTCOMES, FAULTS, Cell, Outcome
+from ..store.outcome import BAD_OUTCOMES, Cell, Outcome
 from .layout.text import inline, markdown_table
 
 MARKS = {
@@ -116,15 +116,20 @@ def count_bad(cells: Sequence[Cell]) -> int:
 
 
 def _summary(found: pd.DataFrame) -> str:
-    outcomes = found["outcome"]
-    counted = {str(outcome): outcomes == outcome for outcome in MARKS if (outcomes == outcome).any()}
-    bad = {"wrong": outcomes == Outcome.WRONG, "not finite": ~found["is_finite"], "faults": outcomes.isin(FAULTS)}
-    counted |= {name: cells for name, cells in bad.items() if cells.any()}
-    counts = pd.DataFrame(counted).groupby(found["solver"], sort=False).sum()
-    table = markdown_table(["solver", *counts], [[f"`{solver}`", *row] for solver, *row in counts.itertuples()])
-    return (
-        table if any(cells.any() for cells in bad.values()) else f"{table}\nNo cell is wrong, not finite or at fault.\n"
-    )
+    rows = []
+    for solver, own in found.groupby("solver", sort=False):
+        counts = own["outcome"].value_counts()
+        others = [
+            f"{counts[outcome]} {outcome}"
+            for outcome in Outcome
+            if outcome in counts.index and outcome != Outcome.SOLVED
+        ]
+        n_infinite = int((~own["is_finite"]).sum())
+        others += [f"{n_infinite} not finite"] if n_infinite else []
+        rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
+    table = markdown_table(["solver", "solved", "other outcomes"], rows)
+    is_bad = found["outcome"].isin(BAD_OUTCOMES).any() or not found["is_finite"].all()
+    return table if is_bad else f"{table}\nNo cell is wrong, not finite or at fault.\n"
 
 
 def _family_counts(found: pd.DataFrame) -> str:
