@@ -21,6 +21,7 @@ from .record import record
 from .run import print_problems, report_page, report_run, run
 from .simulation.command import NO_STUDY, SceneCommand, simulate
 from .travel import bundle, merge, rejudge
+from .warm import warm
 
 COMPARE, SIMULATE, SHOW, TRAVEL, LOOK_UP = (
     "Compare and test solvers",
@@ -376,5 +377,14 @@ def generate(
         for file, digest in digests.items():
             print(f"{digest[:16]}  {file}")
 
+
+_command(
+    LOOK_UP,
+    "warm",
+    "Compile all kernels into the cache.",
+    """\
+proxbench warm --quiet
+proxbench warm --json""",
+)(warm)
 
 app.add_typer(fclib.app, name="fclib", short_help="Look over, import and export FCLIB files.", rich_help_panel=LOOK_UP)
