@@ -1,5 +1,6 @@
 """What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
 
+from . import compilation as _compilation  # noqa: F401  registers the notice
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge
 from .contact.laws import LawKind, Laws

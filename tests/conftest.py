@@ -17,6 +17,14 @@ settings.register_profile("full", max_examples=500, deadline=None)
 settings.register_profile("hunt", max_examples=5000, deadline=None)
 settings.load_profile({"full": "full", "hunt": "hunt"}.get(os.environ.get("PROXBENCH_PROFILE", ""), "quick"))
 
+
+def pytest_sessionstart() -> None:
+    """Write no notice of compilation, which would come at the first kernel of whichever test compiles it."""
+    from proxbench.problems.compilation import silence_notice
+
+    silence_notice()
+
+
 SLOW_FOLDERS = {"faults", "long"}
 """Folders of tests that are all slow."""
 

@@ -73,7 +73,7 @@ AT_HOME = {
         f"bench/cli/{name}.py"
         for name in (
             "comparison/compare",
-            "fclib",
+            "exchange/fclib",
             "help",
             "main",
             "options",
@@ -81,7 +81,7 @@ AT_HOME = {
             "report",
             "run",
             "simulation/command",
-            "bundles",
+            "exchange/bundles",
         )
     },
     "h5py": {f"problems/exchange/fclib/{name}.py" for name in ("container", "files")},

@@ -2,14 +2,14 @@
 
 import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any
 
-from ...problems.contact.laws import LawKind
-from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
 from ...problems.errors import PluginError, ProxbenchError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
 from ...problems.exchange.families import family_of
+from ...problems.exchange.index import ProblemSummary, stored_summaries, summary_of
 from ...problems.exchange.plugin_scenes import plugin_scenes
 from ...problems.exchange.plugins import Offer
 from ...problems.motion.scenes.registry import SCENES
@@ -202,21 +202,20 @@ def _problems() -> list[dict[str, Any]]:
 
 
 def _problem_of_plugin(offer: Offer) -> dict[str, Any]:
-    return _problem(plugin_problem(offer.name), offer.source)
+    problem = plugin_problem(offer.name)
+    return _problem(problem.name, summary_of(problem), offer.source)
 
 
 def _standard_problem(name: str) -> dict[str, Any]:
-    """Return the row of a standard problem or of a problem in the cache folder."""
-    return _problem(load(name), "") if is_available(name) else _row(name, "", available=False)
+    """Return the row of a standard problem, or of one in the cache folder."""
+    stored = stored_summaries().get(name)
+    if stored is not None:
+        return _problem(name, stored, "")
+    if is_available(name):
+        problem = load(name)
+        return _problem(problem.name, summary_of(problem), "")
+    return _row(name, "", available=False)
 
 
-def _problem(problem: ContactProblem, source: str) -> dict[str, Any]:
-    return _row(
-        problem.name,
-        source,
-        available=True,
-        contacts=problem.n_contacts,
-        rows=problem.n_rows,
-        laws=[LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))],
-        form="factors" if problem.factors is not None else "Delassus",
-    )
+def _problem(name: str, summary: ProblemSummary, source: str) -> dict[str, Any]:
+    return _row(name, source, available=True, **{**asdict(summary), "laws": list(summary.laws)})

@@ -13,15 +13,17 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.exceptions import TyperException
 
-from . import fclib, options
-from .bundles import bundle, merge, rejudge
+from . import options
 from .comparison.compare import compare
 from .comparison.matrix import matrix
+from .exchange import fclib
+from .exchange.bundles import bundle, merge, rejudge
 from .help import HelpCommand, HelpGroup
 from .record import record
 from .report import report
 from .run import run
 from .simulation.command import SceneCommand, simulate
+from .warm import warm
 
 COMPARE, SIMULATE, SHOW, EXCHANGE, LOOK_UP = (
     "Compare and test solvers",
@@ -346,7 +348,7 @@ def generate(
     from ..errors import BenchError
     from ..generate import generate as make
     from ..report.layout.text import print_json
-    from .fclib import print_files
+    from .exchange.fclib import print_files
 
     chosen = list(names or [])
     if suite:
@@ -361,5 +363,14 @@ def generate(
     else:
         print_files(digests)
 
+
+_command(
+    LOOK_UP,
+    "warm",
+    "Compile all kernels into the cache.",
+    """\
+proxbench warm --quiet
+proxbench warm --json""",
+)(warm)
 
 app.add_typer(fclib.app, name="fclib", short_help="Inspect, import and export FCLIB files.", rich_help_panel=LOOK_UP)

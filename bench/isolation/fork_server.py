@@ -199,6 +199,9 @@ def _end() -> None:
 
 def serve(descriptor: int) -> None:
     """Be the server. Never returns."""
+    from ...problems.compilation import silence_notice
+
+    silence_notice()  # standard error belongs to the cases that are forked from here
     from . import preload  # noqa: F401
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves

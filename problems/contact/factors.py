@@ -75,7 +75,7 @@ class InverseMass:
     def is_diagonal(self) -> bool:
         """Whether M⁻¹ has no entries off its diagonal."""
         matrix = self.matrix
-        return len(matrix.data) == matrix.shape[0] and _counts_up(matrix.indices)
+        return len(matrix.data) == matrix.shape[0] and np.array_equal(matrix.indices, np.arange(matrix.shape[0]))
 
     @cached_property
     def root_diagonal(self) -> FloatArray:
@@ -240,15 +240,6 @@ def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
         raise ProblemError(f"{name} must be square, got {source.shape}.")
     matrix: sp.csr_array[Any] = read_matrix(source, name, sp.csr_array)
     return matrix
-
-
-@njit(cache=True)
-def _counts_up(indices):  # type: ignore[no-untyped-def]
-    """Whether the indices are the natural numbers from 0."""
-    count = 0
-    while count < len(indices) and indices[count] == count:
-        count += 1
-    return count == len(indices)
 
 
 @njit(cache=True)

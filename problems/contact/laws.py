@@ -50,6 +50,7 @@ ROWS_OF_KIND = np.array([1, 1, 2, 1, 1, 2, 3], dtype=np.int64)
 _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
 
 _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
+_PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
 """Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
 
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.name.lower().replace('_', ' ')})" for kind in LawKind)
@@ -143,6 +144,20 @@ class Laws:
         """True for bilateral laws, shape (n_laws,)."""
         mask: NDArray[np.bool_] = self.kind == _BILATERAL
         return mask
+
+    @cached_property
+    def dim_of_contacts(self) -> int:
+        """Rows of each contact where all are equal, N, T or N, T1, T2 in turn; 0 for any other laws, and for none."""
+        kind = self.kind
+        if not len(kind):
+            return 0
+        if not kind.any():
+            return 1
+        kind_of_all = int(kind[-1])
+        if len(kind) % 2 or kind_of_all not in (_PLANAR_FRICTION, _SPATIAL_FRICTION) or kind[::2].any():
+            return 0
+        has_partners = (kind[1::2] == kind_of_all).all() and (self.partner[1::2] == np.arange(0, len(kind), 2)).all()
+        return 1 + kind_of_all if has_partners else 0
 
     def friction_bounds(self, impulses: FloatArray) -> FloatArray:
         """Return the friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import ratio
-from .coupling import components, write_scales_and_ratios
+from .coupling import components, write_ratios, write_scales
 from .laws import LawKind, Laws
 from .model import Model
 from .problem import FREE_FALL, ContactProblem
@@ -79,9 +79,8 @@ class Residual:
         self._diagonal = problem.delassus_diagonal
         self._contacts, self._layout = components(problem), problem.layout
         given = laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity
-        of_contacts = self._contacts, self._layout.slot, self._layout.width
-        written = self.alpha, self.lengths, self.speeds, self.ratios
-        self.stuck_law, self.scale = write_scales_and_ratios(*given, *of_contacts, *written)
+        self.stuck_law, self.scale = write_scales(*given, self.alpha, self.lengths, self.speeds)
+        write_ratios(problem, self._contacts, self.speeds, self.scale, self.ratios)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale

@@ -42,21 +42,11 @@ class BlockSweep:
     def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
         layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
-        own_friction, remote = _of_own_and_others(layout.friction_coefficient, layout.partner)
+        is_own = layout.partner == np.arange(layout.n_blocks)
+        own_friction = np.where(is_own, layout.friction_coefficient, 0.0)
+        remote = np.where(is_own, 0.0, layout.friction_coefficient)
         laws = (LawArrays if layout.has_contacts_only else AnyLawArrays).of(layout, sizes)
         return BlockSweep(FlatDelassus.of(problem), (own_friction, remote, *laws[2:]), sizes, relaxation)
-
-
-@njit(cache=True)
-def _of_own_and_others(friction, partner):  # type: ignore[no-untyped-def]
-    """Return μ of each contact's own normal impulse, and μ of another's."""
-    own, remote = np.zeros_like(friction), np.zeros_like(friction)
-    for i in range(len(friction)):
-        if partner[i] == i:
-            own[i] = friction[i]
-        else:
-            remote[i] = friction[i]
-    return own, remote
 
 
 class BlockIterates(DelassusState):

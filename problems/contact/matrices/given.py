@@ -1,6 +1,7 @@
 """Matrices as users give them, dense or sparse: copied, put in order and looked at entry by entry."""
 
 import copy
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,9 @@ Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])
 RUN = 16
 """Entries of a dense matrix that are compared with zero at once."""
 
+SMALL_MATRIX = 4096
+"""Entries of a dense matrix up to which NumPy compresses it, which needs no compilation."""
+
 
 def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     """Return a matrix, dense or sparse, as a canonical read-only CSR or CSC array of doubles in memory of its own.
@@ -28,12 +32,14 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     if type(source) is kind and source.dtype == np.float64:
         matrix = _copied(source)
     elif kind is sp.csr_array and isinstance(source, np.ndarray):
-        dense = np.ascontiguousarray(source, dtype=np.float64)
-        matrix = kind(_compressed(dense.reshape(-1), dense.shape[1]), shape=dense.shape)
+        matrix, is_finite = _compressed_rows(np.ascontiguousarray(source, dtype=np.float64))
+        if is_finite:
+            return matrix
     else:
         if sp.issparse(source):
             _check_sparse(source, name)
         matrix = kind(source, dtype=np.float64, copy=True)
+    _shorten_indices(matrix)
     major, minor = matrix.shape if kind is sp.csr_array else matrix.shape[::-1]
     if len(matrix.indptr) == major + 1 and _is_in_order(matrix.indptr, matrix.indices, matrix.data, minor):
         matrix.has_canonical_format = True
@@ -94,6 +100,15 @@ def _copied(source: Compressed) -> Compressed:
     return with_entries(source, source.data.copy(), source.indices.copy(), source.indptr.copy())
 
 
+def _shorten_indices(matrix: Compressed) -> None:
+    """Store the indices of a matrix as int32 where they fit: kernels are then compiled for one type of index only."""
+    longest = np.iinfo(np.int32).max
+    if matrix.indices.dtype == matrix.indptr.dtype == np.int32 or max(matrix.shape) > longest:
+        return
+    if all(-1 <= array.min(initial=0) <= array.max(initial=0) <= longest for array in (matrix.indices, matrix.indptr)):
+        matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
+
+
 def _check_sparse(matrix: Any, name: str) -> None:
     """Look at the indices of a sparse matrix: the conversions of scipy write where they point."""
     try:
@@ -131,18 +146,50 @@ def _is_in_order(indptr, indices, data, length):  # type: ignore[no-untyped-def]
     return descents == at_starts and n_bad == 0
 
 
+def _compressed_rows(dense: NDArray[np.float64]) -> tuple[sp.csr_array[Any], bool]:
+    """Return a contiguous dense matrix in canonical CSR, and whether all its entries are finite.
+
+    The arrays of a finite matrix are read-only.
+    """
+    n_rows, n_columns = dense.shape
+    n_entries = np.count_nonzero(dense)
+    if n_entries == dense.size <= SMALL_MATRIX:
+        full = _full_pattern(n_rows, n_columns)
+        matrix = with_entries(full, dense.flatten(), full.indices.copy(), full.indptr.copy())
+        read_only(matrix.data, matrix.indices, matrix.indptr)
+        return matrix, bool(np.isfinite(matrix.data).all())
+    if dense.size <= SMALL_MATRIX:
+        place = np.flatnonzero(dense)
+        data, columns = dense.reshape(-1)[place], (place % n_columns).astype(np.int32)
+        starts = np.searchsorted(place, np.arange(0, dense.size + 1, n_columns)).astype(np.int32)
+    else:
+        data, columns = np.empty(n_entries), np.empty(n_entries, dtype=np.int32)
+        starts = np.zeros(n_rows + 1, dtype=np.int32)
+        _write_compressed(dense.reshape(-1), n_columns, data, columns, starts)
+    matrix = sp.csr_array((data, columns, starts), shape=dense.shape)
+    is_finite = bool(np.isfinite(data).all())
+    if is_finite:
+        matrix.has_canonical_format = True
+        read_only(matrix.data, matrix.indices, matrix.indptr)
+    return matrix, is_finite
+
+
+@lru_cache(maxsize=64)
+def _full_pattern(n_rows: int, n_columns: int) -> sp.csr_array[Any]:
+    """Return a matrix of ones, for its indices."""
+    columns = np.tile(np.arange(n_columns, dtype=np.int32), n_rows)
+    starts = n_columns * np.arange(n_rows + 1, dtype=np.int32)
+    matrix = sp.csr_array((np.ones(n_rows * n_columns), columns, starts), shape=(n_rows, n_columns))
+    matrix.has_canonical_format = True
+    return matrix
+
+
 @njit(cache=True)
-def _compressed(dense, n_columns):  # type: ignore[no-untyped-def]
-    """Return entries, columns and starts of the rows of a dense matrix, given flat, zeros left out."""
+def _write_compressed(dense, n_columns, data, columns, starts):  # type: ignore[no-untyped-def]
+    """Write entries, columns and starts of the rows of a dense matrix, given flat, zeros left out."""
     run, width = uint64(RUN), uint64(n_columns)
-    n_rows = len(dense) // max(n_columns, 1)
-    starts = np.zeros(n_rows + 1, dtype=np.int32)
-    room = max(64, n_rows * min(n_columns, 64))
-    data, columns = np.empty(room), np.empty(room, dtype=np.int32)
     count = uint64(0)
-    for row in range(uint64(n_rows)):
-        if count + width > uint64(len(data)):
-            data, columns = _moved(data, 2 * len(data) + n_columns), _moved(columns, 2 * len(data) + n_columns)
+    for row in range(uint64(len(starts) - 1)):
         first = uint64(0)
         while first < width:
             at, length, n_entries = width * row + first, min(run, width - first), 0
@@ -155,12 +202,3 @@ def _compressed(dense, n_columns):  # type: ignore[no-untyped-def]
                         count += uint64(1)
             first += run
         starts[row + uint64(1)] = count
-    return data[:count].copy(), columns[:count].copy(), starts
-
-
-@njit(cache=True)
-def _moved(array, room):  # type: ignore[no-untyped-def]
-    """Return a longer array that begins with ``array``."""
-    longer = np.empty(room, dtype=array.dtype)
-    longer[: len(array)] = array
-    return longer

@@ -56,18 +56,22 @@ def checked_delassus(given: Any, layout: BlockLayout, allow_asymmetric: bool) ->
         _check_symmetry(matrix, SINGLE_SYMMETRY_TOLERANCE)
         matrix = sp.csr_array(0.5 * (matrix + matrix.T))
         read_only(matrix.data, matrix.indices, matrix.indptr)
-    blocks = blocks_from_matrix(matrix, layout)
-    lanes = tuple(range(layout.width))
     tolerance = SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE
-    arrays = (lanes, blocks.starts, blocks.columns, blocks.values.reshape(-1))
-    if not _is_sound(*arrays, SYMMETRY_TOLERANCE, tolerance):
+    if n_rows <= DENSE_ROWS:
+        dense = matrix.toarray()
+        is_sound = _is_sound_dense(dense, SYMMETRY_TOLERANCE, tolerance)
+    else:
+        blocks = blocks_from_matrix(matrix, layout)
+        arrays = (tuple(range(layout.width)), blocks.starts, blocks.columns, blocks.values.reshape(-1))
+        is_sound = _is_sound(*arrays, SYMMETRY_TOLERANCE, tolerance)
+    if not is_sound:
         _check_diagonal(matrix)
         _check_symmetry(matrix, SYMMETRY_TOLERANCE)
         _check_minors(matrix, tolerance)
     if n_rows > DENSE_ROWS:
         _check_eigenvalues(_ritz_values(arrays, layout), tolerance)
-    elif not _has_root(*arrays, 0.5 * tolerance):
-        _check_eigenvalues(np.linalg.eigvalsh(matrix.toarray()), tolerance)
+    elif not _has_root(dense, 0.5 * tolerance):
+        _check_eigenvalues(np.linalg.eigvalsh(dense), tolerance)
     return matrix
 
 
@@ -121,6 +125,33 @@ def _ritz_values(blocks: tuple[Any, Any, Any, Any], layout: BlockLayout) -> Floa
     return np.asarray(np.linalg.eigvalsh(projected[:steps, :steps]), dtype=np.float64)
 
 
+def _is_sound_dense(matrix: FloatArray, symmetry: float, negative: float) -> bool:
+    """Whether G, dense, is symmetric, its diagonal not negative, and none of its 2×2 minors, to the tolerances."""
+    diagonal = matrix.diagonal()
+    if (diagonal < 0.0).any():
+        return False
+    size, root = np.abs(matrix), np.sqrt(diagonal)
+    excess = size - root[:, None] * root
+    if (excess > negative * diagonal.max(initial=0.0)).any():
+        return False
+    difference = matrix - matrix.T
+    return not difference.any() or bool(np.abs(difference).max() <= symmetry * size.max())
+
+
+def _has_root(matrix: FloatArray, shift: float) -> bool:
+    """Whether G, dense, with ``shift`` times its largest diagonal entry on the diagonal has a Cholesky factor.
+
+    Then no eigenvalue of G is further below zero, beside the largest one, but by rounding.
+    """
+    shifted = matrix.copy()
+    shifted.reshape(-1)[:: len(matrix) + 1] += shift * matrix.diagonal().max(initial=0.0)
+    try:
+        np.linalg.cholesky(shifted)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 @njit(cache=True)
 def _is_sound(lanes, starts, columns, values, symmetry, negative):  # type: ignore[no-untyped-def]
     """Whether G is symmetric, its diagonal not negative, and none of its 2×2 minors, all but the second to a tolerance.
@@ -171,37 +202,6 @@ def _is_sound(lanes, starts, columns, values, symmetry, negative):  # type: igno
         n_above += end - p
     largest = max(largest, most)
     return n_below == n_above and difference <= symmetry * largest and excess <= negative * most
-
-
-@njit(cache=True)
-def _has_root(lanes, starts, columns, values, shift):  # type: ignore[no-untyped-def]
-    """Whether G with ``shift`` times its largest diagonal entry added to the diagonal has a Cholesky factor.
-
-    Then no eigenvalue of G is further below zero, beside the largest one, but by rounding.
-    """
-    width, n_blocks = len(lanes), len(starts) - 1
-    n = width * n_blocks
-    root, most = np.zeros((n, n)), 0.0
-    for i in range(n_blocks):
-        for p in range(starts[i], starts[i + 1]):
-            for lane in range(width):
-                for other in range(width):
-                    entry = values[width * (width * p + lane) + other]
-                    root[width * i + lane, width * columns[p] + other] = entry
-        for lane in range(width):
-            most = max(most, root[width * i + lane, width * i + lane])
-    for i in range(n):
-        for j in range(i + 1):
-            total = root[i, j]
-            for k in range(j):
-                total -= root[i, k] * root[j, k]
-            if j < i:
-                root[i, j] = total / root[j, j]
-            elif total + shift * most > 0.0:
-                root[i, i] = np.sqrt(total + shift * most)
-            else:
-                return False
-    return True
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"})

@@ -17,7 +17,7 @@ def test_whole_blocks_are_cut_as_any_matrix_is_gathered(seed: int, n: int, width
         dense[rng.integers(n * width), rng.integers(n * width)] = 0.0
     matrix, lanes, slot = sp.csr_array(dense), tuple(range(width)), np.arange(n * width)
     arrays = (matrix.indptr, matrix.indices, slot, n)
-    found = _gather(lanes, *arrays, matrix.data)
+    found = _gather(width, *arrays, matrix.data)
     for own, general in zip(found, _gather_any(*arrays, width, matrix.data), strict=True):
         assert np.array_equal(own, general)
     if not hole:  # the fast way is not left out by accident

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import options
+from .. import options
 
 
 def bundle(
@@ -18,8 +18,8 @@ def bundle(
     as_json: options.Json = False,
 ) -> None:
     """Pack a run into one file: plan, machines, cases, impulses, and problems that Proxbench does not ship."""
-    from ..report.layout.text import print_json
-    from ..runs import bundle as pack
+    from ...report.layout.text import print_json
+    from ...runs import bundle as pack
 
     file = pack(run_dir, output, force=force)
     if as_json:
@@ -41,9 +41,9 @@ def rejudge(
     from msgspec import to_builtins
     from rich.console import Console
 
-    from ..report.layout.text import print_json
-    from ..runs import rejudge as judge_again
-    from .progress import ProgressBar
+    from ...report.layout.text import print_json
+    from ...runs import rejudge as judge_again
+    from ..progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
     with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
@@ -71,9 +71,9 @@ def merge(
     """
     from rich.console import Console
 
-    from ..report.layout.text import print_json
-    from ..runs import merge as joined
-    from .progress import ProgressBar
+    from ...report.layout.text import print_json
+    from ...runs import merge as joined
+    from ..progress import ProgressBar
 
     missing: list[str] = []
     with ProgressBar(Console(stderr=True), hidden=not progress or as_json) as shown:

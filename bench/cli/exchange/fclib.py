@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from . import options
-from .help import HelpCommand, HelpGroup
+from .. import options
+from ..help import HelpCommand, HelpGroup
 
 if TYPE_CHECKING:
-    from ...problems.exchange.fclib.survey import Survey
+    from ....problems.exchange.fclib.survey import Survey
 
 SUFFIX, PROBLEM_SUFFIX = ".hdf5", ".npz"
 
@@ -57,8 +57,8 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     """
     from dataclasses import asdict
 
-    from ...problems.exchange.fclib.survey import survey
-    from ..report.layout.text import print_json
+    from ....problems.exchange.fclib.survey import survey
+    from ...report.layout.text import print_json
 
     found, broken = _apply(sources, lambda file, _: survey(file))
     if as_json:
@@ -94,7 +94,7 @@ def import_files(
 
     The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
-    from ...problems import read_fclib, save_problem
+    from ....problems import read_fclib, save_problem
 
     targets = _import_targets(sources, output, force)
 
@@ -125,12 +125,12 @@ def export(
     as_json: options.Json = False,
 ) -> int:
     """Write problems as FCLIB files; print each file with the digest of its problem."""
-    from ...problems import write_fclib
-    from ...problems.exchange.catalog import is_path
-    from ...problems.exchange.fclib.conversion import contents_of
-    from ...problems.exchange.fclib.files import SUFFIXES
-    from ..plugins.problems import resolved
-    from ..report.layout.output_file import refuse_taken
+    from ....problems import write_fclib
+    from ....problems.exchange.catalog import is_path
+    from ....problems.exchange.fclib.conversion import contents_of
+    from ....problems.exchange.fclib.files import SUFFIXES
+    from ...plugins.problems import resolved
+    from ...report.layout.output_file import refuse_taken
 
     problems = [resolved(name) for name in names]
     for problem in problems:
@@ -153,8 +153,8 @@ def _apply(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[l
     Raises:
         ProblemError: if a file named on the command line fails, or a folder has no file.
     """
-    from ...problems.errors import ProblemError
-    from ...problems.exchange.fclib.survey import fclib_files
+    from ....problems.errors import ProblemError
+    from ....problems.exchange.fclib.survey import fclib_files
 
     found, broken = [], []
     for source in sources:
@@ -175,8 +175,8 @@ def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[
         BenchError: if two files have the same target, or a target exists and ``force`` is not given.
         ProblemError: if a folder has no FCLIB files.
     """
-    from ...problems.exchange.fclib.survey import fclib_files
-    from ..report.layout.output_file import refuse_taken
+    from ....problems.exchange.fclib.survey import fclib_files
+    from ...report.layout.output_file import refuse_taken
 
     is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
     targets = {}
@@ -190,7 +190,7 @@ def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[
 
 
 def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:
-    from ..errors import BenchError
+    from ...errors import BenchError
 
     if is_file and len(sources) > 1:
         raise BenchError(f"{targets[0]} is one file for {len(sources)} problems; name a folder with --output.")
@@ -233,7 +233,7 @@ def _range(ends: tuple[float, float]) -> str:
 
 
 def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool) -> None:
-    from ..report.layout.text import print_json
+    from ...report.layout.text import print_json
 
     if as_json:
         print_json({"files": digests, "broken": list(broken)})

@@ -1,0 +1,89 @@
+"""``proxbench warm``: compile all kernels into the cache, for images and clusters."""
+
+import time
+from contextlib import suppress
+from typing import Annotated, Any
+
+from . import options
+
+PROBLEMS = ("funnel-30-early", "funnel-planar-30", "funnel-frictionless-30", "hard-mixed-laws", "pile-100-rolling")
+"""Problems with factors and contacts of each kind, mixed laws, and rolling friction."""
+
+MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconnected-parts")
+"""Problems that hold G only."""
+
+MAX_ITERATIONS, MAX_SECONDS = 60, 600.0
+"""Limits of each solve."""
+
+SIMULATIONS = (
+    ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3),
+    ("funnel(balls=30, planar=True)", "Moreau(step=1e-3)", 5e-3),
+    ("funnel(balls=30, friction=None)", "Moreau(step=1e-3)", 5e-3),
+    ("bouncing_ball", "StepDoubling", 0.6),
+    ("woodpecker", "Extrapolated", 0.02),
+    ("woodpecker", "EventDriven", 0.02),
+)
+"""Scene, stepper and duration [s] of short simulations, in which each stepper meets contacts."""
+
+
+def warm(
+    quiet: Annotated[bool, options.output("--quiet", help="Print nothing.")] = False, as_json: options.Json = False
+) -> None:
+    """Compile what the built-in solvers, the judge and the steppers need and the cache does not hold yet."""
+    from ...problems.compilation import COMPILATION
+    from ..report.layout.text import print_json
+
+    options.refuse_two_prints(quiet, as_json)
+    begin = time.perf_counter()
+    _solve()
+    _simulate()
+    done: dict[str, Any] = {
+        "compiled": COMPILATION.kernels,
+        "compile_seconds": COMPILATION.seconds,
+        "seconds": time.perf_counter() - begin,
+        "cache": _cache_folder(),
+    }
+    if as_json:
+        print_json(done)
+    elif not quiet:
+        print(
+            f"Compiled {done['compiled']} functions in {done['compile_seconds']:.0f} s "
+            f"(all in all {done['seconds']:.0f} s); kernels are cached in {done['cache']}."
+        )
+
+
+def _solve() -> None:
+    """Solve small problems of every kind with every built-in solver, and judge what comes out."""
+    from ...problems.contact.judge import judge
+    from ...problems.contact.model import Model
+    from ...problems.contact.solver import Stop
+    from ...problems.errors import ProxbenchError
+    from ...problems.exchange.catalog import load
+    from ...solvers.registry import BUILT_IN, create
+    from ..isolation import preload  # noqa: F401  solves tiny problems of its own when it is imported
+
+    solvers = [create(name) for name, module in BUILT_IN.items() if "cvxpy" not in module]
+    solvers += [create("SORprox", form="factors"), create("SORprox", step_size="row_sum")]
+    for name in (*PROBLEMS, *MATRIX_PROBLEMS):
+        problem = load(name)
+        for solver in solvers:
+            if not solver.supports(problem):
+                impulses = solver.prepare(problem).solve(Stop(1e-10, MAX_ITERATIONS, MAX_SECONDS)).impulses
+        for model in (Model.COULOMB, Model.CONVEX, Model.pyramid(8), Model.FRICTIONLESS):
+            with suppress(ProxbenchError):  # the model does not apply to the laws
+                judge(problem, impulses, model)
+
+
+def _simulate() -> None:
+    from ..simulation.plan import make_simulation_plan
+    from ..simulation.run import simulate
+
+    for scene, stepper, duration in SIMULATIONS:
+        simulate(make_simulation_plan(scene, stepper=stepper, duration=duration))
+
+
+def _cache_folder() -> str:
+    """Return the folder that numba writes to, or a word for the folders beside the modules."""
+    from numba import config
+
+    return str(config.CACHE_DIR) or "__pycache__ beside the modules"

@@ -1,0 +1,61 @@
+"""Sizes and laws of the standard problems, stored beside the frozen library, so that listing them builds none.
+
+``python -m proxbench.problems.exchange.index`` writes the file anew after a problem has been added or changed.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+from .. import library
+from ..contact.laws import LawKind
+from ..contact.problem import ContactProblem
+from .catalog import SUITES, is_held, load
+
+INDEX = "index.json"
+"""Name of the file in the folder of the library."""
+
+
+@dataclass(frozen=True)
+class ProblemSummary:
+    """What a table of problems shows of one.
+
+    Attributes:
+        contacts: number of contacts.
+        rows: number of rows.
+        laws: the kinds of law that occur, in words.
+        form: "factors" or "Delassus", which of the two the problem holds.
+    """
+
+    contacts: int
+    rows: int
+    laws: tuple[str, ...]
+    form: str
+
+
+def summary_of(problem: ContactProblem) -> ProblemSummary:
+    """Return the summary of one problem."""
+    laws = [LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))]
+    form = "factors" if problem.factors is not None else "Delassus"
+    return ProblemSummary(problem.n_contacts, problem.n_rows, tuple(laws), form)
+
+
+@cache
+def stored_summaries() -> Mapping[str, ProblemSummary]:
+    """Return the summaries of the hard cases and of the frozen library, by name, as they are stored."""
+    stored = json.loads(resources.files(library).joinpath(INDEX).read_text(encoding="utf-8"))
+    return {name: ProblemSummary(**{**entry, "laws": tuple(entry["laws"])}) for name, entry in stored.items()}
+
+
+def current_summaries() -> dict[str, ProblemSummary]:
+    """Return the same from the problems themselves, all of which are built."""
+    return {name: summary_of(load(name)) for name in SUITES["all"] if is_held(name)}
+
+
+if __name__ == "__main__":
+    lines = [f"{json.dumps(name)}: {json.dumps(asdict(entry))}" for name, entry in current_summaries().items()]
+    with resources.as_file(resources.files(library)) as folder:
+        (Path(folder) / INDEX).write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
