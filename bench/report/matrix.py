@@ -49,7 +49,7 @@ _PAGE = """\
 
 ## Reasons
 
-Numbers in a reason are those of the first cell that it applies to.
+Every outcome but solved and infeasible has a reason. Numbers in a reason are those of the first cell that it applies to.
 
 {reasons}"""
 
@@ -202,14 +202,15 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
 
 
 def _reasons(found: pd.DataFrame) -> str:
-    failed = found[found["outcome"] != Outcome.SOLVED]
+    failed = found[~found["outcome"].isin([Outcome.SOLVED, Outcome.INFEASIBLE])]
     alike = failed["reason"].str.replace(r"[0-9][0-9.e+-]*", "…", regex=True)
+    groups = [own for _, own in failed.groupby([failed["outcome"], alike], sort=False)]
+    groups.sort(key=lambda own: (str(own["outcome"].iloc[0]), -len(own)))
     rows = [
-        [ended, len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
-        for (ended, _), own in failed.groupby([failed["outcome"], alike], sort=False)
+        [own["outcome"].iloc[0], len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
+        for own in groups
     ]
-    rows.sort(key=lambda row: (str(row[0]), -row[1]))
-    return markdown_table(["ended", "cells", "reason", "solvers"], rows) if rows else "Every cell is solved.\n"
+    return markdown_table(["ended", "cells", "reason", "solvers"], rows) if rows else "Every cell is solved or infeasible.\n"
 
 
 def _shortened(reason: str) -> str:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, judge, load
 from proxbench.solvers import Model, Solution, SolverError, Status, Stop, create, solve
-from proxbench.solvers.composite.fallback import ITERATIONS, WARM_ITERATIONS, Fallback
-from proxbench.solvers.composite.momentum_fallback import MomentumFallback
+from proxbench.solvers.composite.fallback import ITERATIONS, WARM_ITERATIONS, Fallback, MomentumFallback
 
 ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
 
@@ -20,8 +19,8 @@ class Scripted:
     refusal: str | None = None
     ends: Status = Status.STALLED
     tried: list[tuple[int, bool]] = field(default_factory=list)
+    name: str = "Scripted"
 
-    name = "Scripted"
     model = Model.COULOMB
     has_iterates = True
 
@@ -54,7 +53,7 @@ def test_a_start_that_falls_short_is_left_for_zero_and_both_are_counted() -> Non
 
 
 def test_others_follow_in_turn_and_the_last_takes_what_is_left() -> None:
-    first, second, third = Scripted(0.3), Scripted(0.2), Scripted()
+    first, second, third = Scripted(0.3, name="A"), Scripted(0.2, name="B"), Scripted()
     solution = fallback_of(first, second, third).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
     assert [first.tried[1], second.tried[0]] == [(ITERATIONS, False)] * 2
     assert third.tried == [(20_000 - WARM_ITERATIONS - 2 * 700, False)]
@@ -63,14 +62,16 @@ def test_others_follow_in_turn_and_the_last_takes_what_is_left() -> None:
 
 def test_without_any_success_the_best_answer_is_kept() -> None:
     solution = (
-        fallback_of(Scripted(0.3), Scripted(0.1), Scripted(0.2)).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
+        fallback_of(Scripted(0.3, name="A"), Scripted(0.1, name="B"), Scripted(0.2))
+        .prepare(ONE)
+        .solve(Stop(1e-4, 20_000), np.ones(1))
     )
     assert solution.status is Status.STALLED
     assert solution.impulses == [0.9]
 
 
 def test_the_limit_of_iterations_holds_for_all_together() -> None:
-    first, second = Scripted(0.3), Scripted()
+    first, second = Scripted(0.3, name="A"), Scripted()
     solution = fallback_of(first, second).prepare(ONE).solve(Stop(1e-4, WARM_ITERATIONS), np.ones(1))
     assert first.tried == [(WARM_ITERATIONS, True)]
     assert second.tried == []
@@ -78,7 +79,11 @@ def test_the_limit_of_iterations_holds_for_all_together() -> None:
 
 
 def test_a_part_that_had_no_time_for_its_next_step_makes_it_a_time_limit_though_the_best_part_stalled() -> None:
-    solution = fallback_of(Scripted(0.1), Scripted(0.3, ends=Status.TIME_LIMIT)).prepare(ONE).solve(Stop(1e-4, 20_000))
+    solution = (
+        fallback_of(Scripted(0.1, name="A"), Scripted(0.3, ends=Status.TIME_LIMIT))
+        .prepare(ONE)
+        .solve(Stop(1e-4, 20_000))
+    )
     assert solution.impulses == [0.9]
     assert solution.status is Status.TIME_LIMIT
 
@@ -128,7 +133,7 @@ def test_an_observer_sees_the_iterations_of_all_parts_counted_on_and_changes_not
 
 
 def test_parts_that_show_no_iterates_make_a_fallback_that_shows_none() -> None:
-    fallback = create("Fallback(SORprox, CvxpyQP)")
+    fallback = create("Fallback(SORprox, Enumeration)")
     assert not fallback.has_iterates
     seen: list[int] = []
     fallback.prepare(load("hard-stack-10")).solve(Stop(1e-4), observe=lambda iteration, _: seen.append(iteration))
@@ -151,7 +156,7 @@ def test_parts_and_options_that_do_not_fit_are_named(parts: str, reason: str) ->
 def test_the_best_answer_is_the_best_in_the_model_of_the_parts() -> None:
     """A sliding block: neither part reaches 1e-30, and the convex answer has a Coulomb residual of order one."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 5.0, 0.0), 0.3)
-    solution = create("Fallback(ClarabelSOCP, CvxpySOCP)").prepare(problem).solve(Stop(1e-30, 200))
+    solution = create("Fallback(ClarabelSOCP, ClarabelSOCP(form='factors'))").prepare(problem).solve(Stop(1e-30, 200))
     assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-9
 
 

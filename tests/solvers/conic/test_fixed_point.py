@@ -10,7 +10,7 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.conic.fixed_point import PreparedFixedPoint
-from proxbench.solvers.conic.programs import ClarabelProgram, ConicResult, Ended, Form
+from proxbench.solvers.conic.programs import ClarabelProgram, ConicResult, ConicStatus, Form
 
 PROBLEM = load("hard-counterexample")
 
@@ -18,26 +18,22 @@ PROBLEM = load("hard-counterexample")
 class EndsWith:
     """A conic solver that returns the same impulses every time and says the same of it."""
 
-    can_be_careful = False
-
-    def __init__(self, ended: Ended, impulse: float) -> None:
+    def __init__(self, ended: ConicStatus, impulse: float) -> None:
         self.result = ConicResult(np.full(PROBLEM.n_rows, impulse), 1, 0.0, ended)
 
     def regularised(self, weight: np.ndarray) -> "EndsWith":
         return self
 
-    def run(
-        self, velocity: np.ndarray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
-    ) -> ConicResult:
+    def run(self, velocity: np.ndarray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         return self.result
 
 
 @pytest.mark.parametrize("impulse", [0.01, np.nan], ids=["finite", "nothing"])
 @pytest.mark.parametrize(
-    ("ended", "status"), [(Ended.TIME_LIMIT, Status.TIME_LIMIT), (Ended.GAVE_UP, Status.STALLED)], ids=str
+    ("ended", "status"), [(ConicStatus.TIME_LIMIT, Status.TIME_LIMIT), (ConicStatus.GAVE_UP, Status.STALLED)], ids=str
 )
 def test_no_time_left_for_the_conic_solver_is_a_time_limit_and_no_stall(
-    ended: Ended, status: Status, impulse: float
+    ended: ConicStatus, status: Status, impulse: float
 ) -> None:
     prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), EndsWith(ended, impulse), memory=5)
     solution = prepared.solve(Stop(1e-8, 1000, 60.0))
@@ -54,7 +50,7 @@ class Wanders(EndsWith):
 
 
 def test_impulses_that_go_on_moving_are_no_stall() -> None:
-    program = Wanders(Ended.CONVERGED, 1.0)
+    program = Wanders(ConicStatus.CONVERGED, 1.0)
     prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), program, memory=5)
     solution = prepared.solve(Stop(1e-8, 1000, 60.0))
     assert solution.status is Status.ITERATION_LIMIT
@@ -85,7 +81,7 @@ NO_CONVEX_SOLUTION = with_solution(
 def test_proximal_iterations_solve_what_the_plain_ones_cannot_even_begin(form: Form, name: str) -> None:
     problem = NO_CONVEX_SOLUTION
     first = ClarabelProgram(problem, form).run(problem.free_velocity, 1e-8, 1000, 10.0)
-    assert first.ended is not Ended.CONVERGED
+    assert first.status is not ConicStatus.CONVERGED
     solution = create(name.format(form)).prepare(problem).solve(Stop(1e-7))
     assert solution.status is Status.SOLVED
     assert judge(problem, solution.impulses).residual <= 1e-7

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.interior.central_path import CentralPath, PathInTurns
+from proxbench.solvers.interior.central_path import CentralPath, ResumablePath
 from proxbench.solvers.interior.power_series import Direction, Series
 from proxbench.solvers.interior.runs import SingleRun
 
@@ -32,7 +32,7 @@ def test_in_turns_it_is_the_same_path(length: int) -> None:
     """The path of pile-100 has two turns, and is followed from the beginning where a turn forgets the one before."""
     problem = load("pile-100")
     whole = SingleRun(CentralPath()).prepare(problem).solve(Stop(1e-8))
-    path, zeros, iterations = PathInTurns(CentralPath(), problem), np.zeros(problem.n_rows), 0
+    path, zeros, iterations = ResumablePath(CentralPath(), problem), np.zeros(problem.n_rows), 0
     while not path.has_ended:
         part = path.solve(Stop(1e-8, length), zeros)
         iterations += part.iterations
@@ -44,7 +44,7 @@ def test_in_turns_it_is_the_same_path(length: int) -> None:
 
 def test_a_path_whose_problem_is_refuted_has_ended() -> None:
     problem = ContactProblem.from_delassus([[0.0]], [-1.0], dim=1)
-    path = PathInTurns(CentralPath(), problem)
+    path = ResumablePath(CentralPath(), problem)
     assert path.solve(Stop(1e-8)).status is Status.INFEASIBLE
     assert path.has_ended
 
@@ -81,7 +81,7 @@ def test_a_series_is_its_polynomial() -> None:
 def test_a_bound_by_another_contact_is_refused_in_words() -> None:
     reason = create("CentralPath").supports(load("hard-remote-partner"))
     assert reason is not None
-    assert "bounded by a unilateral law that it does not follow" in reason
+    assert "bounded by the unilateral law of another contact" in reason
 
 
 @pytest.mark.parametrize("order", [1, 2.5, 51])

@@ -7,8 +7,8 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
-from proxbench.solvers.interior.progress import MOST_SHORT, Progress
-from proxbench.solvers.interior.runs import InRuns, SingleRun
+from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, MIN_STEPS, Progress
+from proxbench.solvers.interior.runs import InteriorMethod, SingleRun
 from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
 
 
@@ -20,7 +20,7 @@ from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
         (CentralPath(), "hard-sliding-block", 1e-10),
     ],
 )
-def test_what_one_run_leaves_is_solved_by_the_next(method: InRuns, name: str, tolerance: float) -> None:
+def test_what_one_run_leaves_is_solved_by_the_next(method: InteriorMethod, name: str, tolerance: float) -> None:
     problem = load(name)
     single = SingleRun(method).prepare(problem).solve(Stop(tolerance))
     solution = method.prepare(problem).solve(Stop(tolerance))
@@ -31,7 +31,7 @@ def test_what_one_run_leaves_is_solved_by_the_next(method: InRuns, name: str, to
 
 
 @pytest.mark.parametrize("method", [InteriorPoint(), CentralPath()])
-def test_where_a_run_does_not_stall_it_is_the_whole_solve(method: InRuns) -> None:
+def test_where_a_run_does_not_stall_it_is_the_whole_solve(method: InteriorMethod) -> None:
     problem = load("funnel-30")
     single, solution = SingleRun(method).prepare(problem).solve(Stop(1e-8)), method.prepare(problem).solve(Stop(1e-8))
     assert single.status is solution.status is Status.SOLVED
@@ -72,13 +72,13 @@ def test_short_steps_go_on_where_no_other_method_takes_over(name: str) -> None:
 def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:
     problem = load("funnel-30")
     residual = Residual(problem)
-    progress = Progress(problem, residual, Stop(1e-12), None, 1.0, np.zeros(problem.n_rows))
-    for count in range(2 * MOST_SHORT):
-        progress.arrive(np.ones(problem.n_rows) * (1.0 + min(count, MOST_SHORT)), 2.0, 1e-12)
-        assert progress.ended is None
-    progress.arrive(np.ones(problem.n_rows) * (1.0 + MOST_SHORT), 2.0)
-    assert progress.ended is not None
-    assert progress.ended[0] is Status.STALLED
+    progress = Progress(problem, residual, Stop(1e-12), None, flops=1.0, first=np.zeros(problem.n_rows))
+    for count in range(2 * MAX_SHORT_STEPS):
+        progress.record(np.ones(problem.n_rows) * (1.0 + min(count, MAX_SHORT_STEPS)), 2.0, 1e-12)
+        assert progress.outcome is None
+    progress.record(np.ones(problem.n_rows) * (1.0 + MAX_SHORT_STEPS), 2.0)
+    assert progress.outcome is not None
+    assert progress.outcome[0] is Status.STALLED
 
 
 def test_a_solve_whose_steps_gain_nothing_any_more_ends_stalled() -> None:
@@ -92,10 +92,29 @@ def test_only_who_looks_for_a_gain_ends_without_one() -> None:
     """The residual of a path may stay up for most of its length, while τ rises; Newton steps that gain nothing end."""
     problem = load("funnel-30")
     residual, rng = Residual(problem), np.random.default_rng(1)
-    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, 1.0, np.zeros(problem.n_rows))
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))
     for _ in range(1000):
-        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
-    assert progress.ended is None
-    progress.look_for_gain()
-    assert progress.ended is not None
-    assert progress.ended[0] is Status.STALLED
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    assert progress.outcome is None
+    progress.check_gain()
+    assert progress.outcome is not None
+    assert progress.outcome[0] is Status.STALLED
+
+
+def test_the_gain_of_a_run_is_looked_for_within_that_run() -> None:
+    """A run that begins after 300 fruitless steps of another is not over before it has had 200 of its own."""
+    problem = load("funnel-30")
+    residual, rng = Residual(problem), np.random.default_rng(1)
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))
+    progress.record(rng.uniform(size=problem.n_rows), 1e-3)
+    for _ in range(300):
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.end(Status.STALLED, "short steps")
+    assert progress.may_run()
+    for _ in range(MIN_STEPS - 1):
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.check_gain()
+    assert progress.outcome is None
+    progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.check_gain()
+    assert progress.outcome is not None

@@ -34,11 +34,11 @@ def test_without_memory_the_iteration_is_plain() -> None:
         assert np.array_equal(x, image)
 
 
-def test_after_forgetting_the_next_step_is_plain() -> None:
+def test_after_a_restart_the_next_step_is_plain() -> None:
     matrix, offset = contraction(2, 4)
     x, anderson = np.zeros(4), Anderson(3)
     for _ in range(3):
         x = anderson.next(x, matrix @ x + offset)
-    anderson.forget()
+    anderson.restart()
     image = matrix @ x + offset
     assert np.array_equal(anderson.next(x, image), image)

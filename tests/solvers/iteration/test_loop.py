@@ -109,11 +109,11 @@ def test_a_proof_of_rounding_that_fails_comes_again_only_after_as_many_sweeps(mo
         def relative_velocity(self) -> FloatArray:
             return np.array([-1e-15])
 
-    monkeypatch.setattr(loop, "judged", judged)
-    monkeypatch.setattr(Monitor, "cycle", lambda *arguments: None)
+    monkeypatch.setattr(Residual, "judged", judged)
+    monkeypatch.setattr(Monitor, "check_cycle", lambda *arguments: None)
     prepared = PreparedIteration(problem, Residual(problem), lambda start: Resting())
     assert prepared.solve(Stop(1e-16, 50_000)).status is Status.ITERATION_LIMIT
-    assert 0 < calls <= 6 * loop.PROVING_SWEEPS
+    assert 0 < calls <= 6 * loop.ROUNDING_TEST_SWEEPS
 
 
 def test_impulses_that_repeat_for_a_while_and_move_again_are_no_stall() -> None:

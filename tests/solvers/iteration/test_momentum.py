@@ -73,7 +73,7 @@ def test_momentum_is_lowered_to_none_and_then_no_further() -> None:
 
         relative_velocity = impulses
 
-        def linear(self) -> tuple[np.ndarray, int]:
+        def linear_state(self) -> tuple[np.ndarray, int]:
             return np.zeros(1), 1
 
     iterates = MomentumIterates(Still(), 0.8)

@@ -5,7 +5,7 @@ import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.iteration.restarted_momentum import RestartedMomentum
+from proxbench.solvers.iteration.momentum import RestartedMomentum
 
 
 def history(problem: ContactProblem, solver: str, count: int, start: np.ndarray | None = None) -> np.ndarray:

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from proxbench.solvers import Status, Stop
-from proxbench.solvers.iteration.stopping import PLATEAU_SWEEPS, Monitor, sweeps_to_next_look
+from proxbench.solvers.iteration.stopping import MIN_PLATEAU_SWEEPS, Monitor, sweeps_to_next_check
 
 LAMBDA = np.ones(3)
 
 
 def status_of(monitor: Monitor, iteration: int, residual: float) -> Status | None:
-    ended = monitor.look(iteration, residual, LAMBDA)
+    ended = monitor.check_convergence(iteration, residual, LAMBDA)
     return ended[0] if ended else None
 
 
@@ -40,10 +40,21 @@ def test_slow_power_law_progress_is_lacking_and_slow_geometric_progress_is_not_a
     for residual_at, lacks in ((lambda n: n**-0.05, True), (lambda n: 0.999**n, False)):
         monitor, lacking = Monitor(Stop(1e-12, 10**9)), []
         for n in range(10, 20_000, 10):
-            assert monitor.look(n, residual_at(n), n * LAMBDA) is None
+            assert monitor.check_convergence(n, residual_at(n), n * LAMBDA) is None
             lacking.append(monitor.lacks_progress)
         assert any(lacking) is lacks
-        assert not any(lacking[: PLATEAU_SWEEPS // 10 - 1])
+        assert not any(lacking[: MIN_PLATEAU_SWEEPS // 10 - 1])
+
+
+def test_progress_is_lacking_where_the_last_three_quarters_of_the_sweeps_had_none() -> None:
+    """All digits are gained at sweep 3000: within the last three quarters up to sweep 12 000, and not beyond."""
+    monitor, lacking = Monitor(Stop(1e-12, 10**9)), {}
+    for n in range(10, 16_010, 10):
+        assert status_of(monitor, n, 1.0 if n < 3000 else 1e-3) is None
+        lacking[n] = monitor.lacks_progress
+    assert not lacking[8000]
+    assert not lacking[11_900]
+    assert lacking[12_100]
 
 
 def test_a_plateau_of_a_million_sweeps_is_no_stall() -> None:
@@ -54,7 +65,7 @@ def test_a_plateau_of_a_million_sweeps_is_no_stall() -> None:
 
 
 def repeated(monitor: Monitor, newest: np.ndarray, previous: np.ndarray, before: np.ndarray) -> list[Status | None]:
-    ended = [monitor.cycle(newest, previous, before) for _ in range(4)]
+    ended = [monitor.check_cycle(newest, previous, before) for _ in range(4)]
     return [status[0] if status else None for status in ended]
 
 
@@ -84,22 +95,22 @@ def test_iterates_that_still_move_are_neither() -> None:
 def test_a_cycle_or_a_rest_that_is_left_again_does_not_count() -> None:
     monitor = Monitor(Stop(1e-12))
     for _ in range(4):
-        assert monitor.cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None
-        assert monitor.cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
+        assert monitor.check_cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None
+        assert monitor.check_cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
     for size in (1.0, 2.0, 3.0):  # rests elsewhere every time
-        assert monitor.cycle(size * LAMBDA, size * LAMBDA, size * LAMBDA) is None
+        assert monitor.check_cycle(size * LAMBDA, size * LAMBDA, size * LAMBDA) is None
 
 
 def test_the_best_iterate_is_kept() -> None:
     monitor = Monitor(Stop(1e-12, 3))
-    monitor.look(1, 0.5, LAMBDA)
-    monitor.look(2, 0.1, 2 * LAMBDA)
-    ended = monitor.look(3, 0.3, 3 * LAMBDA)
+    monitor.check_convergence(1, 0.5, LAMBDA)
+    monitor.check_convergence(2, 0.1, 2 * LAMBDA)
+    ended = monitor.check_convergence(3, 0.3, 3 * LAMBDA)
     assert ended is not None
     assert np.array_equal(monitor.solution(ended, 3, 3).impulses, 2 * LAMBDA)
 
 
 @pytest.mark.parametrize("iteration", [0, 1, 5, 100, 10_000])
 def test_looks_are_frequent_at_first_and_never_rarer_than_ten_sweeps(iteration: int) -> None:
-    assert 1 <= sweeps_to_next_look(iteration) <= 10
-    assert sweeps_to_next_look(0) == 1
+    assert 1 <= sweeps_to_next_check(iteration) <= 10
+    assert sweeps_to_next_check(0) == 1

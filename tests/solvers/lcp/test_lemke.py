@@ -192,7 +192,7 @@ def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
     matrix = complementarity(problem, Residual(problem), 8).matrix
     _, group = connected_components(matrix, directed=False)
     assert reason is not None
-    assert reason.startswith(f"{np.bincount(group).max()} of its unknowns hang together")
+    assert reason.startswith(f"a group of {np.bincount(group).max()} unknowns is coupled")
 
 
 @pytest.mark.parametrize("seed", [1, 372, 927, 1325, 1550, 2914, 2962])

@@ -8,10 +8,10 @@ import pytest
 import scipy.sparse as sp
 from proxbench.problems import load
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.iteration.clock import Clock
+from proxbench.solvers.iteration.stopping import Clock
 from proxbench.solvers.newton import linear_solver
 from proxbench.solvers.newton.linear_solver import LinearSolver
-from proxbench.solvers.newton.linearised import Linearised
+from proxbench.solvers.newton.linearised import LinearSystem
 from proxbench.solvers.newton.work import Work
 
 
@@ -22,13 +22,13 @@ class Machine:
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, seconds_per_entry_squared: float) -> None:
-        self.now, self.reading, self.factorised = 0.0, 1e-5, linear_solver.factorised
+        self.now, self.reading, self.factorised = 0.0, 1e-5, linear_solver.factorise
         self.rows: list[int] = []
         self._cost = seconds_per_entry_squared
-        monkeypatch.setattr("proxbench.solvers.iteration.clock.time", SimpleNamespace(perf_counter=self.read))
-        monkeypatch.setattr(linear_solver, "factorised", self.factorise)
+        monkeypatch.setattr("proxbench.solvers.iteration.stopping.time", SimpleNamespace(perf_counter=self.read))
+        monkeypatch.setattr(linear_solver, "factorise", self.factorise)
         monkeypatch.setattr(linear_solver, "FIRST_PART", 50)
-        monkeypatch.setattr(linear_solver, "SMALL", 500)
+        monkeypatch.setattr(linear_solver, "SMALL_ENTRIES", 500)
 
     def read(self) -> float:
         self.now += self.reading
@@ -40,13 +40,13 @@ class Machine:
         return self.factorised(matrix)
 
 
-def grid(side: int) -> Linearised:
+def grid(side: int) -> LinearSystem:
     """The equations of a grid in the plane, all of whose rows are active."""
     line = sp.diags_array([-1.0, 4.0, -1.0], offsets=[-1, 0, 1], shape=(side, side))
     along = sp.diags_array([-1.0, -1.0], offsets=[-1, 1], shape=(side, side))
     matrix = sp.csr_array(sp.kron(sp.eye_array(side), line) + sp.kron(along, sp.eye_array(side)))
     rows = side**2
-    return Linearised(np.zeros(rows), np.arange(rows), matrix, np.linspace(-1.0, 1.0, rows))
+    return LinearSystem(np.zeros(rows), np.arange(rows), matrix, np.linspace(-1.0, 1.0, rows))
 
 
 def test_a_step_solves_its_scaled_and_damped_system_and_is_counted() -> None:
@@ -60,7 +60,7 @@ def test_a_step_solves_its_scaled_and_damped_system_and_is_counted() -> None:
 
 
 def test_a_singular_system_has_no_step() -> None:
-    system = Linearised(np.zeros(2), np.arange(2), sp.csr_array(np.ones((2, 2))), np.ones(2))
+    system = LinearSystem(np.zeros(2), np.arange(2), sp.csr_array(np.ones((2, 2))), np.ones(2))
     assert LinearSolver(Clock(math.inf), Work(entries=0)).solve(system, np.ones(2), 0.0) is None
 
 
@@ -80,7 +80,7 @@ def test_a_factorisation_that_would_come_too_late_is_not_begun(
     machine = Machine(monkeypatch, whole / system.matrix.nnz**2)
     clock = Clock(limit)
     step = LinearSolver(clock, Work(entries=0)).solve(system, np.ones(10_000), 0.0)
-    assert not clock.is_up
+    assert not clock.has_expired
     assert (step is not None) == (10_000 in machine.rows)
     if whole <= limit / 20:
         assert step is not None

@@ -8,7 +8,7 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.newton.semismooth_newton import Repeats
+from proxbench.solvers.newton.semismooth_newton import CycleDetector
 
 
 def residuals(problem: ContactProblem, start: np.ndarray) -> list[float]:
@@ -84,18 +84,18 @@ def test_the_best_iterate_is_returned() -> None:
 
 @pytest.mark.parametrize("length", [1, 2, 3, 7])
 def test_a_cycle_of_any_length_is_found_and_a_rest_is_a_stall(length: int) -> None:
-    repeats = Repeats(np.array([-1.0]))
+    repeats = CycleDetector(np.array([-1.0]))
     for count in range(8 * length + 8):
         assert repeats.status is None
-        repeats.note(np.array([float(max(count - 3, 0) % length)]) if count >= 3 else np.array([10.0 + count]))
+        repeats.record(np.array([float(max(count - 3, 0) % length)]) if count >= 3 else np.array([10.0 + count]))
         if repeats.status is not None:
             break
     assert repeats.status is (Status.STALLED if length == 1 else Status.OSCILLATING)
 
 
 def test_iterates_that_grow_are_no_cycle() -> None:
-    repeats = Repeats(np.zeros(2))
+    repeats = CycleDetector(np.zeros(2))
     for count in range(100):
-        repeats.note(np.array([1.0, 1.0 + 1e-12 * count]))
+        repeats.record(np.array([1.0, 1.0 + 1e-12 * count]))
         if count > 0:
             assert repeats.status is None

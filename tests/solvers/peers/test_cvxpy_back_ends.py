@@ -8,9 +8,8 @@ from proxbench.solvers import Status, Stop, create
 @pytest.mark.parametrize(
     ("module", "name", "problem"),
     [
-        ("scs", "CvxpySOCP(solver='SCS')", "funnel-30"),
         ("scs", "CvxpyCoulomb(solver='SCS')", "funnel-30"),
-        ("proxsuite", "CvxpyQP(solver='PROXQP')", "funnel-frictionless-30"),
+        ("proxsuite", "CvxpyCoulomb(solver='PROXQP')", "funnel-frictionless-30"),
         ("proxsuite", "CvxpyCoulomb(solver='PROXQP')", "funnel-planar-30"),
     ],
 )

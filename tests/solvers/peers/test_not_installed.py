@@ -7,20 +7,20 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.solvers import SolverError, available, create
-from proxbench.solvers.peers import installed
+from proxbench.solvers.peers import pinocchio_problem
 from proxbench.solvers.registry import peers
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installed, "find_spec", lambda module: None)
+    monkeypatch.setattr(pinocchio_problem, "find_spec", lambda module: None)
 
 
 @pytest.mark.usefixtures("bare")
 @pytest.mark.parametrize("name", peers())
 def test_the_sentence_names_solver_library_and_command(name: str) -> None:
     with pytest.raises(
-        SolverError, match=rf'{name} cannot be used: pinocchio is not installed; run pip install "\.\[peers\]"'
+        SolverError, match=rf'{name} needs pinocchio, which is not installed; run pip install "\.\[peers\]"'
     ):
         create(name)
 
@@ -28,7 +28,7 @@ def test_the_sentence_names_solver_library_and_command(name: str) -> None:
 @pytest.mark.usefixtures("bare")
 def test_solvers_are_listed_with_what_they_lack(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["list", "solvers", "PinocchioADMM"]) == 0
-    assert 'pinocchio is not installed; run pip install ".[peers]" in a clone of proxbench' in " ".join(
+    assert 'pinocchio, which is not installed; run pip install ".[peers]" in a clone of proxbench' in " ".join(
         capsys.readouterr().out.split()
     )
 

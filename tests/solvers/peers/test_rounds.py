@@ -8,13 +8,13 @@ import pytest
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems.arrays import FloatArray
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.peers.rounds import Call, InRounds, Round
+from proxbench.solvers.peers.rounds import Call, PreparedRounds, Round
 
 PROBLEM = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.1, 0.0), 0.3)
 ANSWER = create("NSGS").prepare(PROBLEM).solve(Stop(1e-14)).impulses
 
 
-class Outside(InRounds):
+class Outside(PreparedRounds):
     """A solver whose error falls as ``error(iterations done, own tolerance)`` says, and its claims with it."""
 
     def __init__(self, error: Callable[[int, float], float], claims: bool, seconds: float = 0.0) -> None:
@@ -42,7 +42,7 @@ def test_a_claim_that_the_judge_denies_makes_the_next_tolerance_tighter() -> Non
 def test_claims_at_every_tolerance_that_the_judge_denies_end_stalled_with_the_best() -> None:
     solution = Outside(lambda done, tolerance: 1e-3, claims=True).solve(Stop(1e-6))
     assert solution.status is Status.STALLED
-    assert f"residual {judge(PROBLEM, solution.impulses).residual:.1e}" in solution.message
+    assert f"the residual is {judge(PROBLEM, solution.impulses).residual:.1e}" in solution.message
 
 
 def test_what_the_judge_finds_solved_needs_no_claim() -> None:

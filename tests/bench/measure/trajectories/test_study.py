@@ -195,7 +195,8 @@ def test_want_of_time_ends_the_ladder(tmp_path: Path) -> None:
 
 
 def test_a_solver_that_cannot_treat_a_step_is_unsupported(tmp_path: Path) -> None:
-    run = study("sliding_sphere", create("CvxpyQP"), tmp_path, methods={"Moreau with SORprox": (0.1,)}, members=[1.0])
+    methods = {"Moreau with SORprox": (0.1,)}
+    run = study("sliding_sphere", create("Enumeration"), tmp_path, methods=methods, members=[1.0])
     outcomes = run.cases.set_index("solver")["outcome"]
     assert outcomes["Moreau with SORprox"] == Outcome.MEASURED
     (other,) = outcomes.drop("Moreau with SORprox")

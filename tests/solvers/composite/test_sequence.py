@@ -1,4 +1,4 @@
-"""A relay ends as its last solver did, unless an earlier one had no time for its next step."""
+"""A sequence ends as its last solver did, unless an earlier one lacked time for its next step."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ import pytest
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Model, Solution, Status, Stop
-from proxbench.solvers.composite.relay import Relay
-from proxbench.solvers.iteration.clock import Clock
+from proxbench.solvers.composite.sequence import SolverSequence
+from proxbench.solvers.iteration.stopping import Clock
 
 ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
 
@@ -44,7 +44,7 @@ class Scripted:
 )
 def test_how_it_ends(ends: tuple[Status, ...], status: Status) -> None:
     stop = Stop(1e-8)
-    relay = Relay(ONE, Residual(ONE), {}, stop, None, Clock(stop.max_seconds))
+    sequence = SolverSequence(ONE, Residual(ONE), {}, stop, None, Clock(stop.max_seconds))
     for number, end in enumerate(ends):
-        assert relay.take(relay.turn(Scripted(f"part {number}", end), None, 10)) is None
-    assert relay.ended(relay.status, "").status is status
+        assert sequence.run(sequence.plan(Scripted(f"part {number}", end), None, 10)) is None
+    assert sequence.finish(sequence.status).status is status
