@@ -1,5 +1,6 @@
 """Options that commands share: plugin files, what is printed, and which solvers."""
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,10 @@ SELECTION, LIMITS = "Problems and solvers", "Limits"
 
 selection, limits, output = (partial(typer.Option, rich_help_panel=topic) for topic in (SELECTION, LIMITS, OUTPUT))
 """Make options that stand under these topics."""
+
+
+_OTHER_NAMES = {"results": "output"}
+"""Options of the command line that have another name in Python."""
 
 
 def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
@@ -30,7 +35,12 @@ def given(context: typer.Context) -> set[str]:
 
 def spelled(name: str) -> str:
     """Return how the command line spells an option: ``"--run-id"``."""
-    return f"--{name.replace('_', '-')}"
+    return f"--{_OTHER_NAMES.get(name, name).replace('_', '-')}"
+
+
+def spell_options(message: str) -> str:
+    """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(found[1]), message)
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:

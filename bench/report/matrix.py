@@ -49,7 +49,7 @@ _PAGE = """\
 
 ## Reasons
 
-Every outcome but solved and infeasible has a reason. Numbers in a reason are those of the first cell that it applies to.
+Every outcome but solved and infeasible has a reason. Numbers in a reason are from the first such cell.
 
 {reasons}"""
 
@@ -210,7 +210,11 @@ def _reasons(found: pd.DataFrame) -> str:
         [own["outcome"].iloc[0], len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
         for own in groups
     ]
-    return markdown_table(["ended", "cells", "reason", "solvers"], rows) if rows else "Every cell is solved or infeasible.\n"
+    return (
+        markdown_table(["ended", "cells", "reason", "solvers"], rows)
+        if rows
+        else "Every cell is solved or infeasible.\n"
+    )
 
 
 def _shortened(reason: str) -> str:

@@ -83,7 +83,7 @@ def test_a_simulation_of_a_plugin_asks_for_its_file(tmp_path: Path, capsys: pyte
     assert run_command(line.split()) == 0
     forget(PluginFile.read(PLUGIN))
     assert run_command(["report", str(result)]) == 2
-    said = f"cannot read {result}: the results need the plugin file {PLUGIN}; add --plugin {PLUGIN}."
+    said = f"cannot read {result}: the results need the plugin file {PLUGIN}; name it with --plugin."
     assert said in capsys.readouterr().err
 
 

@@ -103,7 +103,7 @@ def test_the_same_setting_has_the_same_error_whatever_varies(pour: Run) -> None:
 def test_a_study_reports_tables_points_and_charts_as_a_run_does(pour: Run) -> None:
     made = pour.report()
     assert {file.name for file in made.tables} == {
-        f"{n}.{k}" for n in ("results", "points") for k in ("csv", "parquet", "md")
+        f"{n}.{k}" for n in ("results", "points") for k in ("csv", "parquet", "md", "tex")
     }
     assert len(made.summary) == len(pour.errors) == 9
     assert [file.suffix for file in made.charts] == [".svg", ".png"]
