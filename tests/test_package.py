@@ -64,8 +64,10 @@ def test_an_unknown_name_of_the_package_is_an_attribute_error() -> None:
         proxbench.nosuch  # noqa: B018
 
 
-def test_the_package_runs_as_the_command_line() -> None:
-    done = subprocess.run([sys.executable, "-m", "proxbench", "--version"], capture_output=True, text=True, check=True)
+def test_the_package_runs_as_the_command_line(tmp_path: Path) -> None:
+    # elsewhere than in the tree, whose egg-info may be of another version
+    command = [sys.executable, "-m", "proxbench", "--version"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout == f"proxbench {proxbench.__version__}\n"
 
 

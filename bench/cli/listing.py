@@ -27,7 +27,7 @@ WIDEST_PROBLEM = 34
 """Width of the column of problem names; longer names shift their row."""
 
 
-def listed(what: str = "", suite: str = "", name: str = "") -> dict[str, list[dict[str, Any]]]:
+def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[dict[str, Any]]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
 
     A row of a plugin that cannot be used holds the reason as "error".
@@ -44,7 +44,7 @@ def listed(what: str = "", suite: str = "", name: str = "") -> dict[str, list[di
     if what and what not in KINDS:
         raise BenchError(f"there is no kind {what!r} to list{suggestion(what, KINDS)}")
     if name:
-        rows = listed(what, suite)[what]
+        rows = listing_rows(what, suite)[what]
         chosen = [row for row in rows if row["name"] == name.partition("(")[0].strip()]
         if not chosen:
             known = [row["name"] for row in rows]

@@ -313,9 +313,9 @@ def list_names(
 ) -> None:
     """List solvers and scenes with their options, suites with their sizes, and problems by family."""
     from ..report.layout.text import print_json
-    from .listing import listed, print_listing
+    from .listing import listing_rows, print_listing
 
-    names = listed(what, suite, name)
+    names = listing_rows(what, suite, name)
     if as_json:
         print_json(names)
     else:

@@ -1,4 +1,4 @@
-"""Progress bars on standard error; plain lines where that is no terminal."""
+"""Progress bars on standard error, or plain lines if that is not a terminal."""
 
 import io
 from collections.abc import Iterable
@@ -21,23 +21,23 @@ from ..measure.execution.events import (
 from ..store.plans import TrajectoryRecord
 
 LOADING = "loading kernels; the first time they are compiled, for about a minute"
-"""What a run does before the first solver starts."""
+"""Description of a run until the first solver starts."""
 
 
 class _Bar(Progress):
-    """A progress bar below what there is to see so far."""
+    """A progress bar below a text."""
 
     above: Text | None = None
 
     def get_renderables(self) -> Iterable[RenderableType]:
-        """Yield both."""
+        """Yield the text and the bar."""
         if self.above is not None:
             yield self.above
         yield from super().get_renderables()
 
 
 class ProgressBar:
-    """Shows what is measured, and how much of it is done; use it as a context manager."""
+    """Show what a command works on, and how much is done; a context manager."""
 
     def __init__(self, console: Console, hidden: bool = False) -> None:
         self._console, self._hidden = console, hidden
@@ -62,25 +62,24 @@ class ProgressBar:
         self._bar.stop()
 
     def count(self, done: int, total: int | None = None) -> None:
-        """Show how many are done, of how many if that is new."""
+        """Show the number done, and the total if it is given."""
         self._bar.update(self._task, completed=done, total=total)
 
     def advance(self) -> None:
-        """Show that one more is done."""
+        """Count one more as done."""
         self._bar.advance(self._task)
 
     def name(self, text: str, again: bool = False) -> None:
-        """Show what comes next; ``again`` if it was named before and needs no line of its own."""
+        """Show the name of the current work; with ``again`` it gets no line of its own."""
         self._bar.update(self._task, description=text)
         if not (again or self._hidden or self._console.is_terminal):
             self._console.print(f"measuring {text}", soft_wrap=True, highlight=False, markup=False)
 
 
 class RunProgress(ProgressBar):
-    """Shows the events of a run; hand it to ``run`` as ``on_event``, see ``ProgressBar``.
+    """Show the events of a run; pass it to ``run`` as ``on_event``.
 
-    On a terminal the table of the problem that was measured last stands above the bar, until the tables of the whole
-    run are printed.
+    On a terminal, the table of the last measured problem stands above the bar.
     """
 
     _folder = Path()
@@ -113,7 +112,7 @@ class RunProgress(ProgressBar):
             self.count(self._points or event.done, self._points or event.total)
 
     def _warn(self, trajectory: TrajectoryRecord) -> None:
-        """Print, before anything is measured, that errors would mean nothing, hidden or not."""
+        """Warn before the first measurement if errors of the motion would mean nothing, even with a hidden bar."""
         from ..report.studies import motion_warning
 
         warning = motion_warning(trajectory)
@@ -122,7 +121,7 @@ class RunProgress(ProgressBar):
 
 
 def _first_look(folder: Path, problem: str, width: int) -> Text:
-    """Return the table of one problem of a run that goes on, as far as it is measured."""
+    """Return the table of one problem of an unfinished run."""
     from ..report.tables import print_first_look
     from ..store.frames import read_frames
 

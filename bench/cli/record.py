@@ -41,7 +41,7 @@ def record(
 
     options.refuse_two_prints(quiet, as_json)
     is_simulation = problem.endswith(".npz") and is_result(Path(problem))
-    _refuse_contradictions(problem, is_simulation, solver, output)
+    _require_consistent_options(problem, is_simulation, solver, output)
     if still is not None:
         refuse_still(still, force)
     file, made = output or Path(problem).with_suffix(".rrd"), None
@@ -66,7 +66,9 @@ def record(
     return int(any(trace.failed for trace in traces))
 
 
-def _refuse_contradictions(problem: str, is_simulation: bool, solver: list[str] | None, output: Path | None) -> None:
+def _require_consistent_options(
+    problem: str, is_simulation: bool, solver: list[str] | None, output: Path | None
+) -> None:
     from ..errors import BenchError
 
     if is_simulation:

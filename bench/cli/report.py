@@ -40,7 +40,7 @@ def report(
     into one page that needs no network.
     """
     options.refuse_two_prints(quiet, as_json)
-    _refuse_contradictions(result, options.given(context), charts)
+    _require_consistent_options(result, options.given(context), charts)
     if _is_simulation(result):
         from .simulation.show import report_simulation
 
@@ -59,7 +59,7 @@ def _is_simulation(result: Path) -> bool:
     return result.suffix == ".npz" and not result.is_dir()
 
 
-def _refuse_contradictions(result: Path, given: Collection[str], charts: bool) -> None:
+def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
     """Raise a BenchError if options of ``report`` contradict each other or the result."""
     from ..errors import BenchError
 

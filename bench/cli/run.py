@@ -73,7 +73,7 @@ def run(
     from .. import runs
     from .progress import RunProgress
 
-    _refuse_contradictions(context)
+    _require_consistent_options(context)
     options.refuse_two_prints(quiet, as_json)
     shows_nothing = not progress or quiet or as_json
     with _executor(dask) as executor, RunProgress(Console(stderr=True), hidden=shows_nothing) as shown:
@@ -111,7 +111,7 @@ def _executor(dask: str) -> AbstractContextManager[Executor | None]:
     return dask_executor(dask)
 
 
-def _refuse_contradictions(context: typer.Context) -> None:
+def _require_consistent_options(context: typer.Context) -> None:
     """Raise a BenchError if options of ``run`` contradict each other."""
     from ..errors import BenchError
 

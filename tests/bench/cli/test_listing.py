@@ -5,7 +5,7 @@ import sys
 from typing import Any
 
 import pytest
-from proxbench.bench.cli.listing import listed, print_listing
+from proxbench.bench.cli.listing import listing_rows, print_listing
 from proxbench.bench.cli.main import run_command
 from proxbench.problems.exchange.catalog import SUITES, suite_members
 from proxbench.problems.motion.scenes.registry import SCENES
@@ -20,7 +20,7 @@ def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def hard() -> list[dict[str, Any]]:
     """Every problem of the hard suite, as listed."""
-    return listed("problems", "hard")["problems"]
+    return listing_rows("problems", "hard")["problems"]
 
 
 @pytest.mark.slow
@@ -47,7 +47,7 @@ def test_a_problem_is_described_by_its_sizes_friction_and_form(
 @pytest.mark.slow
 @pytest.mark.parametrize("what", ["solvers", "suites", "problems", "scenes", ""])
 def test_every_listing_fits_eighty_columns(what: str, capsys: pytest.CaptureFixture[str]) -> None:
-    print_listing(listed(what))
+    print_listing(listing_rows(what))
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
 
@@ -66,8 +66,8 @@ def test_a_name_is_listed_alone(what: str, name: str, words: str, capsys: pytest
     assert run_command(["list", what, name]) == 0
     text = capsys.readouterr().out
     assert words in text
-    assert listed(what, name=name)[what] == [row for row in listed(what)[what] if row["name"] == name.partition("(")[0]]
-    assert len(listed(what, name=name)[what]) == 1
+    (row,) = listing_rows(what, name=name)[what]
+    assert [row] == [one for one in listing_rows(what)[what] if one["name"] == name.partition("(")[0]]
 
 
 def test_names_stay_in_one_line_where_no_terminal_shows_them(
@@ -75,13 +75,13 @@ def test_names_stay_in_one_line_where_no_terminal_shows_them(
 ) -> None:
     monkeypatch.delenv("COLUMNS")
     monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
-    print_listing(listed("scenes"))
+    print_listing(listing_rows("scenes"))
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
     assert len(rows) == len(SCENES)
 
 
 def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFixture[str]) -> None:
-    print_listing(listed("suites"))
+    print_listing(listing_rows("suites"))
     text = capsys.readouterr().out
     assert len(text.splitlines()) <= 25
     for name, members in SUITES.items():
@@ -97,7 +97,7 @@ def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFi
 def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_families(
     suite: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    print_listing(listed("problems", suite))
+    print_listing(listing_rows("problems", suite))
     lines = capsys.readouterr().out.splitlines()
     assert sorted(line.split()[0] for line in lines if line.startswith("  "))[1:] == sorted(suite_members(suite))
     sizes = [int(line.partition("(")[2].rstrip(")")) for line in lines if re.fullmatch(r"\S.* \(\d+\)", line)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench.cli.listing import listed
+from proxbench.bench.cli.listing import listing_rows
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.plugins.files import use_plugin_files
@@ -119,7 +119,7 @@ def test_a_scene_that_cannot_be_built_is_named(name: str, words: str) -> None:
 
 @pytest.mark.slow
 def test_the_listing_has_the_scenes_of_plugins_with_their_options_or_what_is_wrong() -> None:
-    rows = {row["name"]: row for row in listed("scenes")["scenes"]}
+    rows = {row["name"]: row for row in listing_rows("scenes")["scenes"]}
     assert rows["tower"]["options"] == ["balls=4", "friction=0.3"]
     assert rows["tower"]["source"] == f"plugin file {PLUGIN}"
     assert "without a default" in rows["needy"]["error"]
