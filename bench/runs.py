@@ -13,7 +13,6 @@ import msgspec
 
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
-from ..problems.spelling import switch
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
@@ -332,7 +331,7 @@ def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None 
     packed, folder = bundle_of_run(Path(run_dir)), Path(run_dir).resolve()
     path = Path(f"{folder.name}{SUFFIX}") if file is None else Path(file)
     if path.exists() and not force:
-        raise BenchError(f"{path} exists already; name another file, or replace it with {switch('force')}.")
+        raise BenchError(f"{path} exists already; name another file, or replace it with `force=True`.")
     write_bundle(packed, path)
     return path
 

@@ -44,7 +44,7 @@ AT_HOME = {
     "pandas": {
         "bench/report/charts/drawing.py",
         "bench/store/frames.py",
-        "bench/store/certainty.py",
+        "bench/store/ratios.py",
         "bench/runs.py",
         "bench/report/studies.py",
         "bench/report/accuracy.py",

@@ -79,13 +79,12 @@ def _refusal(error: Exception) -> tuple[str, int]:
     """Return the sentence and the exit code of an error that is meant for users; raise any other one again."""
     from ...problems.errors import ProxbenchError
     from ...problems.motion.stepping.moreau import StepError
-    from ...problems.spelling import for_command_line
     from ..errors import FailedSimulationError, InterruptedWorkError
 
     if not isinstance(error, ProxbenchError):
         raise error
     failed = isinstance(error, FailedSimulationError | StepError)
-    return for_command_line(error.sentence), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
+    return options.spell_options(str(error)), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
 
 
 def _say(sentence: str, code: int) -> int:

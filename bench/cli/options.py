@@ -1,5 +1,6 @@
 """Options that commands share: plugin files, what is printed, and which solvers."""
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -31,6 +32,11 @@ def given(context: typer.Context) -> set[str]:
 def spelled(name: str) -> str:
     """Return how the command line spells an option: ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
+
+
+def spell_options(message: str) -> str:
+    """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(found[1]), message)
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:

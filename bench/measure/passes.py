@@ -5,8 +5,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..store.certainty import SLOWER, standings, times_by_point
 from ..store.frames import points_frame, rounds_frame
+from ..store.ratios import SLOWER, standings, times_by_point
 from ..store.records import CaseRecord, PlanRecord
 
 WIDE = 0.05

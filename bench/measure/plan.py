@@ -6,7 +6,6 @@ from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
-from ...problems.spelling import option
 from ..errors import BenchError
 from ..plugins.contestants import Contestant
 from ..plugins.describing import contestant
@@ -121,9 +120,9 @@ def make_plan(
         if not 0.0 < tolerance < 1.0:
             raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
     if not 1 <= passes <= MOST_PASSES:
-        raise BenchError(f"{option('passes')} must be between 1 and {MOST_PASSES}, got {passes}.")
+        raise BenchError(f"`passes` must be between 1 and {MOST_PASSES}, got {passes}.")
     if not 0 <= seed < 2**63:
-        raise BenchError(f"{option('seed')} must not be negative, got {seed}.")
+        raise BenchError(f"`seed` must not be negative, got {seed}.")
     return Plan(
         chosen.problems,
         methods,

@@ -138,7 +138,7 @@ class Describing:
                 return {"options": _scene_options(*arguments)}, b""
             return {}, problem_bytes(load(*arguments))
         except ProxbenchError as error:
-            return {"refused": error.sentence}, b""
+            return {"refused": str(error)}, b""
 
 
 def _offers(file: PluginFile) -> dict[str, list[str]]:

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from ...problems.arrays import FloatArray
-from ..store.certainty import STANDINGS, reaching, standings, times_by_point
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
+from ..store.ratios import STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals that tables give the time to, if the run has more tolerances than these."""

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.text import Text
 
 from ...problems.contact.solver import Status
-from ...problems.spelling import either, for_command_line
 from ..store.condition import basis, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome, claim_reason
@@ -145,7 +144,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     row for each, and faults alone are spelled out.
     """
     for warning in warnings(frames):
-        console.print(Text(for_command_line(warning), style="bold yellow"))
+        console.print(Text(warning, style="bold yellow"))
     for sentence in (*basis(frames), steadiness(frames)):
         console.print(Text(sentence, style="dim"))
     console.print()
@@ -199,9 +198,7 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
         note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
         console.print(Text(hanging(note, console.width), style="dim"))
-    in_python = f"proxbench.bench.load({str(frames.folder)!r}).points"
-    one = either(f"proxbench report {frames.folder} --problem NAME", in_python)
-    console.print(Text(f"one of them: {one}", style="dim"))
+    console.print(Text(f"one of them: proxbench report {frames.folder} --problem NAME", style="dim"))
     console.print()
 
 
@@ -304,7 +301,7 @@ def _summary_legend(summary: pd.DataFrame) -> str:
 
 def _markdown_head(frames: RunFrames) -> str:
     """Return the state of a run as paragraphs above a table."""
-    return "".join(f"{inline(for_command_line(sentence))}\n\n" for sentence in run_state(frames))
+    return "".join(f"{inline(sentence)}\n\n" for sentence in run_state(frames))
 
 
 def _markdown(shown: pd.DataFrame) -> str:

@@ -19,7 +19,6 @@ from pathlib import Path
 from ...problems.contact.problem import ContactProblem
 from ...problems.exchange.atomic_file import PART, replacing
 from ...problems.exchange.storage import SUFFIX, packed_problem, read_problem
-from ...problems.spelling import either, option
 from ..errors import BenchError
 from .conversion import R, content_of, sealed, unsealed
 from .records import CaseRecord, RunRecord
@@ -27,7 +26,7 @@ from .records import CaseRecord, RunRecord
 RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
 """Names in the folder of a run."""
 
-_ELSEWHERE = f"choose another folder with {option('results')}"
+_ELSEWHERE = "choose another folder with `results`"
 
 LARGEST_FILE = 2**28
 """Bytes that a file of a run may have."""
@@ -71,9 +70,7 @@ class Store:
         """Raise ``BenchError`` if the folder holds more than the folders of a run that has not begun."""
         own = (self._cases, self._problems)
         if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
-            resume = either("--resume", f"resume({str(self.folder)!r})")
-            other = option("run_id")
-            raise BenchError(f"{self.folder} exists already; resume it with {resume}, or choose another {other}.")
+            raise BenchError(f"{self.folder} exists already; continue it with `resume`, or choose another `run_id`.")
 
     @contextmanager
     def alone(self) -> Iterator[None]:

@@ -25,7 +25,6 @@ def matrix(
     from rich.console import Console
 
     from ....problems.contact.solver import Stop
-    from ....problems.spelling import for_command_line
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measured_matrix
     from ...measure.selection import select
@@ -51,7 +50,7 @@ def matrix(
 
         cells = measured_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
-        print(f"proxbench: {for_command_line(sentence)}", file=sys.stderr)
+        print(f"proxbench: {options.spell_options(sentence)}", file=sys.stderr)
     page = matrix_page(cells, tolerance, _command(suite, problem, solver, tolerance, output))
     if as_json:
         print_json([asdict(cell) for cell in cells])

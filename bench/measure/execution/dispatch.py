@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from ....problems.errors import first_line
 from ....problems.exchange.plugins import registered
 from ....problems.exchange.storage import packed_problem
-from ....problems.spelling import either
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
 from ...plugins.problems import problem_of
@@ -96,8 +95,10 @@ class Dispatch(Progress):
         if self._lost:
             count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
             why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
-            again = either(f"proxbench run --resume {folder}", f"proxbench.bench.resume({str(folder)!r})")
-            raise BenchError(f"{count} could not be measured ({why}); the others are kept; resume with: {again}")
+            raise BenchError(
+                f"{count} could not be measured ({why}); the others are kept; resume with: "
+                f"proxbench run --resume {folder}"
+            )
 
     def _part(self, name: str) -> Part:
         record, plan = self._record, self._record.plan

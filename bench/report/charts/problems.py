@@ -12,7 +12,6 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from ....problems.spelling import for_command_line
 from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
@@ -149,7 +148,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         rows.append(alt.hconcat(*panels, spacing=40))
     drawn = set(points["solver"])
     names = key({name: look for name, look in _looks(frames).items() if name in drawn}, 2 * WIDTH + MARGIN)
-    state = map(for_command_line, run_state(frames))
+    state = run_state(frames)
     notes = [*state, _absent(frames, problem, points), motion_warning(trajectory)]
     title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + MARGIN)
     return stacked([*rows, names], title, {"color": "independent"}, spacing=20)
@@ -199,7 +198,7 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         panels.append(key({name: look for name, look in _looks(frames).items() if name in shown}, WIDTH + MARGIN))
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
-    title = heading(problem, [size, *map(for_command_line, run_state(frames))], WIDTH + MARGIN)
+    title = heading(problem, [size, *run_state(frames)], WIDTH + MARGIN)
     return stacked(panels, title, {"color": "independent"}, spacing=20)
 
 

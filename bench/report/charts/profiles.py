@@ -7,7 +7,6 @@ from typing import Any, Literal
 import altair as alt
 import pandas as pd
 
-from ....problems.spelling import for_command_line
 from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
@@ -158,7 +157,7 @@ def _page(
     names = looks(frames.info.plan.solvers)
     problems = counted(frames.cases["problem"].nunique(), "problem")
     lines = notes if notes[1:] else [f"{problems}; {notes[0]}"]
-    head = heading(title, [*lines, *map(for_command_line, run_state(frames))], width)
+    head = heading(title, [*lines, *run_state(frames)], width)
     return stacked([*rows, *([key(names, width)] if has_key else [])], head, {"color": "independent"}, spacing=20)
 
 

@@ -13,11 +13,10 @@ import numpy as np
 import pandas as pd
 
 from ....problems.contact.solver import Status
-from ....problems.spelling import for_command_line
-from ...store.certainty import reaching
 from ...store.condition import drift, run_state
 from ...store.frames import JUDGED, RunFrames
 from ...store.outcome import Outcome
+from ...store.ratios import reaching
 from ...store.records import Machine, RunRecord
 from ...store.store import plain_name
 from ..accuracy import SHIFT_SECONDS, counted_cases, summary_accuracies
@@ -112,7 +111,7 @@ def _about(frames: RunFrames) -> dict[str, Any]:
         "shift": SHIFT_SECONDS,
         "command": run_command(info),
         "protocol": protocol_options(info),
-        "sentences": [for_command_line(sentence) for sentence in sentences],
+        "sentences": sentences,
         "finished": frames.n_finished,
         "planned": frames.n_planned,
     }

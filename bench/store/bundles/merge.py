@@ -17,7 +17,6 @@ from msgspec.structs import replace
 
 from ....problems.contact.problem import ContactProblem
 from ....problems.exchange.atomic_file import PART
-from ....problems.spelling import option
 from ...errors import BenchError
 from ..records import CaseRecord, PlanRecord, Session, with_sessions
 from ..store import Store
@@ -51,7 +50,7 @@ def merge(
     if not sources:
         raise BenchError("nothing to merge; name files of bundles, or folders of runs.")
     if folder.exists():
-        raise BenchError(f"{folder} exists already; choose another {option('run_id')}.")
+        raise BenchError(f"{folder} exists already; choose another `run_id`.")
     bundles = [bundle_of_run(source) if source.is_dir() else read_bundle(source) for source in sources]
     for bundle in bundles:
         disagreements = rejudge(bundle, on_case).disagreements
@@ -184,7 +183,7 @@ def _write(folder: Path, merged: _Merged) -> None:
         made = folder.parent / f".{uuid4()}{PART}"
         made.mkdir()
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another `results`.") from None
     try:
         store = Store.create(made)
         for problem in merged.carried.values():
@@ -194,6 +193,6 @@ def _write(folder: Path, merged: _Merged) -> None:
         store.write_run(replace(merged.run, run_id=folder.name))
         os.rename(made, folder)
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another `results`.") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)

@@ -8,10 +8,10 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
 from proxbench.bench.measure.passes import shuffled, uncertain
 from proxbench.bench.measure.plan import PASSES
-from proxbench.bench.store.certainty import ratio, times_by_point
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.frames import rounds_frame
 from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.ratios import ratio, times_by_point
 from proxbench.bench.store.records import CaseRecord, Limits, PlanRecord, Point
 from proxbench.bench.store.store import Store
 from stored_cases import case_record, measured_in, timed_round
