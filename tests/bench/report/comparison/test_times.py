@@ -134,3 +134,17 @@ def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_pa
     ]
     found = compare(*runs)
     assert found.scale == pytest.approx(1.5, rel=0.1)
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.6])
+def test_what_all_solvers_of_another_program_gain_or_lose_is_theirs(tmp_path: Path, factor: float) -> None:
+    """No solver is known to be the same, so a drift in either direction beyond that of machines is no scale."""
+    names = SOLVERS[:3]
+    runs = [
+        store_run(tmp_path / name, simulated_cases(seed, dict.fromkeys(names, change), solvers=names), machine)
+        for name, seed, change, machine in (("a", 0, 1.0, MACHINE), ("b", 1, factor, OTHER_SOURCE))
+    ]
+    found = compare(*runs)
+    assert found.scale == 1.0
+    changed = found.faster() if factor < 1.0 else found.slower()
+    assert [name.partition(" (")[0] for name in changed] == list(names)
