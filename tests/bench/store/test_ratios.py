@@ -196,3 +196,20 @@ def test_an_excluded_time_takes_part_in_no_ratio_and_beside_it_there_is_no_winne
 
 def test_there_are_no_standings_where_nothing_is_reached() -> None:
     assert standings(points(("a", 1e-4, 1e-2, 1.0, "solved")), times_by_point(rounds_frame(a=STEADY)), 1e-4, 10.0).empty
+
+
+def test_without_pairs_the_smaller_sample_decides_how_wide_an_interval_is() -> None:
+    """Rounds that do not scatter add nothing to it, however many they are."""
+    mine = rounds(np.exp(disturbed(default_rng(1), 20)))
+    few, many = (ratio(mine, rounds(np.ones(n), session=1)) for n in (20, 400))
+    assert many == pytest.approx(few, rel=1e-12)
+    assert few.low < few.value < few.high
+    fewer = ratio(mine, rounds(np.ones(5), session=1))
+    assert fewer.low < few.low
+    assert fewer.high > few.high
+
+
+def test_the_interval_of_six_pairs_is_the_range_of_all() -> None:
+    """Few pairs widen it: the plain percentile interval of their median would leave out both ends."""
+    found = ratio(rounds(2.0 ** np.arange(6.0)), rounds(np.ones(6)))
+    assert (found.low, found.high) == pytest.approx((1.0, 32.0))

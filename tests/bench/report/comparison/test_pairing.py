@@ -107,3 +107,9 @@ def test_cases_that_reach_nothing_compare_too(tmp_path: Path) -> None:
     found = compare(*runs)
     assert found.points.empty
     assert found.verdict == "times are undecided, no accuracy is reached by both runs; both runs solve the same points"
+
+
+def test_load_is_no_obstacle_where_a_run_has_no_rounds_to_compare(tmp_path: Path) -> None:
+    busy = Session(started="2026-01-01", core=1, busy_cores=[3.0, 3.0], machine=MACHINE)
+    runs = [store_run(tmp_path / name, [case_record()], sessions=[busy]) for name in ("before", "after")]
+    assert compare(*runs).obstacle == ""

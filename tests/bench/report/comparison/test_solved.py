@@ -77,3 +77,22 @@ def test_solved_less_fails_only_on_what_is_unsolved(tmp_path: Path) -> None:
     ]
     assert compare(*runs).failures("solved<") == ["solved<: S on p to 1e-02"]
     assert compare(*reversed(runs)).failures("solved<") == []
+
+
+@pytest.mark.parametrize(("part", "change"), [(0.6, "undecided"), (0.4, "unsolved")])
+def test_a_solve_that_took_more_than_half_the_limit_may_miss_it_on_a_shared_core(
+    part: float, change: str, tmp_path: Path
+) -> None:
+    late = case_of(unsolved(Outcome.TIME_LIMIT))
+    assert changes(tmp_path, case_of(solved(part * LIMIT)), late) == [change]
+
+
+@pytest.mark.parametrize(("part", "change"), [(0.6, "undecided"), (0.4, "unsolved")])
+def test_so_may_a_case(part: float, change: str, tmp_path: Path) -> None:
+    timeout = case_of(outcome=Outcome.TIMEOUT, reason="60 s")
+    assert changes(tmp_path, case_of(solved(), wall_seconds=part * Limits().case_seconds), timeout) == [change]
+
+
+def test_a_limit_that_was_reached_in_excluded_rounds_decides_nothing(tmp_path: Path) -> None:
+    late = case_of(unsolved(Outcome.TIME_LIMIT, "preempted"))
+    assert changes(tmp_path, case_of(solved()), late) == ["undecided"]

@@ -5,12 +5,16 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from proxbench.bench import compare, load
 from proxbench.bench.report.comparison.comparison import Comparison, compared
+from proxbench.bench.report.comparison.times import ONE_SIDED, RUN_SPREAD, TAILS
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import PluginUse, Session
-from simulated_runs import MACHINE, PROBLEMS, SOLVERS, simulated_cases, store_run
+from scipy import special
+from simulated_runs import MACHINE, PROBLEMS, SOLVERS, simulated_cases, solved_point, store_run
+from stored_cases import case_record, timed_round
 
 PAIRS = 20
 """Of simulated runs."""
@@ -134,3 +138,35 @@ def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_pa
     ]
     found = compare(*runs)
     assert found.scale == pytest.approx(1.5, rel=0.1)
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.6])
+def test_what_all_solvers_of_another_program_gain_or_lose_is_theirs(tmp_path: Path, factor: float) -> None:
+    """No solver is known to be the same, so a drift in either direction beyond that of machines is no scale."""
+    names = SOLVERS[:3]
+    runs = [
+        store_run(tmp_path / name, simulated_cases(seed, dict.fromkeys(names, change), solvers=names), machine)
+        for name, seed, change, machine in (("a", 0, 1.0, MACHINE), ("b", 1, factor, OTHER_SOURCE))
+    ]
+    found = compare(*runs)
+    assert found.scale == 1.0
+    changed = found.faster() if factor < 1.0 else found.slower()
+    assert [name.partition(" (")[0] for name in changed] == list(names)
+
+
+@pytest.mark.parametrize(("passes", "efficiency"), [(2, 1.0), (3, np.pi / 2.0), (4, np.pi / 2.0)])
+def test_the_interval_of_a_case_follows_from_the_scatter_of_its_passes(
+    passes: int, efficiency: float, tmp_path: Path
+) -> None:
+    """Medians of three passes and more scatter by π/2 times as much as means; of two, they are the mean."""
+    offsets = np.linspace(-0.1, 0.1, passes)
+    rounds = [timed_round(number, 0.01 * float(np.exp(offset))) for number, offset in enumerate(offsets)]
+    cases = [case_record(points=[solved_point(1e-2, rounds)])]
+    found = compare(*(store_run(tmp_path / name, cases) for name in ("before", "after"))).cases.iloc[0]
+    squares, freedom = 2.0 * float((offsets**2).sum()), 2 * (passes - 1)
+    variance = max(squares / freedom, squares / special.chdtri(freedom, 0.5))
+    noise = np.sqrt(variance * efficiency * 2.0 / passes)
+    half = special.stdtrit(TAILS, ONE_SIDED) * np.hypot(noise, RUN_SPREAD)
+    assert found["ratio"] == pytest.approx(1.0)
+    assert np.log(found["high"]) == pytest.approx(half, rel=1e-9)
+    assert np.log(found["low"]) == pytest.approx(-half, rel=1e-9)

@@ -1,0 +1,78 @@
+"""What tables count and average: times beyond the limit count as the limit, and wrong claims as nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from proxbench.bench import load
+from proxbench.bench.report.accuracy import families, mean_time, problems_table, summary_table
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import CaseRecord, Limits, Point
+from simulated_runs import solved_point, store_run
+from stored_cases import case_record, measured_in, timed_round
+
+LIMITS = Limits(solve_seconds=1.0)
+
+
+def test_times_beyond_the_limit_and_missing_ones_count_as_the_limit() -> None:
+    at_limit = mean_time(np.array([0.1, 1.0]), 1.0)
+    for seconds in (50.0, 1.0 + 1e-9, np.nan):
+        assert mean_time(np.array([0.1, seconds]), 1.0) == at_limit
+    assert 0.1 < mean_time(np.array([0.1, 0.9]), 1.0) < at_limit < 1.0
+    assert np.isnan(mean_time(np.zeros(0), 1.0))
+    assert mean_time(np.full(3, 0.25), 1.0) == pytest.approx(0.25)
+
+
+def wrong(residual: float) -> Point:
+    measured = measured_in([timed_round(0, 1e-3)], residual=residual, model_residual=residual)
+    return Point(tolerance=1e-2, outcome=Outcome.WRONG, status="solved", reason="", measured=measured)
+
+
+def case(solver: str, *points: Point, problem: str = "p", outcome: Outcome = Outcome.MEASURED) -> CaseRecord:
+    return case_record(problem=problem, solver=solver, points=list(points), outcome=outcome, digest="0" * 64)
+
+
+def test_the_best_residual_of_a_problem_is_none_of_a_wrong_claim(tmp_path: Path) -> None:
+    cases = [case("Honest", solved_point(1e-2, [timed_round(0, 0.5)])), case("Liar", wrong(1e-9)), case("Idle")]
+    (row,) = problems_table(load(store_run(tmp_path / "run", cases, limits=LIMITS))).to_dict("records")
+    assert (row["best"], row["residual"]) == ("Honest", 5e-3)
+    assert (row["solvers"], row["solved_1e-02"], row["fastest_1e-02"]) == (2, 1, "Honest")
+    assert row["time_1e-02"] == pytest.approx(0.5)
+
+
+def test_a_summary_counts_claims_correct_answers_and_wrong_ones_and_failures_at_the_limit(tmp_path: Path) -> None:
+    cases = [
+        case("A", solved_point(1e-2, [timed_round(0, 0.1)])),
+        case("B", wrong(0.5)),
+        case("A", solved_point(1e-2, [timed_round(0, 0.3)]), problem="q"),
+        case("B", solved_point(1e-2, [timed_round(0, 0.2)]), problem="q"),
+        case("A", solved_point(1e-2, [timed_round(0, 0.1)]), problem="r"),
+        case("B", problem="r", outcome=Outcome.UNSUPPORTED),
+    ]
+    frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))
+    found = summary_table(frames).set_index("solver")
+    assert list(found["problems"]) == [3, 2]
+    assert list(found["common"]) == [2, 2]
+    assert list(found["success_1e-02"]) == [1.0, 1.0]
+    assert list(found["correct_1e-02"]) == [1.0, 0.5]
+    assert list(found["wrong"]) == [0, 1]
+    means = [mean_time(np.array(times), 1.0) for times in ([0.1, 0.3], [np.nan, 0.2])]
+    assert list(found["mean_time_1e-02"]) == pytest.approx(means)
+    own = [mean_time(np.array(times), 1.0) for times in ([0.1, 0.3, 0.1], [np.nan, 0.2])]
+    assert list(found["own_mean_time_1e-02"]) == pytest.approx(own)
+    assert families(frames) == []
+
+
+def test_excluded_times_take_part_in_no_mean(tmp_path: Path) -> None:
+    excluded = timed_round(0, 0.1, excluded="preempted")
+    cases = [
+        case("A", solved_point(1e-2, [timed_round(0, 0.1)])),
+        case("B", solved_point(1e-2, [excluded])),
+        case("A", solved_point(1e-2, [timed_round(0, 0.3)]), problem="q"),
+        case("B", solved_point(1e-2, [timed_round(0, 0.2)]), problem="q"),
+    ]
+    cases = [replace(one, digest=str(number)) for number, one in zip((0, 0, 1, 1), cases, strict=True)]
+    found = summary_table(load(store_run(tmp_path / "run", cases, limits=LIMITS))).set_index("solver")
+    assert list(found["mean_time_1e-02"]) == pytest.approx([0.3, 0.2])
+    assert list(found["own_mean_time_1e-02"]) == pytest.approx([mean_time(np.array([0.1, 0.3]), 1.0), 0.2])
