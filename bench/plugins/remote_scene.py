@@ -27,7 +27,7 @@ from ...problems.motion.bodies.system import ActiveContacts, Overlaps, StepAssem
 from ...problems.motion.scenes.registry import make_scene, read_scene
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.extrapolation import is_reversible
+from ...problems.motion.stepping.sequences import is_reversible
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.motion.bodies.balls import BallSystem
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import Step
 from ..report.charts.palette import PALETTE, rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States

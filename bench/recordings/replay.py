@@ -12,7 +12,8 @@ from ...problems.arrays import FloatArray
 from ...problems.motion.bodies.system import System
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step, step_problem
+from ...problems.motion.stepping.midpoint import step_problem
+from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
 from ..report.layout.text import counted
 from .balls import BallRecorder

@@ -24,17 +24,17 @@ from ...problems.contact.solver import Solver
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.archive import ArchiveError, read_arrays
 from ...problems.exchange.atomic_file import replacing
-from ...problems.motion.stepping.contact_states import LawStates
+from ...problems.motion.stepping.step import LawStates
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
 from ..store.records import PluginUse
 from ..store.store import refuse_links_out
-from .beside import beside_from
 from .history import Failure, Segment, check_segments
+from .kept_states import kept_arrays, restore_kept
+from .outputs import beside_from
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
-from .thinning import kept_arrays, restore_kept
 from .trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
 
 SUFFIX = ".npz"

@@ -17,13 +17,14 @@ from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
 from ...problems.motion.bodies.system import ActiveContacts
 from ...problems.motion.scenes.scene import Scene
-from ...problems.motion.stepping.accepted_step import AcceptedStep
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import AcceptedStep, Step
+from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ..errors import BenchError, FailedSimulationError
 from ..report.layout.output_file import output_file
 from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
+from .step_clock import WarmClock, warm_up
 from .trajectory import NO_CONTACT, STEP, Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
@@ -118,7 +119,7 @@ def begun_simulation(
     if duration is not None:
         changes["duration"] = duration
     plan = changed(simulation.plan, **changes)
-    if simulation.state.time - plan.until > plan.stepper.shortest(plan.scene):
+    if simulation.state.time - plan.until > plan.stepper.shortest_step(plan.scene):
         raise BenchError(
             f"{file} has come to {simulation.state.time:g} s already, past the duration of {plan.duration:g} s; "
             "name a longer one, or leave it out."
@@ -148,8 +149,10 @@ def advance(
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
     written = clock()
-    begin = (simulation.state, plan.until, simulation.law_states)
-    steps = plan.stepper.steps(plan.scene, plan.step_solver, plan.stop, *begin)
+    motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
+    if isinstance(plan.stepper, VariableStepper):
+        warm_up(plan.stepper, *motion, simulation.law_states)
+    steps = plan.stepper.steps(*motion, states=simulation.law_states, clock=WarmClock())
     try:
         while not simulation.is_finished and not should_stop():
             taken = _next_step(simulation, steps)

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
 from ...problems.motion.state import State
-from ...problems.motion.stepping.accepted_step import AcceptedStep
-from ...problems.motion.stepping.contact_states import LawStates, SwitchingPoint
+from ...problems.motion.stepping.step import AcceptedStep, LawStates, SwitchingPoint
 from ...problems.motion.trajectories.limit_cycle import Incident
 from ..report.layout.text import counted
 from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
-from .beside import Beside
 from .history import Failure, Segment, extended, planned_segment
+from .kept_states import Thinning
+from .outputs import Beside
 from .plan import SimulationPlan
-from .thinning import Thinning
 
 STEP = np.dtype(
     [
@@ -229,7 +228,7 @@ class Simulation:
                 return Ending.EMPTIED
             if self._is_jammed:
                 return Ending.JAMMED
-        if self.plan.stepper.ends(self.plan.scene, self.state, self.plan.until):
+        if self.plan.stepper.has_reached(self.plan.scene, self.state, self.plan.until):
             return Ending.DURATION
         return Ending.STOPPED if self.failure is None else Ending.FAILED
 

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.table import print_simulation
 from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.view.table import print_simulation
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.woodpecker import INCIDENTS
-from proxbench.problems.motion.stepping.registry import SEARCHES, STEPPERS
+from proxbench.problems.motion.stepping.registry import STEPPERS
+from proxbench.problems.motion.stepping.switch_search import SEARCHES
 from rich.console import Console
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "simulate-a-scene.md").read_text(encoding="utf-8")

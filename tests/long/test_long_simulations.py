@@ -14,7 +14,7 @@ from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.problems.motion.scenes.resting import Stack
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.trajectories.limit_cycle import Cycles, cycles, relative_deviations
 from proxbench.solvers import Status, Stop, create
 
@@ -98,7 +98,7 @@ def test_the_woodpecker_comes_to_its_cycle_from_the_published_start() -> None:
 @pytest.mark.parametrize("solver", ["SORprox", "NSGS"])
 def test_a_stack_of_ten_stands(solver: str) -> None:
     stack, length = Stack((1.0,) * 10), 1e-3
-    moreau = Moreau(stack.system(), create(solver), Stop(1e-10, 100_000), length)
+    moreau = MidpointRule(stack.system(), create(solver), Stop(1e-10, 100_000), length)
     start = state = stack.start()
     count, depths, before = round(STACK_SECONDS / length), [], memory()
     for step in moreau.steps(state, count):

@@ -76,11 +76,10 @@ def make_study_plan(
     chosen = [method.started(start) for method in chosen]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
-    nothing: Any = None  # a stepper looks at its solver when it steps
     for method in chosen:
         for value in method.record.values:
-            stepper = method.setting(value)[0].fitted(made)
-            stepper.check(made, nothing, made.start.time, made.start.time + trajectory.duration)
+            stepper = method.setting(value)[0].with_defaults_of(made)
+            stepper.check(made, made.start.time, made.start.time + trajectory.duration)
     return Plan(
         (trajectory.name,),
         (),

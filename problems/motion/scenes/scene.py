@@ -16,6 +16,12 @@ from ..bodies.system import MechanicalSystem, System
 from ..state import State
 from .options import Option, OptionValue
 
+LENGTH = 1.0
+"""What penetrations are related to [m] where nothing has a radius."""
+
+STEP_SIZE = 5e-4
+"""Δt [s] of a fixed step."""
+
 LONGEST_STEP = 0.02
 """Δt_max [s] of a variable step through the motion of a few bodies."""
 
@@ -82,6 +88,23 @@ class SceneKind:
     summary: str
     options: Mapping[str, Option]
     build: Callable[[str, Mapping[str, Any]], Scene]
+
+
+def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, start: State) -> Scene:
+    """Return the scene of a system and its first state, with the usual numbers for all else."""
+    is_of_balls = isinstance(system, BallSystem)
+    return Scene(
+        name,
+        options,
+        system,
+        start,
+        length=float(system.radii.max()) if is_of_balls else LENGTH,
+        step_size=STEP_SIZE,
+        duration=1.0,
+        kinetic_energy=kinetic_energy(system, start),
+        potential_energy=system.potential_energy if is_of_balls else None,
+        n_balls=system.n_balls if is_of_balls else 0,
+    )
 
 
 OVERLAP = 1e-9

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
-from proxbench.bench.simulation.table import print_simulation, summary
 from proxbench.bench.simulation.trajectory import JAM_SECONDS, Ending, Simulation
-from proxbench.problems.motion.stepping.registry import Moreau
+from proxbench.bench.simulation.view.chart import simulation_chart
+from proxbench.bench.simulation.view.table import print_simulation, summary
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.moreau import Moreau
 from rich.console import Console
 
 SMALL = {"balls": 60}
@@ -54,7 +55,10 @@ def test_a_jam_is_no_false_alarm_the_pile_stays_as_it_is(jam: Simulation) -> Non
     """Half a second more from the same state: nothing passes, and no ball moves by a hundredth of its radius."""
     plan, state = jam.plan, jam.state
     assert isinstance(plan.stepper, Moreau)
-    for step in plan.stepper.rule(plan.scene, plan.solver, plan.stop).steps(state, 500):
+    rule = MidpointRule(
+        plan.scene.system, plan.solver, plan.stop, plan.stepper.shortest_step(plan.scene), depth=plan.scene.depth
+    )
+    for step in rule.steps(state, 500):
         last = step.state
     through = jam.plan.scene.balls_through
     assert through is not None
@@ -79,7 +83,7 @@ def test_the_count_through_the_outlet_is_that_of_balls_below_it(flow: Simulation
 def test_a_pile_that_comes_to_rest_later_than_the_window_is_not_jammed_before_it(jam: Simulation) -> None:
     resting = jam.steps["agitation"] <= 1e-4
     rest = jam.steps["time"][-1] - jam.steps["time"][~resting].max()
-    assert rest == pytest.approx(JAM_SECONDS, abs=2.1 * jam.plan.stepper.shortest(jam.plan.scene))
+    assert rest == pytest.approx(JAM_SECONDS, abs=2.1 * jam.plan.stepper.shortest_step(jam.plan.scene))
 
 
 def test_every_step_of_a_pour_is_solved_to_the_tolerance(flow: Simulation) -> None:
@@ -101,7 +105,7 @@ def test_penetrations_do_not_last(flow: Simulation, jam: Simulation) -> None:
     assert jam.steps["penetration"][jam.steps["time"] > 0.4].max() <= 0.03
     # fresh impacts are moved apart too; depths of states are extrapolated over half a step, here of less than 3 m/s,
     # along normals of balls that turn about each other meanwhile: s²/2 over the distance of 2 radii
-    way = 0.5 * flow.plan.stepper.shortest(flow.plan.scene) * 3.0 / flow.plan.scene.length
+    way = 0.5 * flow.plan.stepper.shortest_step(flow.plan.scene) * 3.0 / flow.plan.scene.length
     assert flow.steps["penetration"].max() <= 1.11 * allowed + way**2 / 4.0
 
 
@@ -119,7 +123,7 @@ def test_energy_never_grows_where_the_law_forbids_it(options: dict[str, object])
     steps, balls = simulation.steps, SMALL["balls"]
     growth = np.diff(steps["kinetic_energy"] + steps["potential_energy"])
     mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.01**3
-    bound = balls * mass * (9.81 * simulation.plan.stepper.shortest(simulation.plan.scene)) ** 2
+    bound = balls * mass * (9.81 * simulation.plan.stepper.shortest_step(simulation.plan.scene)) ** 2
     assert steps["contacts"].max() > 50
     assert growth.max() <= bound
     assert growth.sum() < 0.0

@@ -6,7 +6,7 @@ from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.scenes.registry import SCENES, make_scene
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 
@@ -91,7 +91,7 @@ def test_energy_is_kept_to_second_order_while_nothing_touches(name: str, options
     def drift(step_size: float) -> float:
         state = State(0.0, free, scene.start.velocity)
         energy = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
-        stepper = Moreau(scene.system, create("SORprox"), Stop(), step_size)
+        stepper = MidpointRule(scene.system, create("SORprox"), Stop(), step_size)
         for step in stepper.steps(state, round(1e-3 / step_size)):
             assert step.contacts is None
             state = step.state

@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...problems.motion.scenes.registry import SCENES
-from ...problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ...problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, cycles, relative_deviations
-from ..report.layout.text import counted
-from .trajectory import Simulation
+from ....problems.motion.scenes.registry import SCENES
+from ....problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from ....problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, cycles, relative_deviations
+from ...report.layout.text import counted
+from ..trajectory import Simulation
 
 MOST_ROWS = 30
 """Switching points that are printed where no period is known; the result file has all."""

@@ -9,12 +9,12 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...problems.contact.model import Model
-from ..report.layout.text import counted, unsolved_words
-from ..store.conversion import content_of
-from .history import Segment, planned_segment
+from ....problems.contact.model import Model
+from ...report.layout.text import counted, unsolved_words
+from ...store.conversion import content_of
+from ..history import Segment, planned_segment
+from ..trajectory import Ending, Simulation, switching_words
 from .switching_table import period_lines, periods_document, plain_table, print_switches
-from .trajectory import Ending, Simulation, switching_words
 
 WINDOW_SECONDS = 0.1
 """Simulated time that one row of the table is about."""

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.trajectory import STEP, SWITCH, Simulation
+from proxbench.bench.simulation.view.chart import simulation_chart
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.contact_states import LawStates
+from proxbench.problems.motion.stepping.step import LawStates
 
 
 def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...] = ()) -> Simulation:

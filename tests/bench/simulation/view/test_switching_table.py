@@ -5,11 +5,11 @@ import io
 import numpy as np
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.table import print_simulation
 from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
+from proxbench.bench.simulation.view.table import print_simulation
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.contact_states import LawStates
+from proxbench.problems.motion.stepping.step import LawStates
 from rich.console import Console
 
 

@@ -15,12 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from ...problems.arrays import FloatArray
-from ...problems.motion.trajectories.limit_cycle import Incident
-from ..report.charts.drawing import stacked, write_drawing
-from ..report.charts.palette import PALETTE
-from ..report.layout.text import counted
-from .trajectory import Simulation, switching_words
+from ....problems.arrays import FloatArray
+from ....problems.motion.trajectories.limit_cycle import Incident
+from ...report.charts.drawing import stacked, write_drawing
+from ...report.charts.palette import PALETTE
+from ...report.layout.text import counted
+from ..trajectory import Simulation, switching_words
 
 POINTS = 500
 """Intervals of time that curves are gathered in, so that charts of any length stay light."""

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.trajectory import STEP, Simulation
+from proxbench.bench.simulation.view.chart import simulation_chart
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.live import LiveSummary
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.simulation.table import document, print_simulation, summary, windows
 from proxbench.bench.simulation.trajectory import STEP, Simulation
+from proxbench.bench.simulation.view.live import LiveSummary
+from proxbench.bench.simulation.view.table import document, print_simulation, summary, windows
 from rich.console import Console
 
 Pour = Callable[..., SimulationPlan]
