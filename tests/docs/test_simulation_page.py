@@ -61,9 +61,8 @@ def test_the_sample_of_the_woodpecker_is_its_limit_cycle() -> None:
     rows = re.findall(
         r"^ +(\d+)  (\w+) +(\d) \w+(?: edge)? +(\w+) +(\w+) .* ([+-][\d.]+) +[+-]\d\.\de[+-]\d\d$", PAGE, re.M
     )
-    shown = [
-        (int(number), law, int(contact) - 1, before, after, time) for number, law, contact, before, after, time in rows
-    ]
-    assert shown == [(number, *what, f"{time:+.9f}") for number, (time, *what) in enumerate(INCIDENTS, 1)]
+    shown = [(law, int(contact) - 1, before, after, time) for _, law, contact, before, after, time in rows]
+    assert [int(number) for number, *_ in rows] == [*range(1, len(INCIDENTS) + 1)]
+    assert shown == [(one.law, one.contact, one.before, one.after, f"{one.time:+.9f}") for one in INCIDENTS]
     assert """"woodpecker(start='cycle')" --duration 0.35""" in PAGE
     assert "\ntotal  0.35 s in " in PAGE

@@ -1,6 +1,6 @@
-"""Switching points as a table, and the periods of the woodpecker beside its known limit cycle."""
+"""Switching points as a table, and the periods of a motion beside the known limit cycle of its scene."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,17 +9,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ....problems.motion.scenes.registry import SCENES
-from ....problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
-from ....problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, cycles, relative_deviations
+from ....problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, find_cycles
 from ...report.layout.text import counted
 from ..trajectory import Simulation
 
-MOST_ROWS = 30
+MAX_ROWS = 30
 """Switching points that are printed where no period is known; the result file has all."""
-
-TRANSIENT = 60
-"""Periods after which the woodpecker is taken to be on its limit cycle: 0.839 to this power is 3e-5."""
 
 _OF_WORDS = ("law", "contact", "from", "to")
 """Heads of columns of words."""
@@ -29,9 +24,6 @@ _LEFT = {*_OF_WORDS, "stepper", "solver", "start"}
 
 _HEADS = ("row", *_OF_WORDS, "t [s]")
 
-CONTACTS = {0: "beak", 1: "lower edge", 2: "upper edge"}
-"""What the woodpecker's contacts are called; the paper counts them from 1."""
-
 
 def print_switches(simulation: Simulation, console: Console) -> None:
     """Print the switching points: those of a period beside the limit cycle, or else the first ones."""
@@ -39,10 +31,10 @@ def print_switches(simulation: Simulation, console: Console) -> None:
     found = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
     if motion is not None and found:
         shown = found[-1]  # the last one that can be set beside the limit cycle
-        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as table 1 of the paper"))
-        console.print(_published_table(motion.cycles[shown]))
+        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as {motion.known.source}"))
+        console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
     elif len(simulation.switches):
-        console.print(_switches_table(simulation.incidents, is_toy=motion is not None))
+        console.print(_switches_table(simulation.incidents, simulation.plan.scene.contact_names))
 
 
 def periods_document(simulation: Simulation) -> dict[str, Any] | None:
@@ -52,7 +44,7 @@ def periods_document(simulation: Simulation) -> dict[str, Any] | None:
         return None
     return {
         "count": motion.count,
-        "published": sum(cycle.is_published for cycle in motion.cycles),
+        "published": motion.published_count,
         "complete": len(motion.cycles),
         "periods": np.diff(motion.sections).tolist(),
         "descents": (-np.diff(motion.heights)).tolist(),
@@ -60,67 +52,68 @@ def periods_document(simulation: Simulation) -> dict[str, Any] | None:
 
 
 def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield what is to be said of the periods, each line with its style."""
+    """Yield what is reported of the periods, each line with its style."""
     motion = _motion(simulation)
     if motion is None:
         return
+    known = motion.known
+    section = f"row {known.section + 1}"
     if not motion.cycles:
-        yield "no complete period, from row 1 of table 1 to the next row 1, yet", ""
+        yield f"no complete period, from row 1 of {known.source} to the next row 1, yet", ""
     else:
-        good = sum(cycle.is_published for cycle in motion.cycles)
+        good = motion.published_count
         many = f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
-        yield f"{many}{'has' if good == 1 else 'have'} the twelve switching points of table 1 in its order", ""
+        points = f"the {len(known.incidents)} switching points of {known.source} in its order"
+        yield f"{many}{'has' if good == 1 else 'have'} {points}", ""
     if not motion.count:
-        yield "the section, row 2 of table 1, is not met twice yet, so there is no time from section to section", ""
+        yield f"the section, {section}, is not met twice yet, so there is no time from section to section", ""
         return
-    last = max(1, motion.count - TRANSIENT)
-    yield f"period   {motion.mean_period(last):.12f} s  ({_about(last, motion.count)})", ""
+    last = max(1, motion.count - known.transient)
+    which = f"{_periods(last, motion.count)}, from section to section: {section} to the next {section}"
+    yield f"period   {motion.mean_period(last):.12f} s  ({which})", ""
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
-    scene, known = simulation.plan.scene, SCENES["woodpecker"].options
-    # other options have another limit cycle
-    if all(scene.options[name] == option.default for name, option in known.items() if name != "start"):
-        period, descent = relative_deviations(motion, last)
+    if known.is_of_scene:
+        period, descent = motion.relative_deviations(last)
         off = f"off by {period:+.1e} and {descent:+.1e}, relatively"
-        yield f"limit cycle {PERIOD:.12f} s and {DESCENT:.12f} m: {off}", "bold"
+        yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {off}", "bold"
 
 
-def _about(last: int, count: int) -> str:
-    """Return which times from section to section a mean is of."""
+def _periods(last: int, count: int) -> str:
+    """Name the periods that a mean is of."""
     one = f"the last of {count}" if count > 1 else "the only one"
-    some = f"mean of the last {last} of {count}" if last > 1 else one
-    return f"{some}, from section to section: row 2 to the next row 2"
+    return f"mean of the last {last} of {count}" if last > 1 else one
 
 
 def _motion(simulation: Simulation) -> Cycles | None:
-    """Return the periods of the woodpecker, None for other scenes and where no switching points are looked for."""
-    if simulation.plan.scene.name != "woodpecker" or not simulation.plan.stepper.locates_switches:
+    """Return the periods, None for scenes without a known limit cycle and where no switching points are located."""
+    known = simulation.plan.scene.limit_cycle
+    if known is None or not simulation.plan.stepper.locates_switches:
         return None
-    return cycles(simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+    return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])
 
 
-def _published_table(cycle: Cycle) -> Table:
-    """Return one period in the form of table 1 of the paper, beside the limit cycle."""
+def _published_table(cycle: Cycle, names: Sequence[str]) -> Table:
+    """Return one period in the form of the published table, beside the limit cycle."""
     table = plain_table(*_HEADS, "after section [s]", "limit cycle [s]", "off by [s]")
-    rows = zip(cycle.incidents, INCIDENTS, cycle.deviations, strict=True)
+    rows = zip(cycle.incidents, cycle.known.incidents, cycle.deviations, strict=True)
     for number, (incident, reference, deviation) in enumerate(rows, start=1):
         table.add_row(
             str(number),
-            *_words(incident),
+            *_words(incident, names),
             f"{incident.time:.9f}",
             f"{incident.time - cycle.section:+.9f}",
-            f"{reference[0]:+.9f}",
+            f"{reference.time:+.9f}",
             f"{deviation:+.1e}",
         )
     return table
 
 
-def _switches_table(found: list[Incident], is_toy: bool) -> Table:
+def _switches_table(found: list[Incident], names: Sequence[str]) -> Table:
     table = plain_table(*_HEADS)
-    for number, incident in enumerate(found[:MOST_ROWS], start=1):
-        words = _words(incident) if is_toy else (incident.law, str(incident.contact), incident.before, incident.after)
-        table.add_row(str(number), *words, f"{incident.time:.9f}")
-    if len(found) > MOST_ROWS:
-        table.add_row("…", f"{len(found) - MOST_ROWS} more", "", "", "", "")
+    for number, incident in enumerate(found[:MAX_ROWS], start=1):
+        table.add_row(str(number), *_words(incident, names), f"{incident.time:.9f}")
+    if len(found) > MAX_ROWS:
+        table.add_row("…", f"{len(found) - MAX_ROWS} more", "", "", "", "")
     return table
 
 
@@ -132,5 +125,7 @@ def plain_table(*heads: str) -> Table:
     return table
 
 
-def _words(incident: Incident) -> tuple[str, str, str, str]:
-    return incident.law, f"{incident.contact + 1} {CONTACTS[incident.contact]}", incident.before, incident.after
+def _words(incident: Incident, names: Sequence[str]) -> tuple[str, str, str, str]:
+    """Return what switches; contacts with names are counted from 1."""
+    contact = f"{incident.contact + 1} {names[incident.contact]}" if names else str(incident.contact)
+    return incident.law, contact, incident.before, incident.after

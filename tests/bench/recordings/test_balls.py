@@ -13,6 +13,7 @@ from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, Planar, ball_system
 from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
+from proxbench.problems.motion.scenes.scene import Observable
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
@@ -142,8 +143,9 @@ def test_balls_through_the_outlet_have_a_curve_where_there_is_one(
 ) -> None:
     system, state = rolling_ball(3)
     stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
-    for name, count in (("open", lambda position: 3), ("closed", None)):
-        with BallRecorder(system, tmp_path / f"{name}.rrd", balls_through=count) as recorder:
+    through = Observable("through", lambda state: 3, label="balls through the outlet")
+    for name, observables in (("open", [through]), ("closed", [replace(through, label="")])):
+        with BallRecorder(system, tmp_path / f"{name}.rrd", observables=observables) as recorder:
             recorder.start(state)
             recorder(stepper.step(state))
     assert set(read_back(tmp_path / "open.rrd").curve("/curves/through").values()) == {3.0}

@@ -71,11 +71,12 @@ def test_an_acceleration_switched_off_is_not_computed(off: str) -> None:
 
 def test_only_a_scene_with_an_outlet_counts_the_balls_that_leave() -> None:
     pour = make_scene("funnel", {"balls": 3})
-    assert pour.balls_through is not None
-    assert pour.balls_through(np.array([0.0, 0.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0, -1e-9])) == 2
-    for closed in ("pile", "woodpecker"):
-        assert make_scene(closed).balls_through is None
-    assert make_scene("funnel", {"outlet": 0.0}).balls_through is None
+    through = next(one for one in pour.observables if one.name == "balls_through")
+    fallen = np.array([0.0, 0.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0, -1e-9])
+    assert through.compute(State(0.0, fallen, pour.start.velocity)) == 2
+    for closed in ("pile", "woodpecker", "funnel(outlet=0.0)"):
+        assert not make_scene(closed).observables
+        assert make_scene(closed).ending is None
 
 
 @pytest.mark.parametrize(

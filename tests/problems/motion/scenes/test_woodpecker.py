@@ -54,5 +54,5 @@ def test_the_published_start_hops_down_the_pole() -> None:
 def test_the_incidents_that_tables_are_compared_with_are_those_of_the_published_cycle() -> None:
     first = [(time - PERIOD, *what) for time, *what in published_cycle.INCIDENTS[-2:]]  # table 1 begins with these
     rows = [*first, *published_cycle.INCIDENTS[:-2]]
-    assert [(law, contact + 1, *states) for _, law, contact, *states in INCIDENTS] == [tuple(row[1:]) for row in rows]
-    assert [row[0] for row in INCIDENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)
+    assert [(one.law, one.contact + 1, one.before, one.after) for one in INCIDENTS] == [row[1:] for row in rows]
+    assert [one.time for one in INCIDENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.woodpecker import PERIOD
+from proxbench.problems.motion.scenes.woodpecker import PERIOD, section_error
 from proxbench.problems.motion.stepping.event_driven.event_driven import EventDriven
 from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.problems.motion.stepping.moreau import Moreau
@@ -14,7 +14,6 @@ from proxbench.problems.motion.stepping.registry import STEPPERS, make_stepper
 from proxbench.problems.motion.stepping.step import AcceptedStep
 from proxbench.problems.motion.stepping.step_doubling import StepDoubling
 from proxbench.problems.motion.stepping.stepper import Stepper
-from proxbench.problems.motion.trajectories.limit_cycle import section_error
 from proxbench.solvers import Stop, create
 
 STOP = Stop(1e-12, 100_000)
