@@ -29,7 +29,7 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from ..store.outcome import Outcome
 from .ball_records import read_balls
-from .scene_task import NUMBER, SAME_FIELDS, Arrays, ObservableRecord, SceneRecord, SceneTask
+from .scene_task import LAW_FIELDS, NUMBER, SAME_FIELDS, Arrays, ObservableRecord, SceneRecord, SceneTask
 
 T = TypeVar("T")
 
@@ -247,10 +247,21 @@ def _pieces(arrays: Arrays, n_dofs: int) -> Pieces:
 
 
 def _contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
-    keys, directions = _keys(arrays["keys"]), _pieces(arrays, n_dofs)
-    rows, count = directions.width, len(keys)
-    if directions.n_blocks != count or rows not in (1, 2, 3):
-        raise ValueError("no direction for each contact")
-    laws = Laws.contacts(_numbers(arrays["friction"], (count,)), rows, count)
-    gap, restitution = _numbers(arrays["gap"], (count,)), _numbers(arrays["restitution"], (rows * count,))
-    return ActiveContacts(keys, gap, laws, directions, restitution, rows)
+    keys, laws = _keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
+    count, (width,) = len(keys), arrays["width"].tolist()
+    gap, restitution = _numbers(arrays["gap"], (count,)), _numbers(arrays["restitution"], (laws.n_rows,))
+    if "row_counts" not in arrays:
+        pieces = _pieces(arrays, n_dofs)
+        if pieces.n_blocks != count or pieces.width != width or laws.n_rows != count * width:
+            raise ValueError("no direction for each contact")
+        return ActiveContacts(keys, gap, laws, pieces, restitution, width)
+    counts = arrays["row_counts"]
+    if counts.dtype != np.int64 or counts.shape != (count,) or (counts < 1).any() or (counts > width).any():
+        raise ValueError("no rows of contacts")
+    data, indices, indptr = (arrays[f"directions_{part}"] for part in ("data", "indices", "indptr"))
+    directions = sp.csc_array((data, indices, indptr), shape=(n_dofs, laws.n_rows))
+    directions.check_format(full_check=True)
+    _numbers(directions.data, directions.data.shape)
+    if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():
+        raise ValueError("no rows of contacts")
+    return ActiveContacts(keys, gap, laws, directions, restitution, width, counts)

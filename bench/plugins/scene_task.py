@@ -17,11 +17,13 @@ from ...problems.motion.bodies.system import ActiveContacts
 from ...problems.motion.scenes.scene import Observable, Scene
 from ...problems.motion.state import State
 from ...problems.motion.stepping.sequences import is_reversible
-from ..isolation.child import MisbehaviourError
 from ..store.fields import Count, Number, Positive, Record
 from .ball_records import BallsRecord, ball_arrays, described_balls
 
 Arrays = dict[str, NDArray[Any]]
+
+LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
+"""Arrays that laws are sent as."""
 
 NUMBER = struct.Struct("d")
 """How a single number is sent."""
@@ -173,12 +175,18 @@ def _piece_arrays(pieces: Pieces) -> Arrays:
 
 
 def _contact_arrays(contacts: ActiveContacts) -> Arrays:
-    laws, count = contacts.laws, len(contacts.keys)
-    friction = laws.friction_coefficient[laws.is_friction] if contacts.rows_per_contact > 1 else np.zeros(count)
-    if laws.fixed_bound.any() or len(friction) != count:
-        raise MisbehaviourError("its laws are not those of contacts with Coulomb friction")
-    own = {"keys": contacts.keys.astype(np.int64), "gap": contacts.gap, "restitution": contacts.restitution}
-    return {**own, "friction": friction, **_piece_arrays(contacts.directions)}
+    laws = contacts.laws
+    arrays = {
+        "keys": contacts.keys.astype(np.int64),
+        "gap": contacts.gap,
+        "restitution": contacts.restitution,
+        "width": np.array([contacts.width]),
+        **{name: getattr(laws, name) for name in LAW_FIELDS},
+    }
+    if isinstance(contacts.directions, Pieces):
+        return arrays | _piece_arrays(contacts.directions)
+    parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
+    return {**arrays, "row_counts": contacts.row_counts, **parts}
 
 
 def _packed(arrays: Arrays) -> bytes:

@@ -8,6 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ...problems.arrays import FloatArray, IntArray
+from ...problems.contact.matrices.pieces import Pieces
 from ...problems.motion.bodies.balls import BallSystem
 from ...problems.motion.scenes.scene import Observable
 from ...problems.motion.state import State
@@ -125,6 +126,7 @@ class BallRecorder(StepRecorder):
         if contacts is None or states is None:
             return [(IMPULSES, NO_IMPULSES)]
         pieces = contacts.directions
+        assert isinstance(pieces, Pieces)  # as those of all balls
         first = pieces.starts[:-1]
         axes = in_space(pieces.values[first][:, :, : system.dimension])
         vectors = np.einsum("cl,clx->cx", step.impulses.reshape(pieces.n_blocks, pieces.width), axes)

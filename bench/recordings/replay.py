@@ -110,7 +110,7 @@ def step_to(system: System, state: State, length: float, impulse_seconds: float 
     contacts = assembly.contacts
     if contacts is None or not len(state.keys):
         return Step(state, None, np.zeros(0), None, None, 0)
-    held = np.zeros((len(contacts.keys), contacts.rows_per_contact))
+    held = np.zeros((len(contacts.keys), contacts.width))
     _, ours, theirs = np.intersect1d(contacts.keys, state.keys, assume_unique=True, return_indices=True)
     held[ours] = state.impulses[theirs] * (1.0 if impulse_seconds is None else impulse_seconds)
-    return Step(state, step_problem(assembly, contacts, state.velocity), held.ravel(), contacts, None, 0)
+    return Step(state, step_problem(assembly, contacts, state.velocity), contacts.rows(held), contacts, None, 0)

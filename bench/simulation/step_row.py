@@ -111,7 +111,7 @@ def step_row(scene: Scene, taken: AcceptedStep, statuses: Sequence[str]) -> Step
         error=taken.error,
         solves=taken.solves,
         rejected=taken.rejected,
-        contacts=0 if contacts is None else len(contacts.keys),
+        contacts=0 if contacts is None else int(contacts.is_contact.sum()),
         iterations=sum(step.iterations for step in solved),
         residual=max(residuals, default=0.0),
         local_residual=max(map(_local_residual, solves), default=0.0),
@@ -149,7 +149,7 @@ def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
     velocity = taken.begin.velocity
     for step, length in taken.substeps:
         if step.contacts is not None and step.problem is not None:
-            approach = step.contacts.directions.transposed_times(velocity)
+            approach = step.contacts.transposed_times(velocity)
             yield _Solve(step.problem, step.contacts, step.impulses, length, approach)
         velocity = step.state.velocity
 
@@ -161,9 +161,10 @@ def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
     """
     depth, impact = 0.0, 0.0
     for solve in solves:
-        gap, normal = solve.contacts.gap, solve.approach[:: solve.contacts.rows_per_contact]
-        depth = max(depth, -float((gap - 0.5 * solve.length * normal).min()))
-        impact = max(impact, -float(gap.min()))
+        is_contact = solve.contacts.is_contact
+        gap, normal = solve.contacts.gap[is_contact], solve.approach[solve.contacts.first_rows[is_contact]]
+        depth = max(depth, -float((gap - 0.5 * solve.length * normal).min(initial=0.0)))
+        impact = max(impact, -float(gap.min(initial=0.0)))
     return depth, impact
 
 

@@ -168,18 +168,18 @@ class SceneKind:
 
 def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, start: State) -> Scene:
     """Return the scene of a system and its first state, with the usual numbers for all else."""
-    is_of_balls = isinstance(system, BallSystem)
+    balls = system if isinstance(system, BallSystem) else None
     return Scene(
         name,
         options,
         system,
         start,
-        length=float(system.radii.max()) if is_of_balls else LENGTH,
+        length=LENGTH if balls is None else float(balls.radii.max()),
         step_size=STEP_SIZE,
         duration=1.0,
         kinetic_energy=kinetic_energy(system, start),
-        potential_energy=system.potential_energy if is_of_balls else None,
-        n_balls=system.n_balls if is_of_balls else 0,
+        potential_energy=None if balls is None else balls.potential_energy,
+        n_balls=0 if balls is None else balls.n_balls,
     )
 
 

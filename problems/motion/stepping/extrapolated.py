@@ -74,8 +74,8 @@ def _reverses_slip(step: Step, states: LawStates, velocity: FloatArray) -> bool:
     """Whether a contact that slips in ``step`` would slip the other way with the extrapolated ``velocity``."""
     if step.contacts is None or not states.slips:
         return False
-    width = step.contacts.rows_per_contact
-    sliding = step.contacts.directions.transposed_times(velocity).reshape(-1, width)
+    sliding = step.contacts.lanes(step.contacts.transposed_times(velocity))
     rows = np.searchsorted(step.contacts.keys, list(states.slips))
-    against = np.einsum("ij,ij->i", sliding[rows, 1:], list(states.slips.values()))
+    friction = np.array(list(states.slips.values()))
+    against = np.einsum("ij,ij->i", sliding[rows, 1 : 1 + friction.shape[1]], friction)
     return bool((against > 0.0).any())

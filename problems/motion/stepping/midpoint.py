@@ -82,9 +82,8 @@ class MidpointRule:
         problem = step_problem(assembly, contacts, state.velocity)
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
-        velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.directions.times(solution.impulses))
-        impulses = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
-        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, impulses)
+        velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.times(solution.impulses))
+        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, contacts.lanes(solution.impulses))
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
 
     def _end(self, midpoint: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -113,24 +112,23 @@ class MidpointRule:
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
     """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B."""
-    directions = contacts.directions
-    free_velocity = directions.transposed_times(assembly.free_motion)
-    free_velocity += contacts.restitution * directions.transposed_times(velocity)
-    factors = Factors(directions, assembly.inverse_mass, assembly.free_motion)
+    free_velocity = contacts.transposed_times(assembly.free_motion)
+    free_velocity += contacts.restitution * contacts.transposed_times(velocity)
+    factors = Factors(contacts.directions, assembly.inverse_mass, assembly.free_motion)
     return ContactProblem(free_velocity, contacts.laws, factors=factors)
 
 
 def _without_rebound(contacts: ActiveContacts, held: tuple[int, ...]) -> ActiveContacts:
-    is_held = np.repeat(np.isin(contacts.keys, held), contacts.rows_per_contact)
+    is_held = contacts.for_rows(np.isin(contacts.keys, held))
     return replace(contacts, restitution=np.where(is_held, 0.0, contacts.restitution))
 
 
 def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
     """Return the last impulses of the contacts that persist and zero for new ones, shape (n_rows,)."""
-    start = np.zeros((len(contacts.keys), contacts.rows_per_contact))
-    if state.impulses.shape[1] == contacts.rows_per_contact:
+    start = np.zeros((len(contacts.keys), contacts.width))
+    if state.impulses.shape[1] == contacts.width:
         _copy_matching(state.keys, state.impulses, contacts.keys, start)
-    return start.ravel()
+    return contacts.rows(start)
 
 
 @njit(cache=True)

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, IntArray
 from ...contact.problem import ContactProblem
 from ...contact.solver import Status
 from ...errors import ProxbenchError
@@ -153,17 +153,50 @@ class AcceptedStep:
     seconds: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class ContactLanes:
+    """What a solved step says of its contacts, joints left out; of the lanes N, T1, T2 there are as many as are used.
+
+    Attributes:
+        keys: of the contacts, ascending, shape (n_contacts,).
+        impulses: Λ [N s], shape (n_contacts, 1, 2 or 3).
+        velocity: ξ [m/s], of the same shape.
+        diagonal: of G [1/kg], of the same shape.
+        friction_coefficient: μ, shape (n_contacts,).
+        fixed_bound: a [N s], shape (n_contacts,).
+    """
+
+    keys: IntArray
+    impulses: FloatArray
+    velocity: FloatArray
+    diagonal: FloatArray
+    friction_coefficient: FloatArray
+    fixed_bound: FloatArray
+
+
+def contact_lanes(problem: ContactProblem, impulses: FloatArray, contacts: ActiveContacts) -> ContactLanes:
+    """Return the contacts of a step that solves ``problem`` with ``impulses``."""
+    layout = problem.layout
+    velocity = problem.relative_velocity(impulses)
+    padded = [layout.pad(rows)[:, : 1 + layout.sliding] for rows in (impulses, velocity, problem.delassus_diagonal)]
+    bounds = [layout.friction_coefficient, layout.fixed_bound]
+    keys = contacts.keys
+    if contacts.row_counts is not None:  # a joint has a block for each of its rows
+        keys = keys[contacts.is_contact]
+        blocks = layout.contact_of_row[contacts.first_rows[contacts.is_contact]]
+        padded, bounds = [values[blocks] for values in padded], [values[blocks] for values in bounds]
+    return ContactLanes(keys, *padded, *bounds)
+
+
 def law_states(step: Step) -> LawStates:
     """Return the states of all laws in a step."""
     if step.contacts is None or step.problem is None:
         return LawStates()
-    problem, layout, keys = step.problem, step.problem.layout, step.contacts.keys
-    alpha = layout.pad(problem.delassus_diagonal)
-    impulses = layout.pad(step.impulses)
-    velocity = layout.pad(problem.relative_velocity(step.impulses))
+    lanes = contact_lanes(step.problem, step.impulses, step.contacts)
+    keys, alpha, impulses, velocity = lanes.keys, lanes.diagonal, lanes.impulses, lanes.velocity
     stiffness = alpha[:, 1:].max(axis=1, initial=0.0)
     is_closed = impulses[:, 0] * alpha[:, 0] > velocity[:, 0]
-    bound = (layout.fixed_bound + layout.friction_coefficient * np.maximum(impulses[:, 0], 0.0)) * stiffness
+    bound = (lanes.fixed_bound + lanes.friction_coefficient * np.maximum(impulses[:, 0], 0.0)) * stiffness
     argument = stiffness[:, None] * impulses[:, 1:] - velocity[:, 1:]
     sticks = is_closed & (bound > 0.0) & (np.linalg.norm(argument, axis=1) <= (1.0 + BOUNDARY_WIDTH) * bound)
     slips = np.flatnonzero(is_closed & ~sticks)

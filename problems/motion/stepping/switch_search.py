@@ -25,7 +25,7 @@ from ...arrays import FloatArray
 from ..bodies.system import System
 from ..state import State
 from .sequences import Attempt
-from .step import LawStates, Step
+from .step import LawStates, Step, contact_lanes
 
 APPROACH = 0.45
 """Fraction of the smooth part of a step in which a law switched that is tried next."""
@@ -243,19 +243,18 @@ def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple
     """Yield which margin it is, its time and its value."""
     if step.contacts is None or step.problem is None:
         return
-    layout, end = step.problem.layout, step.state.time
-    impulses = layout.pad(step.impulses)
-    velocity = layout.pad(step.problem.relative_velocity(step.impulses))
-    bound = layout.fixed_bound + layout.friction_coefficient * impulses[:, 0]
+    lanes, end = contact_lanes(step.problem, step.impulses, step.contacts), step.state.time
+    impulses, velocity = lanes.impulses, lanes.velocity
+    bound = lanes.fixed_bound + lanes.friction_coefficient * impulses[:, 0]
     friction = np.linalg.norm(impulses[:, 1:], axis=1)
     sliding = np.linalg.norm(velocity[:, 1:], axis=1)
-    for row, contact in enumerate(step.contacts.keys.tolist()):
+    for row, contact in enumerate(lanes.keys.tolist()):
         if contact not in states.closed:
             continue
         yield ("force", contact), end - 0.5 * length, float(impulses[row, 0]) / length
         if contact in states.sticking:
             yield ("slack", contact), end - 0.5 * length, float(bound[row] - friction[row]) / length
-        elif layout.width > 1:
+        elif impulses.shape[1] > 1:
             yield ("sliding", contact), end, float(sliding[row])
 
 

@@ -1,5 +1,6 @@
 """A scene of a plugin moves as the same scene would here, in a process of its own, and its faults cost one step."""
 
+import runpy
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,7 @@ from proxbench.problems.exchange.plugin_files import PluginFile
 from proxbench.problems.exchange.plugins import forget
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 
@@ -88,6 +90,20 @@ def test_a_block_given_by_functions_falls_bounces_and_is_stopped_by_friction() -
     fall = np.sqrt(2.0 * 9.81 * 0.05)
     assert reached.state.velocity[0] == pytest.approx(1.0 - 0.5 * 1.5 * fall, abs=1e-3)
     assert reached.steps["kinetic_energy"][0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_stored(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    plan = make_simulation_plan("coupled", stepper="Moreau(step=1e-3)", duration=0.02)
+    simulate(plan, file, should_stop=iter([False] * 10 + [True]).__next__)
+    reached = resume_simulation(file)
+    system, state = runpy.run_path(str(PLUGIN))["coupled"]()
+    for step in MidpointRule(system, plan.step_solver, plan.stop, 1e-3).steps(state, 20):
+        state = step.state
+    for name in ("position", "velocity", "keys", "impulses"):
+        assert getattr(reached.state, name).tobytes() == getattr(state, name).tobytes(), name
+    assert set(reached.steps["contacts"]) == {2}
+    assert not reached.unsolved.any()
 
 
 def test_no_code_of_the_scene_runs_here() -> None:

@@ -79,7 +79,7 @@ class AccelerationLaws:
     @property
     def width(self) -> int:
         """Rows of a contact, 1 or 2."""
-        return self.system.rows_per_contact
+        return self.system.width
 
     def constraints(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> Constraints:
         """Return the equations of closed contacts, with the friction of slipping ones in their force directions."""

@@ -129,7 +129,9 @@ def _check_system(scene: Scene) -> MechanicalSystem:
     system = scene.system
     if not isinstance(system, MechanicalSystem):
         raise ProblemError("EventDriven follows scenes given by functions M, h, g and W (woodpecker), not this one.")
-    if system.rows_per_contact not in (1, 2):
+    if not system.has_equal_rows:
+        raise ProblemError("EventDriven follows contacts with equally many rows and no joints; choose another stepper.")
+    if system.width > 2:
         raise ProblemError("EventDriven follows planar friction or none; this scene has spatial friction.")
     return system
 

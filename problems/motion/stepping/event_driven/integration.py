@@ -83,7 +83,7 @@ class Integration:
     def __post_init__(self) -> None:
         self.time = self.start.time
         self.laws = AccelerationLaws(self.system)
-        self.width, self.n = self.system.rows_per_contact, len(self.start.position)
+        self.width, self.n = self.laws.width, len(self.start.position)
         self.position, self.velocity = self.start.position.copy(), self.start.velocity.copy()
         n_contacts = len(np.asarray(self.system.friction))
         self.modes = Modes(np.zeros(n_contacts, dtype=np.bool_), np.zeros(n_contacts))

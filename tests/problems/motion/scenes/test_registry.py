@@ -118,5 +118,5 @@ def test_the_woodpecker_without_friction_has_one_row_a_contact() -> None:
         system = make_scene("woodpecker", {"friction": friction}).system
         contacts = system.assemble(start.position + np.array([0.0, -1e-3, 0.0]), start.velocity, 1e-5).contacts
         assert contacts is not None
-        assert contacts.rows_per_contact == rows
+        assert contacts.width == rows
         assert contacts.directions.to_csc().shape == (3, rows)
