@@ -1,27 +1,23 @@
 """A scene that moves in a process of its own, with the interface of any other.
 
-The stepper, the solver and the judge work here; gaps, masses, forces and energies of a plugin's scene are computed
-there. It may raise, hang, crash or take memory without harm to this process: a request that is not answered is a
-``FailedSceneError``, which ends the step, and the next request starts a fresh process.
+Gaps, masses, forces and energies of a plugin's scene are computed there. The steps of a simulation are taken as a whole
+in another process of this kind, see ``simulation.remote_steps``; this one describes the scene, and answers for single
+states where a recording draws them, or where the solver is an object of the caller's. The scene may raise, hang, crash
+or take memory without harm to this process: a request that is not answered is a ``FailedSceneError``, which ends the
+step, and the next request starts a fresh process.
 """
 
-import io
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.factors import InverseMass
-from ...problems.contact.laws import Laws
-from ...problems.contact.matrices.pieces import Pieces
-from ...problems.errors import ProxbenchError
-from ...problems.exchange.archive import read_arrays
 from ...problems.exchange.plugin_scenes import plugin_scene
-from ...problems.motion.bodies.system import ActiveContacts, Overlaps, StepAssembly
+from ...problems.motion.bodies.system import Overlaps, StepAssembly
 from ...problems.motion.scenes.registry import make_scene, read_scene
 from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding
 from ...problems.motion.state import State
@@ -29,21 +25,20 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from ..store.outcome import Outcome
 from .ball_records import read_balls
-from .scene_task import LAW_FIELDS, NUMBER, SAME_FIELDS, Arrays, ObservableRecord, SceneRecord, SceneTask
+from .scene_arrays import (
+    UNFIT,
+    Arrays,
+    checked_array,
+    checked_keys,
+    finite_numbers,
+    read_contacts,
+    read_inverse_mass,
+    read_pieces,
+    unpacked,
+)
+from .scene_task import NUMBER, SAME_FIELDS, ObservableRecord, SceneRecord, SceneTask
 
 T = TypeVar("T")
-
-_UNFIT = (
-    msgspec.ValidationError,
-    KeyError,
-    ValueError,
-    TypeError,
-    IndexError,
-    OverflowError,
-    AttributeError,
-    ProxbenchError,
-)
-"""Exceptions that reading a malformed answer raises."""
 
 
 class FailedSceneError(BenchError):
@@ -96,13 +91,13 @@ class RemoteSystem(RenewedWorker):
         if "refused" in answer:
             raise BenchError(str(answer["refused"]))
         try:
-            about, arrays = msgspec.convert(answer["scene"], SceneRecord), _unpacked(content)
+            about, arrays = msgspec.convert(answer["scene"], SceneRecord), unpacked(content)
             self._sizes = (len(arrays["position"]), len(arrays["velocity"]))
             start = self._state(about.time, arrays)
             if any(index >= len(start.position) for index in about.coordinates.values()):
                 raise ValueError("no coordinate")
             balls = None if about.balls is None else read_balls(about.balls, arrays, *self._sizes)
-        except _UNFIT:
+        except UNFIT:
             raise self.failure(no_answer()) from None
         self.is_reversible = about.is_reversible
         has = about.functions
@@ -122,16 +117,18 @@ class RemoteSystem(RenewedWorker):
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q after ``seconds`` with u."""
         shape = position.shape
-        return self._arrays(lambda arrays: _array(arrays["position"], shape), "move", position, velocity, seconds)
+        return self._arrays(
+            lambda arrays: checked_array(arrays["position"], shape), "move", position, velocity, seconds
+        )
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         """Linearise at q_M."""
 
         def read(arrays: Arrays) -> StepAssembly:
             if self._inverse_mass is None or "mass_data" in arrays:
-                self._inverse_mass = _inverse_mass(arrays, len(velocity))
-            contacts = _contacts(arrays, len(velocity)) if "keys" in arrays else None
-            return StepAssembly(_numbers(arrays["free_motion"], velocity.shape), self._inverse_mass, contacts)
+                self._inverse_mass = read_inverse_mass(arrays, len(velocity))
+            contacts = read_contacts(arrays, len(velocity)) if "keys" in arrays else None
+            return StepAssembly(finite_numbers(arrays["free_motion"], velocity.shape), self._inverse_mass, contacts)
 
         return self._arrays(read, "assemble", midpoint, velocity, seconds, self._inverse_mass is not None)
 
@@ -139,7 +136,7 @@ class RemoteSystem(RenewedWorker):
         """Return keys and gaps [m] of the contacts with g(q) < ``limit``."""
 
         def read(arrays: Arrays) -> tuple[IntArray, FloatArray]:
-            return _keys(arrays["keys"]), _numbers(arrays["gap"], arrays["keys"].shape)
+            return checked_keys(arrays["keys"]), finite_numbers(arrays["gap"], arrays["keys"].shape)
 
         return self._arrays(read, "gaps_below", position, limit)
 
@@ -150,10 +147,12 @@ class RemoteSystem(RenewedWorker):
             if not arrays:
                 return None
             n_dofs = self._sizes[1]
-            normals = _pieces(arrays, n_dofs)
+            normals = read_pieces(arrays, n_dofs)
             if normals.width != 1:
                 raise ValueError("no normals")
-            return Overlaps(_numbers(arrays["gap"], (normals.n_blocks,)), normals, _inverse_mass(arrays, n_dofs))
+            return Overlaps(
+                finite_numbers(arrays["gap"], (normals.n_blocks,)), normals, read_inverse_mass(arrays, n_dofs)
+            )
 
         return self._arrays(read, "overlaps", position, tolerated)
 
@@ -171,8 +170,8 @@ class RemoteSystem(RenewedWorker):
         """Return what ``read`` finds in the arrays of an answer."""
         _, content = self.ask(request, *arguments)
         try:
-            return read(_unpacked(content))
-        except _UNFIT:
+            return read(unpacked(content))
+        except UNFIT:
             self.close()
             raise self.failure(no_answer()) from None
 
@@ -192,7 +191,7 @@ class RemoteSystem(RenewedWorker):
         answer, _ = self.ask("ending", steps)
         try:
             return msgspec.convert(answer["ending"], SceneEnding | None)
-        except _UNFIT:
+        except UNFIT:
             raise self.failure(no_answer()) from None
 
     def _exact(self, time: float) -> State:
@@ -200,68 +199,7 @@ class RemoteSystem(RenewedWorker):
 
     def _state(self, time: float, arrays: Arrays) -> State:
         position, velocity = (
-            _numbers(arrays[name], (size,)) for name, size in zip(("position", "velocity"), self._sizes, strict=True)
+            finite_numbers(arrays[name], (size,))
+            for name, size in zip(("position", "velocity"), self._sizes, strict=True)
         )
         return State(time, position, velocity)
-
-
-def _unpacked(content: bytes) -> Arrays:
-    return read_arrays(io.BytesIO(content)) if content else {}
-
-
-def _array(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    if values.dtype != np.float64 or values.shape != shape:
-        raise ValueError("no numbers of this shape")
-    return values
-
-
-def _numbers(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    if not np.isfinite(_array(values, shape)).all():
-        raise ValueError("no finite numbers")
-    return values
-
-
-def _keys(values: NDArray[Any]) -> IntArray:
-    if values.dtype != np.int64 or values.ndim != 1 or (np.diff(values) <= 0).any():
-        raise ValueError("no keys")
-    return values
-
-
-def _inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
-    parts = tuple(arrays[f"mass_{part}"] for part in ("data", "indices", "indptr"))
-    matrix = sp.csr_array(parts, shape=(n_dofs, n_dofs))
-    matrix.check_format(full_check=True)
-    return InverseMass.create(matrix)
-
-
-def _pieces(arrays: Arrays, n_dofs: int) -> Pieces:
-    """Return pieces whose indices compiled code may believe."""
-    starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
-    if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
-        raise ValueError("no pieces")
-    n_chunks, rest = divmod(n_dofs, values.shape[2])
-    fits = starts[0] == 0 and starts[-1] == len(chunks) and (np.diff(starts) >= 0).all() and not rest
-    if not fits or (chunks < 0).any() or (chunks > n_chunks).any() or values[chunks == n_chunks].any():
-        raise ValueError("no pieces of this system")
-    return Pieces(starts, chunks, _numbers(values, (len(chunks), *values.shape[1:])), n_chunks)
-
-
-def _contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
-    keys, laws = _keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
-    count, (width,) = len(keys), arrays["width"].tolist()
-    gap, restitution = _numbers(arrays["gap"], (count,)), _numbers(arrays["restitution"], (laws.n_rows,))
-    if "row_counts" not in arrays:
-        pieces = _pieces(arrays, n_dofs)
-        if pieces.n_blocks != count or pieces.width != width or laws.n_rows != count * width:
-            raise ValueError("no direction for each contact")
-        return ActiveContacts(keys, gap, laws, pieces, restitution, width)
-    counts = arrays["row_counts"]
-    if counts.dtype != np.int64 or counts.shape != (count,) or (counts < 1).any() or (counts > width).any():
-        raise ValueError("no rows of contacts")
-    data, indices, indptr = (arrays[f"directions_{part}"] for part in ("data", "indices", "indptr"))
-    directions = sp.csc_array((data, indices, indptr), shape=(n_dofs, laws.n_rows))
-    directions.check_format(full_check=True)
-    _numbers(directions.data, directions.data.shape)
-    if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():
-        raise ValueError("no rows of contacts")
-    return ActiveContacts(keys, gap, laws, directions, restitution, width, counts)

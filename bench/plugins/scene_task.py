@@ -1,29 +1,21 @@
 """The child's half of a scene of a plugin: it builds the scene, describes it, and answers for its system."""
 
-import io
 import struct
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.factors import InverseMass
-from ...problems.contact.matrices.pieces import Pieces
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.plugin_scenes import build_plugin_scene
-from ...problems.motion.bodies.system import ActiveContacts
 from ...problems.motion.scenes.scene import Observable, Scene
 from ...problems.motion.state import State
 from ...problems.motion.stepping.sequences import is_reversible
 from ..store.fields import Count, Number, Positive, Record
 from .ball_records import BallsRecord, ball_arrays, described_balls
-
-Arrays = dict[str, NDArray[Any]]
-
-LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
-"""Arrays that laws are sent as."""
+from .scene_arrays import Arrays, contact_arrays, mass_arrays, packed, piece_arrays
 
 NUMBER = struct.Struct("d")
 """How a single number is sent."""
@@ -98,7 +90,7 @@ class SceneTask:
             return {"refused": str(error)}, b""
         if request == "describe":
             arrays = _state_arrays(self._scene.start) | ball_arrays(self._scene)
-            return {"scene": _described(self._scene)}, _packed(arrays)
+            return {"scene": _described(self._scene)}, packed(arrays)
         if request == "number":
             return {}, NUMBER.pack(self._number(self._scene, *arguments))
         if request == "ending":
@@ -107,8 +99,8 @@ class SceneTask:
             return {"ending": None if ending is None else asdict(ending)}, b""
         if request == "exact":
             assert self._scene.exact is not None
-            return {}, _packed(_state_arrays(self._scene.exact(*arguments)))
-        return {}, _packed(getattr(self, f"_{request}")(self._scene.system, *arguments))
+            return {}, packed(_state_arrays(self._scene.exact(*arguments)))
+        return {}, packed(getattr(self, f"_{request}")(self._scene.system, *arguments))
 
     def _number(self, scene: Scene, name: str, *arguments: Any) -> float:
         if name != "observe":
@@ -127,7 +119,7 @@ class SceneTask:
         found = system.overlaps(position, tolerated)
         if found is None:
             return {}
-        return {"gap": found.gap, **_piece_arrays(found.normals), **_mass_arrays(found.inverse_mass)}
+        return {"gap": found.gap, **piece_arrays(found.normals), **mass_arrays(found.inverse_mass)}
 
     def _assemble(
         self, system: Any, midpoint: FloatArray, velocity: FloatArray, seconds: float, mass_is_known: bool
@@ -135,9 +127,9 @@ class SceneTask:
         assembly = system.assemble(midpoint, velocity, seconds)
         arrays: Arrays = {"free_motion": assembly.free_motion}
         if not mass_is_known or assembly.inverse_mass is not self._sent:
-            arrays |= _mass_arrays(assembly.inverse_mass)
+            arrays |= mass_arrays(assembly.inverse_mass)
             self._sent = assembly.inverse_mass
-        return arrays if assembly.contacts is None else arrays | _contact_arrays(assembly.contacts)
+        return arrays if assembly.contacts is None else arrays | contact_arrays(assembly.contacts)
 
 
 def _described(scene: Scene) -> dict[str, Any]:
@@ -163,35 +155,3 @@ def _observable_fields(observable: Observable) -> dict[str, Any]:
 
 def _state_arrays(state: State) -> Arrays:
     return {"position": np.asarray(state.position, float), "velocity": np.asarray(state.velocity, float)}
-
-
-def _mass_arrays(inverse: InverseMass) -> Arrays:
-    return {f"mass_{part}": getattr(inverse.matrix, part) for part in ("data", "indices", "indptr")}
-
-
-def _piece_arrays(pieces: Pieces) -> Arrays:
-    starts, chunks = pieces.starts.astype(np.int64), pieces.chunks.astype(np.int64)
-    return {"starts": starts, "chunks": chunks, "values": pieces.values}
-
-
-def _contact_arrays(contacts: ActiveContacts) -> Arrays:
-    laws = contacts.laws
-    arrays = {
-        "keys": contacts.keys.astype(np.int64),
-        "gap": contacts.gap,
-        "restitution": contacts.restitution,
-        "width": np.array([contacts.width]),
-        **{name: getattr(laws, name) for name in LAW_FIELDS},
-    }
-    if isinstance(contacts.directions, Pieces):
-        return arrays | _piece_arrays(contacts.directions)
-    parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
-    return {**arrays, "row_counts": contacts.row_counts, **parts}
-
-
-def _packed(arrays: Arrays) -> bytes:
-    if not arrays:
-        return b""
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()

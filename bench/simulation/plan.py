@@ -75,7 +75,7 @@ class SimulationPlan:
         start: what a solve starts from: "warm", "cold" or "warm-then-cold", see ``starts``.
         states: how many states are kept at least, where there are more; twice as many at most, those at switching
             points not counted.
-        step_seconds: wall time that a plugin's scene or solver may take for one answer in a step [s].
+        step_seconds: wall time that a plugin's scene or solver may take for one step [s].
     """
 
     scene: Scene

@@ -15,8 +15,9 @@ from ..report.layout.output_file import output_file
 from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
+from .remote_steps import RemoteSteps, moves_in_child
 from .step_clock import WarmClock, warm_up
-from .step_row import step_row
+from .step_row import SceneValues, scene_values, step_row
 from .trajectory import Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
@@ -137,14 +138,11 @@ def advance(
     if simulation.is_finished:
         return
     simulation.failure = None
-    plan, clock = simulation.plan, time.perf_counter
+    clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
     written = clock()
-    motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
-    if isinstance(plan.stepper, VariableStepper):
-        warm_up(plan.stepper, *motion, simulation.law_states)
-    steps = plan.stepper.steps(*motion, states=simulation.law_states, clock=WarmClock())
+    steps = _steps(simulation)
     try:
         while not simulation.is_finished and not should_stop():
             taken = _next_step(simulation, steps)
@@ -160,17 +158,31 @@ def advance(
         _store(simulation)
 
 
+def _steps(simulation: Simulation) -> Iterator[tuple[AcceptedStep, SceneValues]]:
+    """Yield the steps that are left, with what the scene says at their ends."""
+    plan, states = simulation.plan, simulation.law_states
+    if moves_in_child(plan):
+        with RemoteSteps(plan) as worker:
+            yield from worker.steps(simulation.state, states)
+        return
+    motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
+    if isinstance(plan.stepper, VariableStepper):
+        warm_up(plan.stepper, *motion, states)
+    for taken in plan.stepper.steps(*motion, states=states, clock=WarmClock()):
+        yield taken, scene_values(plan.scene, taken.end)
+
+
 def _store(simulation: Simulation) -> None:
     if simulation.file is not None:
         write_simulation(simulation, simulation.file)
 
 
-def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> AcceptedStep:
+def _next_step(simulation: Simulation, steps: Iterator[tuple[AcceptedStep, SceneValues]]) -> AcceptedStep:
     """Take one step and note it."""
     scene = simulation.plan.scene
     try:
-        taken = next(steps)
-        row = step_row(scene, taken, simulation.statuses)
+        taken, values = next(steps)
+        row = step_row(scene, taken, values, simulation.statuses)
     except (Exception, SystemExit) as error:
         raise _failed(simulation, error_text(error)) from error
     energies = [row.kinetic_energy] if scene.potential_energy is None else [row.kinetic_energy, row.potential_energy]

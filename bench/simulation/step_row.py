@@ -14,6 +14,7 @@ from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Status
 from ...problems.motion.bodies.system import ActiveContacts
 from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.state import State
 from ...problems.motion.stepping.step import AcceptedStep, Step
 from ..errors import BenchError
 
@@ -89,12 +90,35 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
     return np.dtype([*own, *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)])
 
 
-def step_row(scene: Scene, taken: AcceptedStep, statuses: Sequence[str]) -> StepRow:
+@dataclass(frozen=True)
+class SceneValues:
+    """What a scene says of a state.
+
+    Attributes:
+        kinetic_energy: [J].
+        potential_energy: [J], nan where it is not known.
+        observed: values of its observables, in order.
+    """
+
+    kinetic_energy: float
+    potential_energy: float
+    observed: tuple[float, ...]
+
+
+def scene_values(scene: Scene, state: State) -> SceneValues:
+    """Return what ``scene`` says of a state."""
+    potential = math.nan if scene.potential_energy is None else scene.potential_energy(state.position)
+    observed = tuple(float(one.compute(state)) for one in scene.observables)
+    return SceneValues(scene.kinetic_energy(state.velocity), potential, observed)
+
+
+def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: Sequence[str]) -> StepRow:
     """Judge one accepted step.
 
     Args:
         scene: what moves.
         taken: the step.
+        values: what the scene says at its end.
         statuses: what the status of the row is an index into.
     """
     state = taken.end
@@ -116,12 +140,12 @@ def step_row(scene: Scene, taken: AcceptedStep, statuses: Sequence[str]) -> Step
         residual=max(residuals, default=0.0),
         local_residual=max(map(_local_residual, solves), default=0.0),
         status=statuses.index(NO_CONTACT if status is None else status),
-        kinetic_energy=scene.kinetic_energy(state.velocity),
-        potential_energy=math.nan if scene.potential_energy is None else scene.potential_energy(state.position),
+        kinetic_energy=values.kinetic_energy,
+        potential_energy=values.potential_energy,
         penetration=depth / scene.length,
         impact_depth=impact / scene.length,
         seconds=taken.seconds,
-        observed=tuple(one.compute(state) for one in scene.observables),
+        observed=values.observed,
     )
 
 

@@ -4,12 +4,14 @@ import runpy
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.bench.cli.listing import listed
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, FailedSimulationError
+from proxbench.bench.isolation.worker import RenewedWorker
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.remote_scene import RemoteSystem, local_or_remote_scene
 from proxbench.bench.simulation.file import read_simulation
@@ -104,6 +106,21 @@ def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_sto
         assert getattr(reached.state, name).tobytes() == getattr(state, name).tobytes(), name
     assert set(reached.steps["contacts"]) == {2}
     assert not reached.unsolved.any()
+
+
+def test_a_simulation_asks_its_process_once_a_step_whatever_the_step_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    ask = RenewedWorker.ask
+
+    def counted(worker: RenewedWorker, request: str, *arguments: Any, **options: Any) -> Any:
+        asked.append(request)
+        return ask(worker, request, *arguments, **options)
+
+    plan = make_simulation_plan("block", stepper="Extrapolated(tolerance=1e-4, min_step=1e-6)", duration=0.12)
+    monkeypatch.setattr(RenewedWorker, "ask", counted)
+    reached = simulate(plan)
+    assert len(reached.switches) == 2  # it hits the ground, and leaves it
+    assert asked == ["begin", *["step"] * reached.n_steps]
 
 
 def test_no_code_of_the_scene_runs_here() -> None:
