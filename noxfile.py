@@ -1,6 +1,8 @@
 """Every chore of the project, each with its own environment: ``nox -s tests``, ``nox -s bench``, …"""
 
+import filecmp
 import os
+import shutil
 import time
 from pathlib import Path
 
@@ -12,6 +14,7 @@ nox.options.reuse_existing_virtualenvs = True
 PACKAGES = ("problems", "solvers", "bench")
 SPEEDS = Path("results/speed")
 STYLE = ("ruff>=0.11",)
+MUTATING = ("cosmic-ray>=8.4", "pytest-timeout>=2.3")
 TYPING = ("mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
 
 
@@ -72,6 +75,29 @@ def speed(session: nox.Session) -> None:
 
 
 @nox.session
+def mutants(session: nox.Session) -> None:
+    """Change small things in a copy of the code, and see whether the daily tests notice: tests/mutants.py says how.
+
+    ``nox -s mutants -- --sample 20 --seed 1 problems/contact`` tries 20 places of one folder, which takes minutes; all
+    changes of all folders take days. What is known is kept in the session's folder, and another call goes on from it.
+    """
+    tree = Path(session.create_tmp()) / "tree"
+    listed = session.run("git", "ls-files", "--cached", "--others", "--exclude-standard", external=True, silent=True)
+    names = str(listed).splitlines()
+    for module in {path for path in tree.rglob("*.py")} - {tree / name for name in names}:
+        module.unlink()  # which is gone, or has another name
+    for name in names:
+        source, copy = Path(name), tree / name
+        if source.is_file() and not (copy.exists() and filecmp.cmp(source, copy, shallow=False)):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, copy)
+    session.install("-e", f"{tree}[test,dask]", *MUTATING)
+    session.env |= {"NUMBA_CACHE_DIR": str(tree / "numba"), "OMP_NUM_THREADS": "1"}
+    with session.chdir(tree):
+        session.run("python", "tests/mutants.py", *session.posargs)
+
+
+@nox.session
 def lint(session: nox.Session) -> None:
     """Check format and style."""
     session.install(*STYLE)
@@ -108,7 +134,7 @@ def _check_style(session: nox.Session) -> None:
 
 
 def _check_types(session: nox.Session) -> None:
-    session.run("mypy", *(word for package in PACKAGES for word in ("-p", f"proxbench.{package}")))
+    session.run("mypy", "-p", "proxbench")
     session.run("mypy", "tests/speed/compare_speeds.py", "tests/speed/contestants.py", "tests/speed/known_solvers.py")
 
 

@@ -1,23 +1,21 @@
-"""How well problems are solved: measuring, storing and showing."""
+"""Measure how well solvers solve problems; store, report and compare the runs."""
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .runs import Run, bundle, compare, load, merge, rejudge, resume, run, study
 
-    __version__: str
-
 __all__ = ["Run", "bundle", "compare", "load", "merge", "rejudge", "resume", "run", "study"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is wanted when it is wanted: pandas and the solvers take a second to load."""
-    if name == "__version__":
-        from importlib import metadata
-
-        return metadata.version("proxbench")
+    """Import a name at its first use: pandas and the solvers take a second to load."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from . import runs
 
     return getattr(runs, name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

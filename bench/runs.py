@@ -13,11 +13,11 @@ import msgspec
 
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
-from ..problems.spelling import switch
+from ..problems.spelling import option, switch
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
-from .measure.runner import measure, measure_rest
+from .measure.runner import measure, resume_measuring
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
@@ -29,8 +29,8 @@ from .store.bundles.merge import merge as merge_sources
 from .store.bundles.rejudge import Rejudged
 from .store.bundles.rejudge import rejudge as judge_again
 from .store.frames import RunFrames, read_frames
-from .store.records import Limits
-from .store.store import Store, plain_name
+from .store.plans import Limits, RunSettings
+from .store.store import UNFIT_NAME, Store, plain_name
 
 OnCase = Callable[[int, int], None]
 
@@ -103,7 +103,7 @@ class Run(RunFrames, os.PathLike[str]):
         return make_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
-        """Write one offline HTML page into the folder of the run, as ``proxbench report --html`` does; return its file.
+        """Write one offline HTML page into the folder of the run, as ``proxbench report --page`` does; return its file.
 
         Args:
             residual: as in ``report``.
@@ -193,18 +193,14 @@ def run(
         "memory_bytes": None if memory is None else round(memory * 2**20),
     }
     changed = {name: value for name, value in given.items() if value is not None}
-    plan = make_plan(
-        _several(problems),
-        _several(solvers),
-        suite,
+    settings = RunSettings.checked(
         _several(tolerances),
         msgspec.structs.replace(limits or Limits(), **changed),
-        passes,
-        seed,
-        sample,
-        thorough,
-        shard,
+        passes=passes,
+        seed=seed,
+        thorough=thorough,
     )
+    plan = make_plan(_several(problems), _several(solvers), settings, suite=suite, sample=sample, shard=shard)
     folder = _new_folder(results, run_id)
     measure(plan, folder, on_event, executor)
     return load(folder)
@@ -270,7 +266,7 @@ def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Pa
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
         return next(folder for folder in itertools.chain([first], numbered) if not folder.exists())
     if run_id != plain_name(run_id):
-        raise BenchError(f"run id {run_id!r} must be a folder name of at most 60 letters, digits, '.', '_' and '-'.")
+        raise BenchError(f"{option('run_id')} {run_id!r} {UNFIT_NAME}")
     return Path(results) / run_id
 
 
@@ -301,7 +297,7 @@ def resume(
             or has changed, or the machine is another one than it was begun on.
         InterruptedRunError: on Ctrl-C.
     """
-    measure_rest(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
+    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
     return load(run_dir)
 
 

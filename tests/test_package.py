@@ -3,38 +3,83 @@
 import subprocess
 import sys
 import tomllib
-from importlib import metadata, resources
+from importlib import import_module, metadata, resources
 from pathlib import Path
 
+import proxbench
 import pytest
+from packaging.version import Version
 
 ROOT = Path(__file__).parent.parent
+FACE = "bench/package"
+"""Folder of the package proxbench itself."""
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_every_package_of_the_tree_is_listed_for_installation() -> None:
     folders = {
-        "proxbench." + str(file.parent.relative_to(ROOT)).replace("/", ".")
+        file.parent.relative_to(ROOT).as_posix()
         for top in ("problems", "solvers", "bench")
         for file in (ROOT / top).rglob("__init__.py")
     }
-    assert folders == set(PROJECT["tool"]["setuptools"]["packages"])
-    mapped = PROJECT["tool"]["setuptools"]["package-dir"]
-    assert mapped == {name: name.removeprefix("proxbench.").replace(".", "/") for name in folders}
+    places = {f"proxbench.{folder.replace('/', '.')}": folder for folder in folders - {FACE}} | {"proxbench": FACE}
+    assert set(places) == set(PROJECT["tool"]["setuptools"]["packages"])
+    assert places == PROJECT["tool"]["setuptools"]["package-dir"]
 
 
-@pytest.mark.parametrize("package", ["problems", "solvers", "bench"])
-def test_types_are_shipped(package: str) -> None:
-    assert resources.files(f"proxbench.{package}").joinpath("py.typed").is_file()
+def test_types_are_shipped() -> None:
+    assert resources.files("proxbench").joinpath("py.typed").is_file()
 
 
-def test_the_installed_version_is_that_of_the_project() -> None:
-    assert metadata.version("proxbench") == PROJECT["project"]["version"]
+def test_the_version_comes_from_tags_and_is_that_of_the_installation() -> None:
+    assert PROJECT["project"]["dynamic"] == ["version"]
+    assert proxbench.__version__ == metadata.version("proxbench")
+    assert Version(proxbench.__version__) >= Version(PROJECT["tool"]["setuptools_scm"]["fallback_version"])
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("ContactProblem", "proxbench.problems.contact.problem"),
+        ("judge", "proxbench.problems.contact.judge"),
+        ("load", "proxbench.problems.exchange.catalog"),
+        ("run", "proxbench.bench.runs"),
+        ("solve", "proxbench.solvers.registry"),
+    ],
+)
+def test_the_package_offers_a_name_as_its_module_defines_it(name: str, place: str) -> None:
+    assert getattr(proxbench, name) is getattr(import_module(place), name)
+
+
+def test_dir_shows_the_names_and_subpackages_of_the_package() -> None:
+    names = {"ContactProblem", "__version__", "judge", "load", "run", "solve"}
+    assert set(proxbench.__all__) == names
+    assert set(dir(proxbench)) == names | {"bench", "problems", "solvers"}
+    assert all(hasattr(proxbench, name) for name in dir(proxbench))
+
+
+def test_an_unknown_name_of_the_package_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="module 'proxbench' has no attribute 'nosuch'"):
+        proxbench.nosuch  # noqa: B018
+
+
+def test_the_package_runs_as_the_command_line() -> None:
+    done = subprocess.run([sys.executable, "-m", "proxbench", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"proxbench {proxbench.__version__}\n"
+
+
+def test_a_problem_is_solved_and_judged_with_the_package_alone() -> None:
+    problem = proxbench.ContactProblem.from_delassus([[1.0]], [-2.0], dim=1)
+    solution = proxbench.solve(problem, "SORprox", tolerance=1e-8)
+    assert solution.impulses == pytest.approx([2.0])
+    assert proxbench.judge(problem, solution.impulses).residual <= 1e-8
 
 
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [
+        ("proxbench", {"numpy", "numba", "scipy", "pandas", "typer", "msgspec"}),
         ("proxbench.problems", {"h5py", "cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.solvers", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.bench", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),

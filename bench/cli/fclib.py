@@ -1,7 +1,7 @@
-"""``proxbench fclib info | import | export``: FCLIB files looked over, turned into problem files, and written."""
+"""``proxbench fclib info | import | export``: inspect, read and write FCLIB files."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -19,7 +19,7 @@ SUFFIX, PROBLEM_SUFFIX = ".hdf5", ".npz"
 app = typer.Typer(
     cls=HelpGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Look over, import and export FCLIB files (.hdf5), in which the field exchanges contact problems.",
+    help="Inspect, import and export FCLIB files (.hdf5), the exchange format of contact problems.",
     epilog="""\
 proxbench fclib info fclib-library/Boxes
 proxbench fclib import Boxes-i100.hdf5 --output problems
@@ -51,13 +51,16 @@ proxbench fclib info Boxes-i100.hdf5
 proxbench fclib info fclib-library --json""",
 )
 def info(sources: Sources, as_json: options.Json = False) -> int:
-    """Show what FCLIB files hold; those that cannot be read are listed with the reason, and the exit code is 1."""
+    """Show the contents of FCLIB files.
+
+    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
+    """
     from dataclasses import asdict
 
     from ...problems.exchange.fclib.survey import survey
     from ..report.layout.text import print_json
 
-    found, broken = _tried(sources, lambda file, _: survey(file))
+    found, broken = _apply(sources, lambda file, _: survey(file))
     if as_json:
         # JSON has no infinity, which a condition number can be
         rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
@@ -78,18 +81,18 @@ proxbench fclib import fclib-library --output problems --asymmetry keep""",
 def import_files(
     sources: Sources,
     output: Annotated[
-        Path, options.output(metavar="FILE|FOLDER", help="Problem file (.npz) for one, or the folder for all.")
+        Path, options.output(metavar="FILE|FOLDER", help="Problem file (.npz), or folder for several.")
     ] = Path(),
     asymmetry: Annotated[
         Literal["symmetrise", "keep", "refuse"],
-        _READING(metavar="HOW", help="Treatment of an unsymmetric W: symmetrise (up to 1 %), keep or refuse."),
+        _READING(metavar="HOW", help="Unsymmetric W: symmetrise (up to 1 %), keep or refuse."),
     ] = "symmetrise",
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Read FCLIB files into problem files (.npz), which all commands take; print each with the digest of its numbers.
+    """Read FCLIB files into problem files (.npz); print each file with the digest of its problem.
 
-    Those of a folder that cannot be read are listed with the reason, and the exit code is 1.
+    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from ...problems import read_fclib, save_problem
 
@@ -100,7 +103,7 @@ def import_files(
         save_problem(problem, targets[file])
         return str(targets[file]), problem.digest
 
-    found, broken = _tried(sources, convert)
+    found, broken = _apply(sources, convert)
     _print_written(dict(found), broken, as_json)
     return int(bool(broken))
 
@@ -115,13 +118,13 @@ proxbench fclib export problem.npz --output problem.hdf5""",
 def export(
     names: Annotated[list[str], typer.Argument(metavar="PROBLEM", help="Names of problems, or problem files.")],
     output: Annotated[
-        Path, options.output(metavar="FILE|FOLDER", help="FCLIB file (.hdf5) for one, or the folder for all.")
+        Path, options.output(metavar="FILE|FOLDER", help="FCLIB file (.hdf5), or folder for several.")
     ] = Path(),
     plugin: options.PluginFiles = None,
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Write problems as FCLIB files; print each with the digest of its numbers."""
+    """Write problems as FCLIB files; print each file with the digest of its problem."""
     from ...problems import write_fclib
     from ...problems.exchange.catalog import is_path
     from ...problems.exchange.fclib.conversion import contents_of
@@ -131,9 +134,9 @@ def export(
 
     problems = [resolved(name) for name in names]
     for problem in problems:
-        contents_of(problem)  # fails, if so, before anything is written
+        contents_of(problem)  # raises before any file is written
     is_file = output.suffix in SUFFIXES and not output.is_dir()
-    stems = [Path(name).stem if is_path(name) else name for name in names]  # a file may call its problem anything
+    stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file may be anything
     targets = [output] if is_file else [output / f"{stem}{SUFFIX}" for stem in stems]
     _refuse_one_for_several(targets, list(names), is_file)
     refuse_taken(targets, force)
@@ -144,11 +147,11 @@ def export(
     return 0
 
 
-def _tried(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[list[Any], list[str]]:
-    """Return what ``act`` makes of each file and its source, and the reasons of those in folders that fail.
+def _apply(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[list[Any], list[str]]:
+    """Return what ``act`` returns for each file and its source, and a message for each file in a folder that fails.
 
     Raises:
-        ProblemError: if a file that is named itself fails, or a folder has none.
+        ProblemError: if a file named on the command line fails, or a folder has no file.
     """
     from ...problems.errors import ProblemError
     from ...problems.exchange.fclib.survey import fclib_files
@@ -167,10 +170,10 @@ def _tried(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[l
 
 
 def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[Path, Path]:
-    """Return the problem file of each FCLIB file; those of a folder keep their places in it.
+    """Return the problem file of each FCLIB file; files of a folder keep their relative paths.
 
     Raises:
-        BenchError: if several would be written to one file, or one exists and ``force`` is not given.
+        BenchError: if two files have the same target, or a target exists and ``force`` is not given.
         ProblemError: if a folder has no FCLIB files.
     """
     from ...problems.exchange.fclib.survey import fclib_files
@@ -191,16 +194,16 @@ def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_
     from ..errors import BenchError
 
     if is_file and len(sources) > 1:
-        raise BenchError(f"{targets[0]} is one file, and {len(sources)} problems are given; name a folder: --output.")
+        raise BenchError(f"{targets[0]} is one file for {len(sources)} problems; name a folder with --output.")
     first: dict[Path, str] = {}
     for target, source in zip(targets, sources, strict=True):
         if target in first:
-            raise BenchError(f"{first[target]} and {source} would both be written to {target}; give one at a time.")
+            raise BenchError(f"{first[target]} and {source} would both be written to {target}; write one at a time.")
         first[target] = source
 
 
 def _print_surveys(found: Sequence["Survey"]) -> None:
-    """Print a table, the names of the files last, since they may be long."""
+    """Print a table; the names of the files come last because they may be long."""
     heads = ("form", "contacts", "joints", "rows", "rank", "μ", "μ_r [m]", "asymmetry", "cond.", "file")
     rows = [
         (
@@ -236,9 +239,15 @@ def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool
     if as_json:
         print_json({"files": digests, "broken": list(broken)})
         return
-    for file, digest in digests.items():
-        print(f"{digest[:16]}  {file}")
+    print_files(digests)
     _print_broken(broken)
+
+
+def print_files(digests: Mapping[str, str]) -> None:
+    """Print files of problems, each with the digest that runs identify the problem by."""
+    width = max((len(file) for file in digests), default=0)
+    for file, digest in digests.items():
+        print(f"{file:<{width}}  problem digest {digest[:16]}")
 
 
 def _print_broken(broken: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""What there is to run, as plain values and as text."""
+"""Solvers, suites, problems and scenes, as plain values and as text."""
 
 import textwrap
 from collections.abc import Callable, Sequence
@@ -21,43 +21,47 @@ from ..report.layout.text import counted, output_width
 KINDS = ("solvers", "suites", "scenes", "problems")
 
 SHOWN_MEMBERS = 4
-"""Members of a suite that stand for all of them."""
+"""Members of a suite that a summary names."""
 
 WIDEST_PROBLEM = 34
-"""Characters of the column of names in a table of problems; longer names move their row."""
+"""Width of the column of problem names; longer names shift their row."""
 
 
 def listed(what: str = "", suite: str = "", name: str = "") -> dict[str, list[dict[str, Any]]]:
-    """Return solvers, suites, problems and scenes, or one of these kinds; a plugin's fault is its "error".
+    """Return a row for each solver, suite, problem and scene, or for those of one kind.
+
+    A row of a plugin that cannot be used holds the reason as "error".
 
     Args:
-        what: one kind, all if empty.
-        suite: whose problems are listed, all problems if empty.
-        name: of the one that is listed, options behind it left out; all of the kind if empty.
+        what: one of ``KINDS``; all kinds if empty.
+        suite: suite whose problems to list; all problems if empty.
+        name: single solver, suite, problem or scene to list, with or without options; all if empty.
 
     Raises:
-        BenchError: for another kind or name, with the nearest one, or a suite of anything but problems.
+        BenchError: for an unknown kind or name, with the nearest one, or a suite with another kind than problems.
         ProblemError: for an unknown suite.
     """
     if what and what not in KINDS:
-        raise BenchError(f"there is nothing called {what!r} to list{suggestion(what, KINDS)}")
+        raise BenchError(f"there is no kind {what!r} to list{suggestion(what, KINDS)}")
     if name:
         rows = listed(what, suite)[what]
         chosen = [row for row in rows if row["name"] == name.partition("(")[0].strip()]
         if not chosen:
             known = [row["name"] for row in rows]
-            raise BenchError(f"there is no {name!r} among the {what}{suggestion(name, known)}")
+            raise BenchError(
+                f"there is no {name!r} among the {what}{suggestion(name, known, f'proxbench list {what}')}"
+            )
         return {what: chosen}
     if suite:
         if what != "problems":
-            raise BenchError(f"a suite has problems only; write: proxbench list problems --suite {suite}")
+            raise BenchError(f"--suite lists problems only; write: proxbench list problems --suite {suite}")
         return {"problems": [_standard_problem(name) for name in suite_members(suite)]}
     makers = {"solvers": _solvers, "suites": _suites, "problems": _problems, "scenes": _scenes}
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
 def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
-    """Print the listing wrapped to the width of the terminal; problems one by one only where nothing else is listed."""
+    """Print a listing, wrapped to the width of the terminal; problems are counted unless they are the only kind."""
     for kind, rows in names.items():
         print(kind)
         if kind == "problems" and len(names) == 1:
@@ -74,7 +78,7 @@ def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
 
 
 def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
-    """Print names and a text to each, in aligned columns."""
+    """Print names and texts in two aligned columns."""
     columns = output_width()
     width = max((len(name) for name, _ in rows), default=0)
     lines = textwrap.TextWrapper(columns, break_on_hyphens=False, break_long_words=False)
@@ -85,7 +89,7 @@ def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
-    """Print a table of problems under the names of their families."""
+    """Print a table of problems, grouped by family."""
     heads = {"contacts": 8, "rows": 5, "friction": 15}
     width = min(max((len(row["name"]) for row in rows), default=0), WIDEST_PROBLEM)
     print(f"  {'':<{width}}  " + "  ".join(f"{head:>{size}}" for head, size in heads.items()) + "  form")
@@ -96,7 +100,7 @@ def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
 
 
 def _families(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Return problems by family: the plugin, the group of hard cases, or the scene that they come from."""
+    """Return the rows by family: the plugin, the group of hard cases, or the scene that a problem comes from."""
     families: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         families.setdefault(row["source"] or family_of(row["name"]), []).append(row)
@@ -109,7 +113,7 @@ def _solver_text(row: dict[str, Any]) -> str:
 
 
 def _suite_text(row: dict[str, Any]) -> str:
-    """Return how many members a suite has, and a few of them from its beginning to its end."""
+    """Return the number of members of a suite, and the names of a few, evenly spaced."""
     members = row["members"]
     shown = members[:: -(-len(members) // SHOWN_MEMBERS)]
     return f"{counted(len(members), 'problem')}: {', '.join(shown)}{', …' if len(shown) < len(members) else ''}"
@@ -142,7 +146,7 @@ def _solvers() -> list[dict[str, Any]]:
 
 
 def _peer(name: str) -> dict[str, Any]:
-    """Return the row of a solver of others; why it cannot be used is its "error"."""
+    """Return the row of an outside solver; its "error" says why it cannot be used."""
     try:
         return _row(name, "", model=str(create(name).model), options=option_texts(name))
     except SolverError as error:
@@ -155,12 +159,12 @@ def _solver_of_plugin(offer: Offer) -> dict[str, Any]:
 
 
 def _row(name: str, source: str, **known: Any) -> dict[str, Any]:
-    """Return what is known of a name, and the plugin that it comes from, empty if none."""
+    """Return a row: a name, what is known about it, and the plugin that offers it, empty if none."""
     return {"name": name, **known, "source": source, "error": ""}
 
 
 def _offered(offer: Offer, described: Callable[[Offer], dict[str, Any]]) -> dict[str, Any]:
-    """Return the row of what a plugin offers; one that cannot be used has its reason in it."""
+    """Return the row of an offer of a plugin; its "error" says why it cannot be used."""
     try:
         if offer.refusal:
             raise PluginError(offer.refusal)
@@ -197,7 +201,7 @@ def _problem_of_plugin(offer: Offer) -> dict[str, Any]:
 
 
 def _standard_problem(name: str) -> dict[str, Any]:
-    """Return the row of a standard problem, or of one in the cache folder."""
+    """Return the row of a standard problem or of a problem in the cache folder."""
     return _problem(load(name), "") if is_available(name) else _row(name, "", available=False)
 
 

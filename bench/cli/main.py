@@ -1,7 +1,7 @@
 """The command line: ``proxbench COMMAND``, as ``proxbench -h`` lists them.
 
-Imports that take long happen inside the commands, so that help is there at once. Exit codes: 0 done, 1 something
-measured failed, 2 wrong usage, 130 interrupted.
+Commands import slow libraries when they run, so that help appears at once. Exit codes: 0 success, 1 a measured case
+failed, 2 wrong usage, 130 interrupted.
 """
 
 import sys
@@ -14,19 +14,20 @@ import typer
 from typer.exceptions import TyperException
 
 from . import fclib, options
+from .bundles import bundle, merge, rejudge
 from .comparison.compare import compare
 from .comparison.matrix import matrix
 from .help import HelpCommand, HelpGroup
 from .record import record
-from .run import print_problems, report_page, report_run, run
-from .simulation.command import NO_STUDY, SceneCommand, simulate
-from .travel import bundle, merge, rejudge
+from .report import report
+from .run import run
+from .simulation.command import SceneCommand, simulate
 
-COMPARE, SIMULATE, SHOW, TRAVEL, LOOK_UP = (
+COMPARE, SIMULATE, SHOW, EXCHANGE, LOOK_UP = (
     "Compare and test solvers",
     "Simulate a scene",
     "Show stored results",
-    "Send results and put them together",
+    "Send and combine results",
     "Find or make problems",
 )
 """Topics of commands."""
@@ -51,32 +52,32 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 def _command(
     topic: str, name: str, summary: str, examples: str, kind: type[HelpCommand] = HelpCommand
 ) -> Callable[[Command], Command]:
-    """Register a command: its topic and summary in the help of the program, and the examples that end its own help."""
+    """Register a command under a topic of the program's help, with a summary and examples."""
     return app.command(name, cls=kind, short_help=summary, epilog=examples, rich_help_panel=topic)
 
 
 def main() -> None:
-    """Run the command line and turn mistakes into one sentence and an exit code."""
+    """Run the command line and exit; a mistake is one sentence on standard error."""
     sys.exit(run_command(sys.argv[1:]))
 
 
 def run_command(arguments: list[str]) -> int:
-    """Run one command line; return its exit code."""
+    """Run one command line and return its exit code."""
     try:
         outcome = app(args=arguments, prog_name="proxbench", standalone_mode=False)
     except TyperException as error:
-        return _say(_usage_sentence(error), 2)
+        return _print_error(_usage_error(error, arguments), 2)
     except (typer.Abort, KeyboardInterrupt):
-        return _say("interrupted.", 130)
+        return _print_error("interrupted.", 130)
     except BrokenPipeError:
         return 0
     except Exception as error:
-        return _say(*_refusal(error))
+        return _print_error(*_user_error(error))
     return outcome if isinstance(outcome, int) else 0
 
 
-def _refusal(error: Exception) -> tuple[str, int]:
-    """Return the sentence and the exit code of an error that is meant for users; raise any other one again."""
+def _user_error(error: Exception) -> tuple[str, int]:
+    """Return the message and exit code of an error that a user can cause; raise any other one again."""
     from ...problems.errors import ProxbenchError
     from ...problems.motion.stepping.step import StepError
     from ...problems.spelling import for_command_line
@@ -88,34 +89,68 @@ def _refusal(error: Exception) -> tuple[str, int]:
     return for_command_line(error.sentence), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
 
 
-def _say(sentence: str, code: int) -> int:
-    print(f"proxbench: {sentence}", file=sys.stderr)
+def _print_error(message: str, code: int) -> int:
+    print(f"proxbench: {message}", file=sys.stderr)
     return code
 
 
-_TAKEN = {"Input should be a valid integer": "a whole number", "Input should be a valid number": "a number"}
-"""What an option takes, by how a library begins to say that it got something else."""
+_NUMBERS: dict[str, tuple[str, Callable[[str], object]]] = {
+    "Input should be a valid integer": ("a whole number", int),
+    "Input should be a valid number": ("a number", float),
+}
+"""What an option takes, and what reads it, by the beginning of the message of typer."""
 
 
-def _usage_sentence(error: TyperException) -> str:
-    """Say what is wrong with the command line, with the nearest name where a command or an option is unknown."""
+def _usage_error(error: TyperException, arguments: list[str]) -> str:
+    """Return the message for a command line that cannot be parsed, with the nearest name of a command or option."""
     from ...problems.errors import suggestion
 
-    where = getattr(getattr(error, "ctx", None), "command_path", "proxbench")
     message = error.format_message().rstrip(".").partition(" (Possible")[0]
     command = getattr(getattr(error, "ctx", None), "command", None)
+    where = _command_path(getattr(error, "ctx", None), arguments)
     option = getattr(error, "option_name", None)
     if option is not None and command is not None and message.startswith("No such option"):
         known = [name for parameter in command.params for name in parameter.opts]
         return f"there is no option {option}{suggestion(option, known, f'{where} -h')}"
-    taken = next((words for began, words in _TAKEN.items() if str(getattr(error, "message", "")).startswith(began)), "")
-    if taken:
-        return f"{error.param.opts[0]} takes {taken}; see {where} -h"  # type: ignore[attr-defined]
+    if option is not None and "requires an argument" in message:
+        return f"{option} needs a value; see {where} -h."
+    if option is not None and "does not take a value" in message:
+        return f"{option} takes no value; see {where} -h."
+    for beginning, (kind, read) in _NUMBERS.items():
+        if str(getattr(error, "message", "")).startswith(beginning):
+            names = error.param.opts  # type: ignore[attr-defined]
+            return f"{names[0]} takes {kind}, not {_unreadable_value(arguments, names, read)!r}; see {where} -h."
     commands = getattr(command, "commands", None)
     if message.startswith("No such command") and commands:
         wrong = message.split("'")[1]
-        return f"there is no command {wrong!r}{suggestion(wrong, commands, 'proxbench -h')}"
-    return f"{message}; see {where} --help"
+        return f"there is no command {wrong!r}{suggestion(wrong, commands, f'{where} -h')}"
+    if message.startswith("Got unexpected extra argument"):
+        return f"unexpected argument {message.partition('(s) (')[2].rstrip(')').split()[0]!r}; see {where} -h."
+    if message.startswith("Missing argument"):
+        return f"name {message.split(chr(39))[1]}, the missing argument; see {where} -h."
+    return f"{message.replace('Value error, ', '')}; see {where} -h."
+
+
+def _command_path(context: Any, arguments: list[str]) -> str:
+    """Return the command as its user typed it; the parser has no context for some errors."""
+    if context is not None:
+        return str(context.command_path)
+    known = {command.name for command in app.registered_commands}
+    return f"proxbench {arguments[0]}" if arguments and arguments[0] in known else "proxbench"
+
+
+def _unreadable_value(arguments: list[str], names: list[str], read: Callable[[str], object]) -> str:
+    """Return the first value of an option that ``read`` does not take."""
+    for name in names:
+        for position, word in enumerate(arguments):
+            option, separator, value = word.partition("=")
+            if option == name:
+                value = value if separator else arguments[position + 1]
+                try:
+                    read(value)
+                except ValueError:
+                    return value
+    return ""
 
 
 @app.callback(invoke_without_command=True)
@@ -144,7 +179,7 @@ proxbench run --resume results/RUN --retry-failed""",
 _command(
     COMPARE,
     "compare",
-    "Say what differs between two runs.",
+    "Compare two runs.",
     """\
 proxbench compare results/old results/new --fail-on "time>10%"
 proxbench compare results/old results/new --markdown comment.md""",
@@ -153,7 +188,7 @@ proxbench compare results/old results/new --markdown comment.md""",
 _command(
     COMPARE,
     "matrix",
-    "Show which solver solves which problem, and why not.",
+    "Show which solver solves which problem.",
     """\
 proxbench matrix --suite woodpecker --solver Lemke --solver NSGS
 proxbench matrix --output matrix.md""",
@@ -169,8 +204,8 @@ proxbench check "SORprox(relaxation=1.5)"
 proxbench check my_solver.py --quiet""",
 )
 def check(
-    target: Annotated[str, typer.Argument(metavar="NAME|FILE", help="Solver with options, problem, or plugin file.")],
-    seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one check.")] = 60.0,
+    target: Annotated[str, typer.Argument(metavar="NAME|FILE", help="Solver, problem, or plugin file.")],
+    check_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time limit of one check.")] = 60.0,
     plugin: options.PluginFiles = None,
     quiet: Annotated[bool, options.output("--quiet", help="Print failed checks only.")] = False,
     as_json: options.Json = False,
@@ -185,11 +220,11 @@ def check(
     options.refuse_two_prints(quiet, as_json)
     with ProgressBar(Console(stderr=True), hidden=quiet or as_json) as shown:
 
-        def show(what: str, done: int, total: int) -> None:
-            shown.name(what, again=True)
+        def show(check: str, done: int, total: int) -> None:
+            shown.name(check, again=True)
             shown.count(done, total)
 
-        subjects = checked(target, seconds, show)
+        subjects = checked(target, check_seconds, show)
     if as_json:
         print_json(subjects)
     else:
@@ -200,80 +235,29 @@ def check(
 _command(
     SIMULATE,
     "simulate",
-    "Simulate a scene; every step is judged and stored.",
+    "Simulate a scene; judge and store every step.",
     """\
 proxbench simulate "funnel(balls=300, friction=None)" --duration 0.5
-proxbench simulate woodpecker --record woodpecker.rrd""",
+proxbench simulate woodpecker --recording woodpecker.rrd""",
     SceneCommand,
 )(simulate)
 
 
-@_command(
+_command(
     SHOW,
     "report",
     "Print the tables and draw the charts of a result.",
     """\
 proxbench report results/RUN
 proxbench report results/RUN --problem funnel-100
-proxbench report results/RUN --html
+proxbench report results/RUN --page
 proxbench report results/RUN --quiet --no-charts""",
-)
-def report(
-    run_dir: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Folder of a run or study, or file of a simulation (.npz).")
-    ],
-    problem: Annotated[
-        list[str] | None,
-        options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
-    ] = None,
-    html: Annotated[bool, options.output("--html", help="Write one offline page instead, of a run.")] = False,
-    baseline: Annotated[str, options.output(metavar="SOLVER", help="What speed-ups are against.")] = "",
-    profiles: options.Profiles = "common",
-    plugin: options.PluginFiles = None,
-    residual: options.Residual = "judged",
-    charts: options.Charts = True,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
-) -> int:
-    """Print the tables of a stored run, study or simulation, and draw its charts again.
-
-    With --problem they are printed of these problems of a run, and no file is written. With --html all of a run goes
-    into one page, which needs no network, and nothing else is written.
-    """
-    from ..errors import BenchError
-
-    options.refuse_two_prints(quiet, as_json)
-    if problem and (html or baseline):
-        raise BenchError("--problem prints tables alone; leave it out with --html and --baseline.")
-    if html and not charts:
-        raise BenchError("a page has its charts; leave --no-charts out with --html.")
-    if (html or baseline) and run_dir.suffix == ".npz" and not run_dir.is_dir():
-        raise BenchError(f"{run_dir} is a simulation; --html and --baseline are for runs.")
-    if profiles != "common" and (html or problem or not charts or run_dir.suffix == ".npz"):
-        raise BenchError("--profiles is for the charts of a run; leave it out with --html, whose page has both views.")
-    if problem and (quiet or run_dir.suffix == ".npz"):
-        raise BenchError("--problem prints problems of a run; leave it out with --quiet, and for a simulation.")
-    if run_dir.suffix == ".json" and not run_dir.is_dir():
-        raise BenchError(NO_STUDY.format(run_dir))
-    if run_dir.suffix == ".npz" and not run_dir.is_dir():
-        from .simulation.show import report_simulation
-
-        if residual != "judged":
-            raise BenchError(f"{run_dir} is a simulation, whose steps have judged residuals; leave --residual out.")
-        return report_simulation(run_dir, charts, quiet, as_json)
-    from ..runs import load
-
-    if problem:
-        return print_problems(load(run_dir), problem, as_json, residual)
-    if html:
-        return report_page(load(run_dir), quiet, as_json, residual, baseline)
-    return report_run(load(run_dir), charts, quiet, as_json, residual, baseline=baseline, profiles=profiles)
-
+)(report)
 
 _command(
     SHOW,
     "record",
-    "Record iterations or a simulation, to watch with rerun.",
+    "Record iterations or a simulation for rerun.",
     """\
 proxbench record funnel-100 --solver NSGS --solver Jprox --output funnel.rrd
 proxbench record results/woodpecker.npz""",
@@ -281,7 +265,7 @@ proxbench record results/woodpecker.npz""",
 
 
 _command(
-    TRAVEL,
+    EXCHANGE,
     "bundle",
     "Pack a run into one file.",
     """\
@@ -290,18 +274,18 @@ proxbench bundle results/RUN --output mine.bundle""",
 )(bundle)
 
 _command(
-    TRAVEL,
+    EXCHANGE,
     "rejudge",
-    "Judge a bundle again, from its impulses.",
+    "Recompute the residuals of a bundle.",
     """\
 proxbench rejudge RUN.bundle
 proxbench rejudge RUN.bundle --quiet""",
 )(rejudge)
 
 _command(
-    TRAVEL,
+    EXCHANGE,
     "merge",
-    "Make one run of several.",
+    "Combine bundles and runs into one run.",
     """\
 proxbench merge theirs.bundle --run-id theirs
 proxbench merge results/shard-1 results/shard-2 --run-id whole""",
@@ -319,14 +303,14 @@ proxbench list problems --suite hard""",
 )
 def list_names(
     what: Annotated[
-        str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; a summary of all if left out.")
+        str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; all by default.")
     ] = "",
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The only one of them to list.")] = "",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="List this one only.")] = "",
     suite: Annotated[str, options.selection(metavar="SUITE", help="List the problems of this suite only.")] = "",
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
 ) -> None:
-    """List solvers and scenes with their options, suites with their sizes, or problems by family."""
+    """List solvers and scenes with their options, suites with their sizes, and problems by family."""
     from ..report.layout.text import print_json
     from .listing import listed, print_listing
 
@@ -348,33 +332,35 @@ proxbench generate --suite woodpecker --output problems""",
 def generate(
     names: Annotated[list[str] | None, typer.Argument(metavar="PROBLEM", help="Problems to make.")] = None,
     suite: Annotated[
-        str, options.selection(metavar="SUITE", help="Make all problems of a suite that come from scenes.")
+        str, options.selection(metavar="SUITE", help="Make all problems of this suite that come from scenes.")
     ] = "",
-    output: Annotated[Path | None, options.output(metavar="FOLDER", help="Where to; the cache if left out.")] = None,
+    output: Annotated[
+        Path | None, options.output(metavar="FOLDER", help="Folder for the files; the cache by default.")
+    ] = None,
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
 ) -> None:
-    """Simulate scenes up to the step that a problem is taken from; print each file with the digest of its numbers."""
+    """Simulate scenes up to the steps that problems are taken from; print each file with the digest of its problem."""
     from ...problems.exchange.catalog import suite_members
     from ...problems.exchange.storage import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..generate import generate as make
     from ..report.layout.text import print_json
+    from .fclib import print_files
 
     chosen = list(names or [])
     if suite:
         chosen += [name for name in suite_members(suite) if name not in HARD_CASES and name not in chosen]
         if not chosen:
-            raise BenchError(f"no problem of the suite {suite!r} comes from a scene; its members are always at hand.")
+            raise BenchError(f"no problem of the suite {suite!r} comes from a scene; load its problems by name.")
     if not chosen:
         raise BenchError("name the problems to generate, or a --suite.")
     digests = {str(file): read_problem(file).digest for file in make(chosen, output)}
     if as_json:
         print_json(digests)
     else:
-        for file, digest in digests.items():
-            print(f"{digest[:16]}  {file}")
+        print_files(digests)
 
 
-app.add_typer(fclib.app, name="fclib", short_help="Look over, import and export FCLIB files.", rich_help_panel=LOOK_UP)
+app.add_typer(fclib.app, name="fclib", short_help="Inspect, import and export FCLIB files.", rich_help_panel=LOOK_UP)

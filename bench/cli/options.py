@@ -76,6 +76,12 @@ Problems = Annotated[
 SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time of one solve.")]
 """Time limit of one solve [s]."""
 
+Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs.")]
+"""Folder of runs."""
+
+RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; the time by default.")]
+"""Name of a new run."""
+
 Json = Annotated[bool, output("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""
 

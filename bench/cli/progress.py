@@ -18,7 +18,7 @@ from ..measure.execution.events import (
     ReferenceSimulated,
     RunStarted,
 )
-from ..store.trajectory_records import TrajectoryRecord
+from ..store.plans import TrajectoryRecord
 
 LOADING = "loading kernels; the first time they are compiled, for about a minute"
 """What a run does before the first solver starts."""

@@ -1,4 +1,4 @@
-"""``proxbench record``: recordings of solvers that iterate, and of stored simulations."""
+"""``proxbench record``: recordings of iterating solvers and of stored simulations."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,22 +10,24 @@ from . import options
 
 def record(
     problem: Annotated[
-        str, typer.Argument(metavar="PROBLEM|FILE", help="Problem to solve, or file of one or of a simulation.")
+        str, typer.Argument(metavar="PROBLEM|FILE", help="Problem, problem file, or file of a simulation.")
     ],
     solver: options.Solvers = None,
     output: Annotated[
-        Path | None, options.output(metavar="FILE", help="Recording (.rrd); a simulation's is put beside it.")
+        Path | None, options.output(metavar="FILE", help="Recording to write (.rrd); a simulation has a default.")
     ] = None,
     plugin: options.PluginFiles = None,
-    tolerance: Annotated[float, options.limits(help="Residual to reach.")] = 1e-8,
-    max_iterations: Annotated[int, options.limits(help="Iterations of one solver.")] = 1000,
-    max_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time of one solver.")] = 60.0,
-    still: Annotated[Path | None, options.output(metavar="FILE", help="Draw the end as a picture (.png) too.")] = None,
+    tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
+    max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iteration limit of one solver.")] = 1000,
+    solve_seconds: options.SolveSeconds = 60.0,
+    still: Annotated[
+        Path | None, options.output(metavar="FILE", help="Also draw the last frame as a picture (.png).")
+    ] = None,
     force: options.Force = False,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Record solvers iterating side by side on one problem, or a stored simulation; watch with: rerun FILE."""
+    """Record how solvers iterate on a problem, or record a stored simulation; open it with: rerun FILE."""
     from ...problems.contact.solver import Stop
     from ..measure.plan import make_plan
     from ..plugins.problems import resolved
@@ -34,6 +36,7 @@ def record(
     from ..recordings.still import refuse_still, write_still
     from ..report.layout.text import print_json
     from ..simulation.file import is_result
+    from ..store.plans import RunSettings
     from .simulation.show import record_simulation
 
     options.refuse_two_prints(quiet, as_json)
@@ -45,8 +48,8 @@ def record(
     if is_simulation:
         record_simulation(Path(problem), file, force)
     else:
-        plan = make_plan([problem], solver, tolerances=[tolerance])
-        stop = Stop(tolerance, max_iterations, max_seconds)
+        plan = make_plan([problem], solver, RunSettings.checked([tolerance]))
+        stop = Stop(tolerance, max_iterations, solve_seconds)
         made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, file, force)
     if still is not None:
         write_still(file, still, STEP if is_simulation else ITERATION)
@@ -68,8 +71,10 @@ def _refuse_contradictions(problem: str, is_simulation: bool, solver: list[str] 
 
     if is_simulation:
         if solver:
-            raise BenchError(f"{problem} holds a simulation with its solver; leave --solver out.")
+            raise BenchError(f"{problem} is a stored simulation; leave out --solver, or simulate with that solver.")
         return
+    if problem.endswith(".bundle") or (Path(problem) / "run.json").is_file():
+        raise BenchError(f"{problem} is a run; record iterations while they are measured, with: proxbench run --record")
     for option, given in (("--solver", solver), ("--output", output)):
         if not given:
-            raise BenchError(f"a recording of solvers needs {option}; see proxbench record -h.")
+            raise BenchError(f"recording solvers needs {option}; see proxbench record -h.")

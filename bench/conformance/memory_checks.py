@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solution, Solver, Status, Stop, draws_randomly
 from ...problems.hard import hard_case
-from ..measure.contacts.variants import in_other_units, moved_copy
+from ..measure.contacts.variants import in_other_units, perturbed_copy
 from .checks import Violation
 from .samples import random_contacts, supported
 from .trial import solution_of
@@ -24,7 +24,7 @@ N_CONTACTS = 20
 ATTEMPTS = 4
 """Problems, each with numbers of its own, on which a solver must repeat answers before it is refused."""
 
-RATIO, ALLOWANCE = 3.0, 2e-4
+RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 """A first solve in this process, whose caches are cold, may take so many times as long, and so many seconds more."""
 
 
@@ -34,10 +34,10 @@ def solves_each_time(solver: Solver) -> None:
     problem = supported(solver, problems, "it supports none of the problems that are large enough to be timed")[0]
     found: list[tuple[float, float]] = []
     with threadpool_limits(1):  # threads of a library that wait for each other work too, most in a first solve
-        solution_of(solver, moved_copy(problem), STOP)
+        solution_of(solver, perturbed_copy(problem), STOP)
         for _ in range(ATTEMPTS):
             first, repeated = _first_and_repeated(solver, problem)
-            if first <= RATIO * repeated + ALLOWANCE:
+            if first <= RATIO * repeated + ALLOWANCE_SECONDS:
                 return
             found.append((first, repeated))
     first, repeated = min(found)
@@ -53,7 +53,7 @@ def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float,
     Raises:
         Violation: if they do not end in the same bits.
     """
-    changed = in_other_units(moved_copy(problem)).problem.renamed(problem.name)
+    changed = in_other_units(perturbed_copy(problem)).problem.renamed(problem.name)
     first, first_seconds = _worked(solver, changed)
     seconds: list[float] = []
     for _ in range(REPEATS):

@@ -26,7 +26,7 @@ def is_made_alike(make: MakeProblem) -> None:
         raise Violation("made twice it has different numbers; draw chance from a fixed seed.")
 
 
-def survives_a_file(make: MakeProblem) -> None:
+def round_trips_through_file(make: MakeProblem) -> None:
     """Written and read again it has the same numbers: so it travels to the processes that solve it."""
     problem = make()
     if read_problem(io.BytesIO(problem_bytes(problem)), "the written problem").digest != problem.digest:
@@ -48,6 +48,6 @@ def answer_is_right(make: MakeProblem) -> None:
 
 
 PROBLEM_CHECKS: tuple[Check[MakeProblem], ...] = checks(
-    made=is_made, deterministic=is_made_alike, file=survives_a_file, answer=answer_is_right
+    made=is_made, deterministic=is_made_alike, file=round_trips_through_file, answer=answer_is_right
 )
 """All tests of a problem."""

@@ -14,7 +14,7 @@ PATIENCE_SECONDS = 1.0
 """What a thread or a process may take to end [s]."""
 
 
-def leaves_process_alone(solver: Solver) -> None:
+def has_no_side_effects(solver: Solver) -> None:
     """The process stays as it was: nothing of others replaced, no setting changed, nothing left running."""
     problems = supported(solver)
     before = ProcessState.now()

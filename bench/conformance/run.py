@@ -12,7 +12,7 @@ from ...problems.exchange.plugins import forget, registered
 from ...solvers.registry import available, composites, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
-from ..plugins.describing import contestant
+from ..plugins.describing import solver_spec
 from ..plugins.files import use_plugin_files
 from ..report.layout.text import output_width
 from ..store.outcome import Outcome
@@ -102,11 +102,13 @@ def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
 def _named(target: str) -> list[dict[str, str]]:
     """Return kind, name and source of the solver or problem called ``target``."""
     if target.partition("(")[0].strip() in (*available(), *composites(), *peers()):
-        solver = contestant(target)
+        solver = solver_spec(target)
         return [{"kind": "solver", "name": solver.name, "source": solver.source}]
     known = problem_names()
     if target not in known:
-        raise BenchError(f"there is no solver or problem {target!r}{suggestion(target, [*available(), *known])}")
+        raise BenchError(
+            f"there is no solver or problem {target!r}{suggestion(target, [*available(), *known], 'proxbench list')}"
+        )
     source = next((offer.source for offer in plugin_problems() if offer.name == target), "")
     if not source:
         load(target)  # which says how to make a problem that is not generated yet

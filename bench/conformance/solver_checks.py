@@ -27,7 +27,7 @@ from .checks import Check, NotApplicable, Violation, checks, of_iterates
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
 from .memory_checks import solves_each_time
-from .process_checks import leaves_process_alone
+from .process_checks import has_no_side_effects
 from .samples import at_rest, empty, infeasible, random_contacts, samples, supported
 from .trial import expect_finite, expect_unchanged, own_residual, solution_of, true_residual
 
@@ -164,7 +164,7 @@ def reports_infeasibility(solver: Solver) -> None:
         )
 
 
-def rests_at_rest(solver: Solver) -> None:
+def zero_velocity_at_rest(solver: Solver) -> None:
     """Zero free velocity needs no impulse: Λ = 0 exactly, SOLVED."""
     for problem in supported(solver, map(at_rest, (1, 2, 3)), "it supports none of the problems at rest"):
         solution = solution_of(solver, problem, MODEST)
@@ -272,7 +272,7 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     *checks(
         interface=keeps_to_interface,
         travels=travels,
-        process=leaves_process_alone,
+        process=has_no_side_effects,
         supports=refuses_through_supports,
         finite=returns_finite_impulses,
         inputs_untouched=leaves_inputs_untouched,
@@ -281,7 +281,7 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
         truthful=claims_truthfully,
         useful=is_useful,
         infeasible=reports_infeasibility,
-        at_rest=rests_at_rest,
+        at_rest=zero_velocity_at_rest,
         no_contacts=solves_no_contacts,
         observed=ends_alike_when_observed,
         warm_start=stops_at_once_at_the_solution,

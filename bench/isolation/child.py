@@ -21,15 +21,15 @@ from ...problems.exchange.plugin_files import PluginFile
 from ...problems.exchange.plugins import Names, register
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
-from .process_tree import die_with, end_of
+from .process_tree import describe_exit, end_with_parent
 
 IN_A_COPY = "in a copy"
 """Request to let a copy of the process answer another one, of which the process itself learns nothing."""
 
-LARGEST_FILE = 2**24
+MAX_FILE_BYTES = 2**24
 """Bytes that a case may write to any file, its captured output included."""
 
-LONGEST_TRACEBACK = 20_000
+MAX_TRACEBACK_LENGTH = 20_000
 """Characters of a traceback that are sent, its end."""
 
 MAX_CAUSES = 100
@@ -79,7 +79,7 @@ def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) ->
     code = 1
     try:
         os.setsid()
-        die_with(supervisor)
+        end_with_parent(supervisor)
         for stream in (1, 2):
             os.dup2(output, stream)
         faulthandler.enable(2)  # the stack of a process killed by a signal is kept with its output
@@ -102,7 +102,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
         except (EOFError, OSError):
             return
         if request == IN_A_COPY:
-            if not _is_copy(pipe):
+            if not _fork_copy(pipe):
                 continue
             request, arguments = arguments
             own, is_copy = os.getpid(), True
@@ -120,8 +120,8 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             limit = assignment.memory_bytes / 2**20
             answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {limit:.0f} MB of memory")
         except BaseException as error:
-            reason = f"it raised {_in_one_line(error)}"
-            if _comes_from_memory(error):
+            reason = f"it raised {_one_line(error)}"
+            if _is_caused_by_memory(error):
                 limit = assignment.memory_bytes / 2**20
                 answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason}, having wanted more than {limit:.0f} MB of memory")
             else:
@@ -140,19 +140,19 @@ def _answer(pipe: int, answer: dict[str, Any], numbers: bytes = b"") -> None:
     write_message(pipe, numbers)
 
 
-def _is_copy(pipe: int) -> bool:
+def _fork_copy(pipe: int) -> bool:
     """Fork; return at once in the copy, and in the process itself when that has ended, which says so if it failed."""
     own, copy = os.getpid(), os.fork()
     if copy == 0:
-        die_with(own)
+        end_with_parent(own)
         return True
     _, status = os.waitpid(copy, 0)
     if status:
-        _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": end_of(status), "traceback": ""})
+        _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": describe_exit(status), "traceback": ""})
     return False
 
 
-def _comes_from_memory(error: BaseException) -> bool:
+def _is_caused_by_memory(error: BaseException) -> bool:
     """Return whether an exception was raised because of, or while handling, a MemoryError."""
     earlier: BaseException | None = error
     for _ in range(MAX_CAUSES):
@@ -162,7 +162,7 @@ def _comes_from_memory(error: BaseException) -> bool:
     return isinstance(earlier, MemoryError)
 
 
-def _in_one_line(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     """Return an exception in one line, whatever its __str__ does."""
     try:
         return first_line(error)
@@ -178,7 +178,7 @@ def _flush() -> None:
 
 def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
     try:
-        trace = traceback.format_exc()[-LONGEST_TRACEBACK:]
+        trace = traceback.format_exc()[-MAX_TRACEBACK_LENGTH:]
     except BaseException:
         trace = ""
     return {"fault": outcome.value, "reason": reason, "traceback": trace}
@@ -187,7 +187,7 @@ def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
 def _limit(memory_bytes: int) -> None:
     """Limit files, and the address space to what is mapped now and ``memory_bytes`` more."""
     _, allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
-    largest = LARGEST_FILE if allowed == resource.RLIM_INFINITY else min(LARGEST_FILE, allowed)
+    largest = MAX_FILE_BYTES if allowed == resource.RLIM_INFINITY else min(MAX_FILE_BYTES, allowed)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     limit = psutil.Process().memory_info().vms + memory_bytes
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

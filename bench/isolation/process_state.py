@@ -9,6 +9,7 @@ import gc
 import locale
 import os
 import random
+import resource
 import signal
 import sys
 import tracemalloc
@@ -35,6 +36,9 @@ _CACHES = {
     "_abc_impl",
 }
 """What Python itself writes into classes as they are used."""
+
+_LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
+"""Resource limits that the system knows."""
 
 Names = dict[str, object]
 
@@ -162,6 +166,12 @@ def _monitoring_tools() -> list[str | None]:
     return [] if monitoring is None else [monitoring.get_tool(number) for number in range(6)]
 
 
+def _scheduling() -> tuple[int, int | None]:
+    """Return the priority of this process, and its scheduling policy where the system has several."""
+    policy = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else None
+    return os.getpriority(os.PRIO_PROCESS, 0), policy
+
+
 def _streams() -> list[tuple[int, bool]]:
     return [(id(stream), getattr(stream, "closed", True)) for stream in (sys.stdin, sys.stdout, sys.stderr)]
 
@@ -173,19 +183,25 @@ def replaced_names(before: ProcessState) -> str:
     return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
 
 
-_OF_LIBRARIES = ("the filters of warnings", "numpy's error state", "the locale", "callbacks of garbage collection")
+_OF_LIBRARIES = ("the warning filters", "callbacks of the garbage collector")
 """What libraries change when they are imported."""
 
 _FOR_TIMING = (
     *_OF_LIBRARIES,
+    "numpy's error state",
+    "numpy's buffer size",
+    "the locale",
     "the trace function",
     "the profile function",
-    "tracing of memory",
-    "garbage collection",
+    "memory tracing",
+    "the settings of the garbage collector",
     "the recursion limit",
     "the switch interval",
     "signal handlers",
     "the alarm clock",
+    "the hooks of the interpreter",
+    "the scheduling of its process",
+    "the resource limits of its process",
 )
 """What a measurement depends on."""
 
@@ -194,19 +210,23 @@ _STATE: dict[str, Callable[[], Any]] = {
     "the environment": lambda: dict(os.environ),
     "the mask of file modes": _mode_mask,
     "numpy's error state": np.geterr,
+    "numpy's buffer size": np.getbufsize,
     "numpy's global random state": _numpy_random,
     "the random state of Python": random.getstate,
-    "the filters of warnings": lambda: list(warnings.filters),
+    "the warning filters": lambda: list(warnings.filters),
     "the locale": lambda: locale.setlocale(locale.LC_ALL),
     "the trace function": sys.gettrace,
     "the profile function": lambda: (sys.getprofile(), _monitoring_tools()),
-    "tracing of memory": tracemalloc.is_tracing,
-    "garbage collection": lambda: (gc.isenabled(), gc.get_threshold()),
-    "callbacks of garbage collection": lambda: [id(one) for one in gc.callbacks],
+    "memory tracing": tracemalloc.is_tracing,
+    "the settings of the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
+    "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
     "the switch interval": sys.getswitchinterval,
     "the recursion limit": sys.getrecursionlimit,
     "the import path": lambda: list(sys.path),
     "the standard streams": _streams,
     "signal handlers": lambda: {number: signal.getsignal(number) for number in signal.Signals},
+    "the hooks of the interpreter": lambda: (sys.excepthook, sys.displayhook, sys.unraisablehook, sys.breakpointhook),
+    "the scheduling of its process": _scheduling,
+    "the resource limits of its process": lambda: [resource.getrlimit(number) for number in _LIMITS],
     "the alarm clock": lambda: bool(signal.getitimer(signal.ITIMER_REAL)[0]),
 }

@@ -27,7 +27,7 @@ def adopt_orphans() -> None:
     _prctl(_SET_CHILD_SUBREAPER, 1)
 
 
-def die_with(parent: int) -> None:
+def end_with_parent(parent: int) -> None:
     """Let this process be killed when its parent goes, on Linux; elsewhere do nothing."""
     _prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
@@ -93,7 +93,7 @@ def kills_for_memory() -> int:
         return 0
 
 
-def end_of(status: int) -> str:
+def describe_exit(status: int) -> str:
     """Say how a process ended whose wait status this is."""
     if os.WIFEXITED(status):
         return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"

@@ -30,7 +30,7 @@ NUMBER = struct.Struct("!i")
 ENDING = struct.Struct("!i?")
 """The last report: the wait status of the case, and whether one of its processes had nearly all its memory."""
 
-NEARLY_ALL = 0.9
+FULL_MEMORY_SHARE = 0.9
 """Share of its memory limit above which a case that ends without an answer is reported as out of memory."""
 
 _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
@@ -54,7 +54,7 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     with contextlib.suppress(OSError):  # a case without temporary files may do
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
-    own, filled = _peak_memory(resource.RUSAGE_SELF), NEARLY_ALL * assignment.memory_bytes
+    own, filled = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
     case = os.fork()
     if case == 0:
         _restore_signals(wakeup)

@@ -34,7 +34,7 @@ from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
 from .process_tree import (
     descendants,
-    end_of,
+    describe_exit,
     kills_for_memory,
     memory_left,
     processor_seconds,
@@ -42,7 +42,7 @@ from .process_tree import (
     send,
     writers,
 )
-from .supervisor import END, GO_ON, NEARLY_ALL, STOP
+from .supervisor import END, FULL_MEMORY_SHARE, GO_ON, STOP
 
 REQUEST_SECONDS = 60.0
 """Default limit of the wall time of a request [s]."""
@@ -50,16 +50,16 @@ REQUEST_SECONDS = 60.0
 MEMORY_BYTES = 2**31
 """Default limit of the memory that a process may take beyond what the framework itself needs [bytes]."""
 
-LARGEST_ANSWER = 2**24
+MAX_ANSWER_BYTES = 2**24
 """Bytes that the JSON of an answer may have."""
 
-LARGEST_CONTENT = 2**32
+MAX_CONTENT_BYTES = 2**32
 """Bytes that may come with it."""
 
-SHOWN_OUTPUT = 4000
+MAX_OUTPUT_LENGTH = 4000
 """Characters of captured output that are kept with a failed case."""
 
-LONGEST_LIST = 16_000
+MAX_LIST_LENGTH = 16_000
 """Bytes that the list of extension modules may take, with which Python ends what it says of a deadly signal."""
 
 _MODULES = re.compile(r"\n*Extension modules: [^\n]*")
@@ -128,7 +128,7 @@ class Worker:
             self._let_go()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
 
-    def ask(self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT) -> tuple[dict[str, Any], bytes]:
+    def ask(self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES) -> tuple[dict[str, Any], bytes]:
         """Send one request and wait for its answer: a JSON object, and what goes with it, ``largest`` bytes at most.
 
         Raises:
@@ -143,7 +143,7 @@ class Worker:
                 raise NoMessageError("an answer without a request")
             write_message(pipe, pickle.dumps((request, arguments)))
             lifeline = self._supervisor.orders.fileno()
-            answer = read_object(pipe, LARGEST_ANSWER, deadline, lifeline)
+            answer = read_object(pipe, MAX_ANSWER_BYTES, deadline, lifeline)
             content = read_message(pipe, largest, deadline, lifeline)
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _reported_fault(answer)
@@ -184,9 +184,9 @@ class Worker:
 
     def output(self) -> str:
         """Return the end of what the case printed."""
-        size, most = os.fstat(self._output).st_size, SHOWN_OUTPUT + LONGEST_LIST
+        size, most = os.fstat(self._output).st_size, MAX_OUTPUT_LENGTH + MAX_LIST_LENGTH
         printed = os.pread(self._output, most, max(0, size - most)).decode(errors="replace")
-        return _MODULES.sub("", printed)[-SHOWN_OUTPUT:]
+        return _MODULES.sub("", printed)[-MAX_OUTPUT_LENGTH:]
 
     def dismiss(self) -> None:
         """Let the process end, without waiting for it; it answers no more."""
@@ -215,7 +215,7 @@ class Worker:
     def _timeout(self) -> Fault:
         """Return the fault of a case whose time is up, which is not its time where its memory is full."""
         left = memory_left(self.process)
-        if left is not None and left <= (1.0 - NEARLY_ALL) * self._memory_bytes:
+        if left is not None and left <= (1.0 - FULL_MEMORY_SHARE) * self._memory_bytes:
             reason = f"it filled its {self._megabytes} MB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
@@ -225,7 +225,7 @@ class Worker:
         status = self._supervisor.status(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
-        reason = "its process ended together with its supervisor" if status is None else end_of(status)
+        reason = "its process ended together with its supervisor" if status is None else describe_exit(status)
         was_killed = status is None or os.WIFSIGNALED(status)
         if was_killed and kills_for_memory() > self._kills_before:
             return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as the memory of the machine ran out")

@@ -12,15 +12,16 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any, Generic, TypeVar
 
 from ...problems.arrays import FloatArray
-from ..isolation.worker import LARGEST_CONTENT, Fault, Task, Worker, no_answer, numbers_of
+from ..isolation.worker import MAX_CONTENT_BYTES, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
-from ..store.records import CaseRecord, Curve, Limits, Point
+from ..store.plans import Limits
+from ..store.records import CaseRecord, Curve, Point
 from .measuring_core import MeasuringCore
 
-LONGEST_REASON = 2000
+MAX_REASON_LENGTH = 2000
 """Characters that are kept of what a solver says in words."""
 
-MOST_AT_ONCE = 4
+MAX_PARALLEL_STARTS = 4
 """Cases that begin at the same time, on a machine with as many cores."""
 
 INTERRUPT_SECONDS = 0.05
@@ -128,7 +129,7 @@ class LadderCase(ABC, Generic[Answer]):
     def end(self) -> None:
         """End the process and keep its output if the case failed."""
         if self._worker is not None:
-            self._note_costs()
+            self._update_costs()
             if self.outcome is not Outcome.MEASURED:
                 self._output = self._worker.output()
             self._worker.close()
@@ -136,7 +137,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     def record(self) -> CaseRecord:
         """Return the case as it is stored."""
-        self._note_costs()
+        self._update_costs()
         return CaseRecord(
             **self.identity(),
             outcome=self.outcome,
@@ -159,7 +160,7 @@ class LadderCase(ABC, Generic[Answer]):
             self._fail(unsent)
 
     def _ask(
-        self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT
+        self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
         """Return the answer of the process; None, with the case failed, if there is none or the solver refuses."""
         if self._worker is None:
@@ -174,10 +175,10 @@ class LadderCase(ABC, Generic[Answer]):
         if not isinstance(refusal, str):
             self._fail(no_answer())
         elif refusal:
-            self._fail(Fault(Outcome.UNSUPPORTED, refusal[:LONGEST_REASON]))
+            self._fail(Fault(Outcome.UNSUPPORTED, refusal[:MAX_REASON_LENGTH]))
         return None if refusal else (answer, numbers)
 
-    def _note_costs(self) -> None:
+    def _update_costs(self) -> None:
         if self._worker is not None:
             self._seconds = self._seconds_before + self._worker.busy_seconds
             self._memory = max(self._memory, self._worker.peak_memory_bytes)
@@ -224,7 +225,7 @@ def measure_ladder(
 
 def _begin(cases: Sequence[LadderCase[Any]]) -> None:
     """Begin cases, as many at a time as there are cores; on an interrupt let them end at once, and raise it."""
-    at_once = min(MOST_AT_ONCE, os.cpu_count() or 1)
+    at_once = min(MAX_PARALLEL_STARTS, os.cpu_count() or 1)
     with ThreadPoolExecutor(at_once) as pool:
         begun = [pool.submit(case.begin) for case in cases]
         try:

@@ -39,7 +39,7 @@ REFERENCE_SHARE = 0.25
 CLAIM = "proxbench-core"
 """What names of claims begin with."""
 
-STEADY = 1.25
+MAX_PROBE_RATIO = 1.25
 """Ratio of a probe to the reference above which a core is not steady."""
 
 MAX_PINNING = 10
@@ -138,7 +138,7 @@ class MeasuringCore:
 
     def is_steady(self, *probes: float) -> bool:
         """Return whether probes [s] took about as long as the reference; always True without a claimed core."""
-        return self.number is None or max(probes) <= STEADY * self.reference
+        return self.number is None or max(probes) <= MAX_PROBE_RATIO * self.reference
 
     def _busy_seconds(self) -> float:
         """Return for how long the other cores have worked since the system started [s]; 0 where this one is unknown."""

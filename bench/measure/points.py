@@ -16,7 +16,7 @@ _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 """Outcomes from good to bad; the others stand between being relaxed and being wrong."""
 
 
-def with_impulses_at_the_finest(points: Sequence[Point]) -> list[Point]:
+def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
     """Return the points of a case, of which only the finest measured one keeps its impulses."""
     finest = max((level for level, point in enumerate(points) if point.measured is not None), default=-1)
     return [
@@ -37,7 +37,7 @@ def joined(before: Point, now: Point) -> Point:
     if before.is_late_for_others is not now.is_late_for_others:
         kept, measured = (now, now.measured) if before.is_late_for_others else (before, before.measured)
         rounds = [*before.rounds, *now.rounds]
-        return replace(kept, measured=replace(measured, **times_of(rounds), rounds=rounds))
+        return replace(kept, measured=replace(measured, **times_from_rounds(rounds), rounds=rounds))
     worse = before if _rank(before) >= _rank(now) else now
     return replace(worse, measured=_joined(before.measured, now.measured))
 
@@ -56,7 +56,7 @@ def _joined(before: Measured, now: Measured) -> Measured:
         iterations=before.iterations,
         claimed_iterations=before.claimed_iterations,
         model_residual=max(before.model_residual, now.model_residual, key=number_of),
-        **times_of(rounds),
+        **times_from_rounds(rounds),
         rounds=rounds,
         first_seconds=[*before.first_seconds, *now.first_seconds],
         copy_seconds=[*before.copy_seconds, *now.copy_seconds],
@@ -67,7 +67,7 @@ def _joined(before: Measured, now: Measured) -> Measured:
     )
 
 
-def times_of(rounds: Sequence[Round]) -> dict[str, Any]:
+def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
     """Return times and repeats of a point from its rounds; excluded ones count only where there are no others."""
     kept = [one for one in rounds if not one.excluded] or rounds
     columns = {

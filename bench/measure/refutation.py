@@ -12,7 +12,7 @@ SOLUTION = 1e-8
 """Judged residual of impulses that are taken for a solution."""
 
 
-def refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
+def find_refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
     """Return the cases of one problem that claim falsely that it has no solution, with these claims marked as wrong.
 
     Such a claim falls where the judge of the same model has found a solution in any of the cases, or one is known.

@@ -1,4 +1,4 @@
-"""A run from its begin, or from where it stopped: what it was planned as is stored, then what it lacks is measured."""
+"""Begin a run, or resume one: the plan is stored, then the missing cases are measured."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -8,24 +8,28 @@ from ...problems.contact.judge import JUDGE
 from ...problems.motion.scenes.registry import read_scene
 from ...problems.spelling import either
 from ..errors import BenchError
-from ..plugins.describing import contestant
+from ..plugins.describing import solver_spec
 from ..plugins.files import check_again, sources, use_plugin_files
 from ..plugins.problems import carry, check_known
+from ..plugins.solver_specs import SolverSpec
 from ..store.condition import differences, other_software
 from ..store.conversion import content_of, record_of
 from ..store.outcome import FAULTS
-from ..store.records import PlanRecord, RunRecord
+from ..store.records import RunRecord
 from ..store.store import Store
-from .execution.dispatch import Dispatch
+from .execution.distributed import DistributedExecutor
 from .execution.events import OnEvent
-from .execution.progress import Contestants, Progress
+from .execution.local import LocalExecutor
+from .execution.run_executor import RunExecutor, Solvers
 from .machine import this_machine
-from .plan import Plan, name_of
-from .trajectories.methods import stored_method
+from .plan import Plan
+from .trajectories.methods import Method, stored_method
 
 
-def measure(plan: Plan, folder: Path, on_event: OnEvent, executor: Executor | None = None) -> None:
-    """Carry out a plan, and store it and what is measured in a new folder, named as the run is.
+def measure(
+    plan: Plan[SolverSpec] | Plan[Method], folder: Path, on_event: OnEvent, executor: Executor | None = None
+) -> None:
+    """Execute a plan, and store it with its results in a new folder, which is named like the run.
 
     Args:
         plan: what to measure.
@@ -38,37 +42,24 @@ def measure(plan: Plan, folder: Path, on_event: OnEvent, executor: Executor | No
         InterruptedRunError: on Ctrl-C; finished cases are kept.
     """
     store = Store.create(folder)
-    names = [name_of(problem) for problem in plan.problems]
-    solvers = [method.solver for method in plan.methods] or plan.solvers
-    scenes = [read_scene(trajectory.name)[0] for trajectory in plan.trajectories]
+    names = [trajectory.name for trajectory in plan.record.trajectories]
+    solvers = [one.solver if isinstance(one, Method) else one for one in plan.solvers]
+    scenes = [read_scene(name)[0] for name in names]
     with store.alone():
         store.refuse_second()
         record = RunRecord(
             run_id=folder.name,
-            plan=PlanRecord(
-                problems=names,
-                solvers=[method.record.name for method in plan.methods] or [solver.name for solver in solvers],
-                tolerances=list(plan.tolerances),
-                limits=plan.limits,
-                methods=[method.record for method in plan.methods],
-                trajectories=list(plan.trajectories),
-                passes=1 if plan.trajectories else plan.passes,
-                seed=plan.seed,
-                suite=plan.suite,
-                families=dict(plan.families),
-                left_out=list(plan.left_out),
-                shard=plan.shard,
-            ),
+            plan=plan.record,
             machine=this_machine(),
             judge=JUDGE,
-            plugins=sources([solver.name for solver in solvers], names, scenes),
-            carried={} if scenes else carry(plan.problems, store),
+            plugins=sources([solver.name for solver in solvers], plan.record.problems, scenes),
+            carried=carry(plan.problems, store),
         )
         record = record_of(content_of(record), RunRecord)
-        _progress(plan.methods or plan.solvers, store, record, on_event, executor).complete({})
+        _executor(plan.solvers, store, record, on_event, executor).execute({})
 
 
-def measure_rest(
+def resume_measuring(
     folder: Path,
     retry_failed: bool,
     on_event: OnEvent,
@@ -107,25 +98,25 @@ def measure_rest(
         )
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
-    contestants: Contestants = tuple(map(stored_method, record.plan.methods))
-    if not contestants:
+    solvers: Solvers = tuple(map(stored_method, record.plan.methods))
+    if not solvers:
         check_known(name for name in record.plan.problems if name not in record.carried)
-        contestants = tuple(map(contestant, record.plan.solvers))
+        solvers = tuple(map(solver_spec, record.plan.solvers))
     with store.alone():
         cases, _ = store.read_cases()
         stored = {(case.problem, case.solver): case for case in cases if not (retry_failed and case.outcome in FAULTS)}
-        _progress(contestants, store, record, on_event, executor, mix).complete(stored)
+        _executor(solvers, store, record, on_event, executor, mix).execute(stored)
 
 
-def _progress(
-    contestants: Contestants,
+def _executor(
+    solvers: Solvers,
     store: Store,
     record: RunRecord,
     on_event: OnEvent,
     executor: Executor | None,
     mix: bool = False,
-) -> Progress:
-    """Return what carries out a plan, here or on an executor."""
+) -> RunExecutor:
+    """Return what executes a plan: this process, or the workers of an executor."""
     if executor is None:
-        return Progress(contestants, store, record, on_event, mix)
-    return Dispatch(contestants, store, record, on_event, executor, mix)
+        return LocalExecutor(solvers, store, record, on_event, mix)
+    return DistributedExecutor(solvers, store, record, on_event, executor, mix)

@@ -73,22 +73,22 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
     return Selection(tuple(taken.values()), families, folders[0] if name and folders else name, tuple(left_out))
 
 
-def shard_of(selection: Selection, shard: str) -> Selection:
+def select_shard(selection: Selection, shard: str) -> Selection:
     """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``; all together are all problems.
 
     Raises:
         BenchError: if it is no shard, or has no problem.
     """
-    number, count = place_of(shard)
+    number, count = parse_shard(shard)
     problems = selection.problems[number - 1 :: count]
     if not problems:
         raise BenchError(f"{option('shard')} {shard} has no problem, there are {len(selection.problems)}; divide less.")
-    names = set(map(name_of, problems))
+    names = set(map(problem_name, problems))
     families = {name: family for name, family in selection.families.items() if name in names}
     return replace(selection, problems=problems, families=families)
 
 
-def place_of(shard: str) -> tuple[int, int]:
+def parse_shard(shard: str) -> tuple[int, int]:
     """Return i and n of a shard ``"i/n"``, which may have leading zeros.
 
     Raises:
@@ -101,7 +101,7 @@ def place_of(shard: str) -> tuple[int, int]:
     return number, count
 
 
-def name_of(problem: str | ContactProblem) -> str:
+def problem_name(problem: str | ContactProblem) -> str:
     """Return the name of a problem."""
     return problem if isinstance(problem, str) else problem.name
 
@@ -134,7 +134,7 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
             check_numbers(problem)
             family = sources.get(problem.name) or family_of(problem)
             candidates.append(_Candidate(problem.name, family, problem))
-    _refuse_twice(candidate.name for candidate in candidates)
+    _require_unique(candidate.name for candidate in candidates)
     return candidates, left_out, folders
 
 
@@ -166,7 +166,7 @@ def _read(member: Member) -> ContactProblem:
     return problem
 
 
-def _refuse_twice(names: Iterable[str]) -> None:
+def _require_unique(names: Iterable[str]) -> None:
     """Raise ``BenchError`` if a name stands twice."""
     seen: set[str] = set()
     for name in names:

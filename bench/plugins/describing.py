@@ -24,10 +24,10 @@ from ...solvers.contract import form_fault
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
-from .contestants import Contestant, built_in, carried
+from .solver_specs import SolverSpec, built_in, carried
 
 
-def contestant(solver: str | Solver | Contestant) -> Contestant:
+def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
     """Return a solver, given by its name or as an object, as data.
 
     Raises:
@@ -37,7 +37,7 @@ def contestant(solver: str | Solver | Contestant) -> Contestant:
     """
     if isinstance(solver, str):
         return built_in(solver) if registry.find(solver) is None else _described(solver, b"", PluginError)
-    if isinstance(solver, Contestant):
+    if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
         raise BenchError(f"the solver {solver.__name__} is a class; give one made of it, {solver.__name__}().")
@@ -101,11 +101,11 @@ def plugin_problem(name: str) -> ContactProblem:
     return read_problem(io.BytesIO(content), f"problem {name!r}")
 
 
-def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Contestant:
+def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> SolverSpec:
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be made", error, "solver", name, pickled)
     model, source = Model.from_text(answer["model"]), answer["source"]
-    return Contestant(answer["name"], model, answer["shows"], source, pickled, answer["random"])
+    return SolverSpec(answer["name"], model, answer["shows"], source, pickled, answer["random"])
 
 
 def _ask(

@@ -8,7 +8,8 @@ raise, hang, crash or take memory without harm to the process that judges: a req
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any, cast
 
 import numpy as np
@@ -21,9 +22,9 @@ from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, s
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
-from ..store.outcome import Outcome
-from .contestants import Contestant
-from .describing import contestant
+from ..store.outcome import LATE_PREPARING, Outcome, late_reason
+from .describing import solver_spec
+from .solver_specs import SolverSpec
 
 GRACE_SECONDS = 1.0
 """Wall time that a solver may take beyond its time limit before its process is ended [s]."""
@@ -53,7 +54,7 @@ class RemoteSolver(RenewedWorker):
 
     def __init__(
         self,
-        solver: Contestant,
+        solver: SolverSpec,
         seconds: float = REQUEST_SECONDS,
         memory_bytes: int = MEMORY_BYTES,
         limit_seconds: float = np.inf,
@@ -65,8 +66,8 @@ class RemoteSolver(RenewedWorker):
             seconds: wall time that a request may take beyond the time limit of its solve [s]: preparing, and ending an
                 iteration.
             memory_bytes: memory that it may take beyond what the framework itself needs.
-            limit_seconds: wall time after which, and ``GRACE_SECONDS``, preparing and solving are ended [s], each by
-                itself; where it is infinite, they are ended after ``seconds`` and the time limit of the solve.
+            limit_seconds: wall time for preparing and solving together [s]; each is ended ``GRACE_SECONDS`` later. If
+                infinite, each is ended after ``seconds`` and the time limit of the solve.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
         self._limit_seconds = limit_seconds
@@ -119,6 +120,11 @@ class RemoteSolver(RenewedWorker):
             reason = f"it did not end at its time limit of {limit:g} s"
             raise FailedSolveError(self.name, Fault(Outcome.TIMEOUT, reason)) from None
 
+    @property
+    def has_one_limit(self) -> bool:
+        """Whether preparing counts towards the time limit of a solve."""
+        return bool(np.isfinite(self._limit_seconds))
+
     def failure(self, fault: Fault) -> Exception:
         """Return the error of a request that is not answered."""
         return FailedSolveError(self.name, fault)
@@ -149,7 +155,7 @@ class RemotePrepared:
             FailedSolveError: if the solver does not answer, or with what is no solution.
         """
         self.solver.make_ready(self.problem)  # another one was prepared meanwhile, or the process is a fresh one
-        arguments = stop, start, observe is not None
+        arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
         _, content = self.solver.ask("impulses")  # iterates may be many, and their transfer is no time of the solver
         shown: Any = answer.get("shown")
@@ -181,10 +187,11 @@ def are_iterations(shown: Any) -> bool:
 class SolvingTask:
     """The child's half: answers "problem" (bytes), "supports", "prepare", "solve", and "impulses" of the last solve."""
 
-    contestant: Contestant
+    solver_spec: SolverSpec
     _solver: Solver | None = None
     _problem: ContactProblem | None = None
     _prepared: Prepared | None = None
+    _prepare_seconds: float = 0.0
     _impulses: bytes = b""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
@@ -194,7 +201,7 @@ class SolvingTask:
             MisbehaviourError: if the solver breaks its contract.
         """
         if self._solver is None:
-            self._solver = self.contestant.make()
+            self._solver = self.solver_spec.make()
         if request == "problem":
             self._problem = read_problem(io.BytesIO(arguments[0]), "problem")
             return {}, b""
@@ -210,12 +217,20 @@ class SolvingTask:
         return {"refusal": reason or ""}, b""
 
     def _prepare(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
+        began = perf_counter()
         self._prepared = solver.prepare(problem)
+        self._prepare_seconds = perf_counter() - began
         refuse(prepared_fault(self._prepared))
         return {}, b""
 
     def _solve(
-        self, solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None, is_observed: bool
+        self,
+        solver: Solver,
+        problem: ContactProblem,
+        stop: Stop,
+        start: FloatArray | None,
+        is_observed: bool,
+        has_one_limit: bool,
     ) -> tuple[dict[str, Any], bytes]:
         assert self._prepared is not None
         shown: list[int] = []
@@ -229,10 +244,18 @@ class SolvingTask:
                 raise MisbehaviourError(f"it showed its observer impulses of shape {shape}, not a row each")
 
         digest = problem.digest
-        solution = self._prepared.solve(stop, start=start, observe=note if is_observed else None)
+        left, began = stop.max_seconds - (self._prepare_seconds if has_one_limit else 0.0), perf_counter()
+        if left > 0.0:
+            own_stop = replace(stop, max_seconds=left)
+            solution = self._prepared.solve(own_stop, start=start, observe=note if is_observed else None)
+        else:
+            solution = Solution(np.zeros(problem.n_rows), Status.TIME_LIMIT, 0, LATE_PREPARING)
+        late = late_reason(self._prepare_seconds + perf_counter() - began, stop.max_seconds) if has_one_limit else ""
         refuse(solution_fault(problem, solution))
         if problem.fresh().digest != digest:
             raise MisbehaviourError("it changed the numbers of the problem")
+        if late and solution.status is Status.SOLVED:
+            solution = replace(solution, status=Status.TIME_LIMIT, message=late)
         answer = {
             "status": solution.status.value,
             "iterations": int(solution.iterations),
@@ -253,11 +276,11 @@ def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
     Raises:
         ProxbenchError: for an unknown name or option, or a plugin's solver that cannot be made.
     """
-    return _working(contestant(name), seconds)
+    return _working(solver_spec(name), seconds)
 
 
 @contextmanager
-def working_solver(solver: Contestant, limit_seconds: float = np.inf) -> Iterator[Solver]:
+def working_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[Solver]:
     """Yield a solver that can be used here; a process of its own, if it has one, ends with the block.
 
     Args:
@@ -272,7 +295,7 @@ def working_solver(solver: Contestant, limit_seconds: float = np.inf) -> Iterato
             working.close()
 
 
-def _working(solver: Contestant, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
+def _working(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
     if solver.is_built_in:
         return solver.make()
     return cast(

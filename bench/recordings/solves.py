@@ -13,10 +13,10 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver, Stop
 from ..errors import BenchError
-from ..plugins.contestants import Contestant
-from ..plugins.describing import contestant
+from ..plugins.describing import solver_spec
 from ..plugins.problems import problem_of
 from ..plugins.remote_solver import working_solver
+from ..plugins.solver_specs import SolverSpec
 from ..report.charts.palette import look, on_dark, rgb
 from ..store.outcome import Outcome
 from ..store.store import Store, plain_name, refuse_links_out
@@ -85,7 +85,7 @@ class RecordedSolves:
 
 def record_solves(
     problem: ContactProblem,
-    solvers: Sequence[str | Solver | Contestant],
+    solvers: Sequence[str | Solver | SolverSpec],
     stop: Stop,
     file: Path,
     force: bool = False,
@@ -118,10 +118,10 @@ def record_solves(
         raise BenchError(
             f"places hold {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
         )
-    contestants = [contestant(solver) for solver in solvers]
+    specs = [solver_spec(solver) for solver in solvers]
     traces: list[Trace] = []
     with RecordingFile(file, force) as recording:
-        for solver in contestants:
+        for solver in specs:
             with working_solver(solver, stop.max_seconds) as working:
                 traces.append(trace_solve(problem, working, stop))
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)

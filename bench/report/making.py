@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...problems.representation import counted, html_table
 from ...problems.spelling import option
 from ..errors import BenchError, UnwritableError
 from ..store.frames import JUDGED, RunFrames
@@ -34,6 +35,18 @@ class Report:
     charts: list[Path]
     page: Path | None = None
     unwritten: str = ""
+
+    def __repr__(self) -> str:
+        counts = (counted(len(self.results), "case"), counted(len(self.tables), "table"))
+        page = [f"page {self.page}"] if self.page else []
+        unwritten = [self.unwritten] if self.unwritten else []
+        return f"<Report: {', '.join([*counts, counted(len(self.charts), 'chart'), *page, *unwritten])}>"
+
+    def _repr_html_(self) -> str:
+        files = {"tables": self.tables, "charts": self.charts, "page": [self.page] if self.page else []}
+        facts: dict[str, object] = {"cases": len(self.results)}
+        facts |= {kind: ", ".join(map(str, paths)) for kind, paths in files.items() if paths}
+        return html_table("Report", {**facts, **({"not written": self.unwritten} if self.unwritten else {})})
 
 
 def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = False, profiles: str = COMMON) -> Report:

@@ -1,4 +1,4 @@
-"""The matrix of solvers and problems as a page: what each method can, and why not where it cannot."""
+"""The matrix of solvers and problems as a page and as a table: what each solver solves, and reasons of failures."""
 
 import math
 from collections.abc import Sequence
@@ -29,32 +29,48 @@ MARKS = {
 
 _GROUP_OF = {name: group for group, members in CASE_GROUPS.items() for name in members}
 
+MAX_NAMED_SOLVERS = 4
+"""Solvers that the table of reasons names; of more it names one fewer and counts the others."""
+
+MAX_REASON_LENGTH = 160
+"""Characters of a reason; of a longer one the first and the last two clauses are shown."""
+
 _PAGE = """\
 # What each solver can solve
 
-{state}{n_problems} problems, {n_solvers} solvers, {n_cells} cells; tolerance, a judged residual of {tolerance:g}. \
-Made by `{command}`; times and their limits are those of one machine.
+{state}{n_problems} problems, {n_solvers} solvers, {n_cells} cells. A cell is solved if the judged residual is at most \
+{tolerance:g}. The command `{command}` writes this page; time limits depend on the machine.
 
 {summary}
-## Which solver solves which problem
-
-✓ solved, · unsupported, R solves its own, relaxed model, ∅ reports that there is no solution, O oscillates, \
-D diverges, S stalls, I iteration limit, T time limit; behind a mark that is no success stands the order of the \
-judged residual that was reached.
-
 {grid}
 ## What none of them solves
 
 {unsolved}
 
-## Why not
+## Reasons
 
-Numbers in a reason are those of the first problem that it is given for.
+Numbers in a reason are those of the first cell that it applies to.
 
 {reasons}"""
 
+_FAMILIES = """\
+## Solved problems by family
 
-def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: str = "") -> str:
+Solved problems of those that the solver supports; – if it supports none. [{table}]({table}) has every cell.
+
+{counts}"""
+
+_GRID = """\
+## Which solver solves which problem
+
+✓ solved, · unsupported, R solves its own, relaxed model, ∅ reports that there is no solution, O oscillates, \
+D diverges, S stalls, I iteration limit, T time limit. The number after a failure is the order of magnitude of the \
+judged residual.
+
+{cells}"""
+
+
+def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: str = "", table: str = "") -> str:
     """Return the matrix as a Markdown page.
 
     Args:
@@ -62,10 +78,12 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         tolerance: the judged residual to reach.
         command: the command line that makes the page.
         state: paragraphs about the run that it comes from.
+        table: link to the file of ``matrix_table``; the page then counts by family. Without it the page has every cell.
     """
     found = pd.DataFrame(list(cells), columns=[field.name for field in fields(Cell)])
     for texts in ("problem", "solver", "reason"):
         found[texts] = found[texts].map(inline)
+    grid = _FAMILIES.format(table=table, counts=_family_counts(found)) if table else _GRID.format(cells=_grid(found))
     return _PAGE.format(
         state=state,
         n_problems=found["problem"].nunique(),
@@ -74,10 +92,22 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         tolerance=tolerance,
         command=command,
         summary=_summary(found),
-        grid=_grid(found),
+        grid=grid,
         unsolved=_unsolved(found, tolerance),
         reasons=_reasons(found),
     )
+
+
+def matrix_table(cells: Sequence[Cell]) -> pd.DataFrame:
+    """Return the outcome of every cell: one row per problem with its family, one column per solver.
+
+    A failure is followed by the order of magnitude of the judged residual, as in ``"stalled 1e-05"``.
+    """
+    outcomes: dict[str, dict[str, str]] = {}
+    for cell in cells:
+        row = {"problem": cell.problem, "family": _GROUP_OF.get(cell.problem, "")}
+        outcomes.setdefault(cell.problem, row)[cell.solver] = _outcome_text(cell)
+    return pd.DataFrame(outcomes.values())
 
 
 def count_bad(cells: Sequence[Cell]) -> int:
@@ -88,9 +118,26 @@ def count_bad(cells: Sequence[Cell]) -> int:
 def _summary(found: pd.DataFrame) -> str:
     outcomes = found["outcome"]
     counted = {str(outcome): outcomes == outcome for outcome in MARKS if (outcomes == outcome).any()}
-    counted |= {"wrong": outcomes == Outcome.WRONG, "not finite": ~found["is_finite"], "faults": outcomes.isin(FAULTS)}
+    bad = {"wrong": outcomes == Outcome.WRONG, "not finite": ~found["is_finite"], "faults": outcomes.isin(FAULTS)}
+    counted |= {name: cells for name, cells in bad.items() if cells.any()}
     counts = pd.DataFrame(counted).groupby(found["solver"], sort=False).sum()
-    return markdown_table(["solver", *counts], [[f"`{solver}`", *row] for solver, *row in counts.itertuples()])
+    table = markdown_table(["solver", *counts], [[f"`{solver}`", *row] for solver, *row in counts.itertuples()])
+    return (
+        table if any(cells.any() for cells in bad.values()) else f"{table}\nNo cell is wrong, not finite or at fault.\n"
+    )
+
+
+def _family_counts(found: pd.DataFrame) -> str:
+    families = found["problem"].map(lambda name: _GROUP_OF.get(name, "others"))
+    names = families.drop_duplicates()
+    is_supported = found["outcome"] != Outcome.UNSUPPORTED
+    rows = []
+    for solver, own in found.groupby("solver", sort=False):
+        supported = is_supported[own.index].groupby(families[own.index]).sum()
+        solved = (own["outcome"] == Outcome.SOLVED).groupby(families[own.index]).sum()
+        counts = [f"{solved[name]}/{supported[name]}" if supported.get(name, 0) else "–" for name in names]
+        rows.append([f"`{solver}`", *counts])
+    return markdown_table(["solver", *names], rows)
 
 
 def _grid(found: pd.DataFrame) -> str:
@@ -110,10 +157,19 @@ def _grid(found: pd.DataFrame) -> str:
 def _mark(outcome: Outcome, residual: float) -> str:
     """Return the mark of an ending with the power of ten of the residual, a superscript without the ten."""
     mark = MARKS.get(outcome, str(outcome))
+    order = _residual_order(outcome, residual)
+    return mark if order is None else f"{mark} {order}".replace("-", "−")
+
+
+def _outcome_text(cell: Cell) -> str:
+    order = _residual_order(cell.outcome, cell.residual)
+    return str(cell.outcome) if order is None else f"{cell.outcome} 1e{order:+03d}"
+
+
+def _residual_order(outcome: Outcome, residual: float) -> int | None:
+    """Return the power of ten of a failure's residual, None for other endings and where there is no residual."""
     is_plain = outcome in (Outcome.SOLVED, Outcome.UNSUPPORTED, Outcome.INFEASIBLE)
-    if is_plain or not 0.0 < residual < math.inf:
-        return mark
-    return f"{mark} {math.floor(math.log10(residual))}".replace("-", "−")
+    return None if is_plain or not 0.0 < residual < math.inf else math.floor(math.log10(residual))
 
 
 def _unsolved(found: pd.DataFrame, tolerance: float) -> str:
@@ -146,14 +202,24 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
 
 
 def _reasons(found: pd.DataFrame) -> str:
-    text = ""
-    for solver, cells in found.groupby("solver", sort=False):
-        failed = cells[cells["outcome"] != Outcome.SOLVED]
-        alike = failed["reason"].str.replace(r"[0-9][0-9.e+-]*", "…", regex=True)
-        rows = [
-            [ended, own["reason"].iloc[0], ", ".join(own["problem"].str.removeprefix("hard-"))]
-            for (ended, _), own in failed.groupby([failed["outcome"], alike], sort=False)
-        ]
-        if rows:
-            text += f"### {solver}\n\n{markdown_table(['ended', 'reason', 'problems'], rows)}\n"
-    return text
+    failed = found[found["outcome"] != Outcome.SOLVED]
+    alike = failed["reason"].str.replace(r"[0-9][0-9.e+-]*", "…", regex=True)
+    rows = [
+        [ended, len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
+        for (ended, _), own in failed.groupby([failed["outcome"], alike], sort=False)
+    ]
+    rows.sort(key=lambda row: (str(row[0]), -row[1]))
+    return markdown_table(["ended", "cells", "reason", "solvers"], rows) if rows else "Every cell is solved.\n"
+
+
+def _shortened(reason: str) -> str:
+    """Return the first and the last two clauses of a long reason; those of composite solvers have one per part."""
+    clauses = reason.split("; ")
+    is_long = len(reason) > MAX_REASON_LENGTH and len(clauses) > 2
+    return f"{clauses[0]}; …; {clauses[-2]}; {clauses[-1]}" if is_long else reason
+
+
+def _named(solvers: Sequence[str]) -> str:
+    if len(solvers) <= MAX_NAMED_SOLVERS:
+        return ", ".join(solvers)
+    return f"{', '.join(solvers[: MAX_NAMED_SOLVERS - 1])} and {len(solvers) - MAX_NAMED_SOLVERS + 1} others"

@@ -8,8 +8,7 @@ from rich.text import Text
 from ...problems.motion.trajectories.pour import UNITS
 from ...problems.motion.trajectories.problem import Aggregates
 from ..store.frames import RunFrames
-from ..store.records import PlanRecord
-from ..store.trajectory_records import TrajectoryRecord
+from ..store.plans import PlanRecord, TrajectoryRecord
 from .layout.fitting import hanging, print_table
 
 _POINT = ("problem", "solver", "tolerance")

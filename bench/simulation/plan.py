@@ -15,6 +15,7 @@ from ...problems.motion.stepping.midpoint import ContactSolver
 from ...problems.motion.stepping.registry import make_stepper
 from ...problems.motion.stepping.stepper import Stepper
 from ...problems.motion.stepping.variable_stepper import VariableStepper
+from ...problems.representation import html_table
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.remote_scene import local_or_remote_scene
@@ -87,6 +88,15 @@ class SimulationPlan:
     start: str = DEFAULT_START
     states: int = STATES
     step_seconds: float = REQUEST_SECONDS
+
+    def __repr__(self) -> str:
+        what = f"{self.scene.name}, {self.duration:g} s in {self.stepper.name} with {self.solver.name}"
+        return f"<SimulationPlan: {what} to {self.tolerance:g}>"
+
+    def _repr_html_(self) -> str:
+        facts: dict[str, object] = {"duration [s]": self.duration, "stepper": self.stepper.name}
+        facts |= {"solver": self.solver.name, "tolerance": self.tolerance, "start": self.start}
+        return html_table(f"Simulation of {self.scene.name}", facts)
 
     @property
     def until(self) -> float:

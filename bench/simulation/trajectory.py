@@ -118,6 +118,10 @@ class Simulation:
         )
         self._progress = _Progress(0, 0, scene.start)
 
+    def __repr__(self) -> str:
+        reached = f"{counted(self.n_steps, 'step')}, {self.state.time:g} of {self.plan.until:g} s"
+        return f"<Simulation of {self.plan.scene.name}: {reached}>"
+
     @property
     def n_steps(self) -> int:
         """Number of accepted steps."""

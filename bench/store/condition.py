@@ -126,7 +126,7 @@ def _short(value: object) -> str:
     return str(value)[:12] if len(str(value)) == 64 else str(value) or "unknown"
 
 
-def refuse_unfit(frames: RunFrames) -> None:
+def require_comparable(frames: RunFrames) -> None:
     """Raise a BenchError if a run is a study, or has no measured case."""
     if frames.is_study:
         raise BenchError(f"{frames.folder} is a study, whose points are simulations; name a run over contact problems.")

@@ -5,6 +5,7 @@ finite stand as null in files and as None in what is read.
 """
 
 import math
+import reprlib
 from typing import Annotated
 
 from msgspec import Meta, Struct
@@ -22,6 +23,11 @@ Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
 
 class Record(Struct, frozen=True, kw_only=True):
     """Something stored; fields beyond those of its class are ignored when it is read."""
+
+    def __repr__(self) -> str:
+        """Return the fields, long values cut short."""
+        values = ", ".join(f"{name}={reprlib.repr(getattr(self, name))}" for name in self.__struct_fields__)
+        return f"{type(self).__name__}({values})"
 
 
 class Quartiles(Record, frozen=True, kw_only=True):

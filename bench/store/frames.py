@@ -142,8 +142,8 @@ def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
     cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
     identified = _identified(cases)
     measured = _frame(CaseRecord, cases)
-    for name, holds in (("is_finished", info.plan.has_finished), ("is_tried", info.plan.has_tried)):
-        measured[name] = pd.Series([holds(case) for case in cases], dtype=bool)
+    measured["is_finished"] = pd.Series([case.is_finished(info.plan) for case in cases], dtype=bool)
+    measured["is_tried"] = pd.Series([case.is_tried(info.plan) for case in cases], dtype=bool)
     points = points_frame(cases)
     for frame in (measured, points):
         frame.insert(1, "family", frame["problem"].map(info.plan.family).astype(str))

@@ -111,6 +111,10 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
     return Outcome.SOLVED
 
 
+LATE_PREPARING = "preparing took longer than the time limit"
+"""Reason of a solve that did not begin within its limit."""
+
+
 def late_reason(seconds: float, limit: float) -> str:
     """Say that a solve ended after its limit [s], where it claims to have solved; empty if it did not."""
     return f"solved after {seconds:.3g} s, its limit is {limit:g} s" if seconds > limit else ""

@@ -4,109 +4,16 @@ import itertools
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta
 from msgspec.structs import replace
 
-from ...problems.exchange.families import family_of
-from ..errors import BenchError
-from .fields import LARGEST, Count, Number, Quartiles, Record, Residual, Tolerance
+from .fields import Count, Number, Quartiles, Record, Residual, Tolerance
 from .impulses import Impulses
 from .outcome import Outcome
-from .trajectory_records import MethodRecord, TrajectoryRecord
-
-MOST_PASSES = 1000
-"""Passes that a run may have."""
+from .plans import PlanRecord
 
 MAX_ANSWERS = 20
 """Different answers of a point that are told apart."""
-
-
-class Limits(Struct, frozen=True):
-    """Limits of one case.
-
-    Attributes:
-        solve_seconds: limit of one solve [s].
-        case_seconds: limit of everything in a case, in each pass [s].
-        memory_bytes: memory that a case may take beyond what the framework itself needs.
-        max_iterations: limit of iterations of one solve.
-
-    Raises:
-        BenchError: if a limit is not positive and finite.
-    """
-
-    solve_seconds: Number = 0.5
-    case_seconds: Number = 60.0
-    memory_bytes: Count = 2 * 2**30
-    max_iterations: Count = 100_000
-
-    def __post_init__(self) -> None:
-        for name, value in msgspec.structs.asdict(self).items():
-            if not 0 < value < LARGEST:
-                raise BenchError(f"{name} must be positive and finite, got {value}.")
-
-
-class PlanRecord(Record, frozen=True, kw_only=True):
-    """What a run measures.
-
-    Attributes:
-        problems: names of problems.
-        solvers: names of solvers, or of steppers with solvers.
-        tolerances: the ladder; where steppers have their own, the errors that tables give the time to.
-        limits: of a case.
-        methods: the steppers with solvers; empty in a run over contact problems.
-        trajectories: the problems of a run over trajectories.
-        passes: passes over all problems, with one or two rounds of each point.
-        seed: of the orders of problems and solvers in each pass, and of a sample.
-        suite: name of the suite that the problems are of; empty where they were named.
-        families: the family of each problem, by its name.
-        left_out: a sentence for each file of a folder that cannot be measured.
-        shard: which part of the problems of a divided run these are, "2/8"; empty if all.
-
-    Raises:
-        ValueError: if a run over trajectories names others than it has.
-    """
-
-    problems: list[str]
-    solvers: list[str]
-    tolerances: Annotated[list[Tolerance], Meta(min_length=1)]
-    limits: Limits
-    methods: list[MethodRecord] = []
-    trajectories: list[TrajectoryRecord] = []
-    passes: Annotated[int, Meta(ge=1, le=MOST_PASSES)] = 3
-    seed: Count = 0
-    suite: str = ""
-    families: dict[str, str] = {}
-    left_out: list[str] = []
-    shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
-
-    def __post_init__(self) -> None:
-        names = [one.name for one in self.trajectories], [method.name for method in self.methods]
-        if any(names) and names != (self.problems, self.solvers):
-            raise ValueError("its trajectories or methods are not those that it names")
-
-    def ladder(self, solver: str) -> list[float]:
-        """Return the ladder of one of ``solvers``."""
-        return next((method.values for method in self.methods if method.name == solver), self.tolerances)
-
-    def family(self, problem: str) -> str:
-        """Return the family of one of ``problems``, also where the run is older than families."""
-        return self.families.get(problem) or family_of(problem)
-
-    def trajectory(self, name: str) -> TrajectoryRecord:
-        """Return one of the trajectories by its name."""
-        return next(trajectory for trajectory in self.trajectories if trajectory.name == name)
-
-    def has_finished(self, case: "CaseRecord") -> bool:
-        """Whether nothing of a case is left to measure."""
-        if case.outcome is not Outcome.MEASURED:
-            return True
-        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_for_others, case.points)
-        return self.has_tried(case) and all(point.n_passes >= self.passes for point in repeated)
-
-    def has_tried(self, case: "CaseRecord") -> bool:
-        """Whether a case has come to the end of its ladder at least once, or to an end of its own before."""
-        return case.outcome is not Outcome.MEASURED or len(case.points) >= len(self.ladder(case.solver))
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
@@ -385,6 +292,17 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     peak_memory_bytes: Count
     curve: Curve
     points: list[Point]
+
+    def is_finished(self, plan: PlanRecord) -> bool:
+        """Return whether a plan has nothing left to measure of the case."""
+        if self.outcome is not Outcome.MEASURED:
+            return True
+        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_for_others, self.points)
+        return self.is_tried(plan) and all(point.n_passes >= plan.passes for point in repeated)
+
+    def is_tried(self, plan: PlanRecord) -> bool:
+        """Return whether the case has reached the end of its ladder at least once, or ended before."""
+        return self.outcome is not Outcome.MEASURED or len(self.points) >= len(plan.ladder(self.solver))
 
 
 def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:

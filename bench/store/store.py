@@ -27,9 +27,16 @@ from .records import CaseRecord, RunRecord
 RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
 """Names in the folder of a run."""
 
-_ELSEWHERE = f"choose another folder with {option('results')}"
+ELSEWHERE = f"choose another folder with {either('--output', 'results=')}"
+"""What to do where a run cannot be written."""
 
-LARGEST_FILE = 2**28
+UNFIT_NAME = (
+    "is no name of a run; use at most 60 of the characters a-z, A-Z, 0-9, '.', '_' and '-', and begin and end with a "
+    "letter, digit or '-'."
+)
+"""What is wrong with a name that ``plain_name`` changes."""
+
+MAX_FILE_BYTES = 2**28
 """Bytes that a file of a run may have."""
 
 
@@ -52,7 +59,7 @@ class Store:
             store._cases.mkdir(parents=True, exist_ok=True)
             store.refuse_second()
         except OSError as error:
-            raise BenchError(f"cannot write {folder}: {error.strerror}; {_ELSEWHERE}.") from None
+            raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
         return store
 
     @staticmethod
@@ -63,8 +70,7 @@ class Store:
             BenchError: if it is none.
         """
         if not (folder / RUN_FILE).is_file():
-            why = "there is nothing of that name" if not folder.exists() else "it has no run.json"
-            raise BenchError(f"{folder} is no stored run ({why}); name the folder of a run.")
+            raise BenchError(_no_run(folder))
         return Store(folder)
 
     def refuse_second(self) -> None:
@@ -203,6 +209,19 @@ def problem_file(digest: str) -> str:
     return f"{PROBLEMS}/{digest}{SUFFIX}"
 
 
+def _no_run(path: Path) -> str:
+    """Return why a path is no stored run, and the remedy."""
+    if path.suffix == ".bundle" and path.is_file():
+        unpack = either(f"proxbench merge {path}", f"proxbench.bench.merge({str(path)!r})")
+        return f"{path} is a bundle, not the folder of a run; unpack it with: {unpack}"
+    if not path.exists():
+        return f"{path} is no stored run (there is nothing of that name); name the folder of a run."
+    runs = sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")) if path.is_dir() else []
+    if runs:
+        return f"{path} is no stored run but holds {len(runs)}; name one of them, such as {runs[-1]}."
+    return f"{path} is no stored run (it has no {RUN_FILE}); name the folder of a run."
+
+
 def plain_name(name: str) -> str:
     """Return ``name`` reduced to what is safe in a file name anywhere; different names stay different."""
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")
@@ -218,7 +237,7 @@ def _put(path: Path, content: bytes) -> None:
         with replacing(path) as file:
             file.write(content)
     except OSError as error:
-        raise BenchError(f"cannot write {path}: {error.strerror}; make room, or {_ELSEWHERE}.") from None
+        raise BenchError(f"cannot write {path}: {error.strerror}; make room, or {ELSEWHERE}.") from None
 
 
 def _holds(path: Path, content: bytes) -> bool:
@@ -235,7 +254,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
         BenchError: if it is damaged, too large, or of another format; the sentence ends with the remedy.
     """
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+        if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
             raise BenchError(f"{path.name} is no file that a run writes; remove it.")
         text = path.read_bytes()
     except OSError as error:

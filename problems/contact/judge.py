@@ -33,6 +33,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, real_numbers
 from ..errors import ProblemError
+from ..representation import html_table
 from .answer import ratio
 from .coupling import NEGLIGIBLE, largest_around
 from .model import Model
@@ -46,6 +47,14 @@ read 0 where huge impulses cancelled."""
 
 NO_NUMBERS = ("model", "component_residuals")
 """Fields of a verdict that are more than a number."""
+
+UNITS = {
+    "penetration_velocity": " [m/s]",
+    "cone_violation": " [N s]",
+    "complementarity": " [J]",
+    "dissipated_energy": " [J]",
+}
+"""Units of the fields of a verdict that have one."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,16 @@ class Verdict:
     infeasible: bool
     model: Model
     component_residuals: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        infeasible = ", infeasible" if self.infeasible else ""
+        local = f"local {self.local_residual:.3g}"
+        return f"<Verdict: residual {self.residual:.3g}, {local}, {self.model} model{infeasible}>"
+
+    def _repr_html_(self) -> str:
+        known = {name: value for name, value in self.numbers().items() if value is not None}
+        facts = {f"{name.replace('_', ' ')}{UNITS.get(name, '')}": value for name, value in known.items()}
+        return html_table(f"Verdict by the {self.model} model", facts)
 
     def numbers(self) -> dict[str, float | bool | None]:
         """Return what is a number of its own, by name: everything but the model and the residuals of components."""

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import FloatArray, IntArray, frozen
 from ..errors import ProblemError
+from ..representation import html_table
 
 
 class LawKind(IntEnum):
@@ -157,6 +158,23 @@ class Laws:
             has_row = count > row
             squares[has_row] += rows[first[has_row] + row] ** 2
         return np.sqrt(squares)
+
+    @property
+    def summary(self) -> str:
+        """Number of laws of each kind: ``"59 unilateral, 59 spatial friction"``."""
+        kinds, counts = np.unique(self.kind, return_counts=True)
+        names = (LawKind(kind).name.lower().replace("_", " ") for kind in kinds)
+        return ", ".join(f"{count} {name}" for count, name in zip(counts, names, strict=True)) or "none"
+
+    def __repr__(self) -> str:
+        return f"<Laws: {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        facts: dict[str, object] = {"laws": self.summary, "rows": self.n_rows}
+        if self.is_friction.any():
+            coefficients = self.friction_coefficient[self.is_friction]
+            facts["friction coefficients"] = f"{coefficients.min():g} to {coefficients.max():g}"
+        return html_table("Force laws", facts)
 
     @property
     def n_laws(self) -> int:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, frozen, read_only, real_numbers
 from ..errors import ProblemError
+from ..representation import counted, html_table
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
 from .factors import Factors
@@ -75,8 +76,16 @@ class ContactProblem:
             self.answer.check(self.laws.n_rows)
 
     def __repr__(self) -> str:
-        form = "G" if self.factors is None else "W and M⁻¹"
-        return f"<ContactProblem {self.name!r}: {self.n_contacts} contacts, {self.n_rows} rows, holds {form}>"
+        contacts, rows = counted(self.n_contacts, "contact"), counted(self.n_rows, "row")
+        return f"<ContactProblem {self.name!r}: {contacts}, {rows}, holds {self._form}>"
+
+    def _repr_html_(self) -> str:
+        facts = {"contacts": self.n_contacts, "rows": self.n_rows, "laws": self.laws.summary, "holds": self._form}
+        return html_table(f"Contact problem {self.name}", {**facts, **self.provenance})
+
+    @property
+    def _form(self) -> str:
+        return "G" if self.factors is None else "W and M⁻¹"
 
     @staticmethod
     def from_delassus(

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from ..arrays import FloatArray
 from ..errors import ProxbenchError
+from ..representation import counted, html_table
 from .model import Model
 from .problem import ContactProblem
 
@@ -96,6 +99,15 @@ class Solution:
     status: Status
     iterations: int
     message: str = ""
+
+    def __repr__(self) -> str:
+        counts = f"{counted(len(self.impulses), 'row')}, {counted(self.iterations, 'iteration')}"
+        return f"<Solution {self.status}: {counts}{self.message and f'; {self.message}'}>"
+
+    def _repr_html_(self) -> str:
+        largest = float(np.abs(self.impulses).max(initial=0.0))
+        facts = {"rows": len(self.impulses), "iterations": self.iterations, "largest impulse [N s]": largest}
+        return html_table(f"Solution: {self.status}", {**facts, **({"message": self.message} if self.message else {})})
 
 
 class Prepared(Protocol):

@@ -121,9 +121,11 @@ def is_path(name: str | Path) -> bool:
 
 
 def load(name: str | Path) -> ContactProblem:
-    """Return one problem by name, or from a file: of ``save_problem`` or ``proxbench generate``, or an FCLIB file.
+    """Return one problem by name or from a file.
 
-    A problem that was saved without a name has that of its file.
+    A file is of ``save_problem`` or ``proxbench generate``, an FCLIB file, or one of plain arrays, as
+    ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` writes it; see ``problems.exchange.plain_arrays``. A problem that was
+    saved without a name has that of its file.
 
     Args:
         name: a name, or the path of a file: a ``Path``, or text that ends in .npz, or in .hdf5 or .h5 for FCLIB.

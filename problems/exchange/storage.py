@@ -18,6 +18,7 @@ from ..contact.problem import ContactProblem
 from ..errors import ProblemError
 from .archive import DAMAGES, ArchiveError, read_arrays
 from .atomic_file import replacing
+from .plain_arrays import is_plain, problem_of_arrays
 
 FORMAT = 2
 """Newest version of the file format."""
@@ -27,7 +28,7 @@ CONTACTS_ONLY = 1
 
 SUFFIX = ".npz"
 
-AGAIN = "make it again with proxbench generate or save_problem"
+AGAIN = "make it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
 """What helps with a file that is no problem."""
 
 _OF_LAWS = [field.name for field in fields(Laws)]
@@ -78,7 +79,7 @@ def problem_bytes(problem: ContactProblem) -> bytes:
 
 
 def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
-    """Read one problem.
+    """Read one problem, from a file of ``save_problem`` or of plain arrays, see ``plain_arrays``.
 
     Args:
         source: path or open binary file.
@@ -89,7 +90,10 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
     """
     name = label or str(source)
     try:
-        problem, digest = _problem(read_arrays(source), name)
+        arrays = read_arrays(source)
+        if is_plain(arrays):
+            return problem_of_arrays(arrays, name)
+        problem, digest = _problem(arrays, name)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:

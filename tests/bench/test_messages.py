@@ -81,7 +81,7 @@ def interrupted_simulation(folder: Path) -> None:
     ("act", "command_line", "python"),
     [
         (taken_run, ["--resume", "--run-id"], ["resume('{folder}/it')", "run_id="]),
-        (blocked, ["--results"], ["results="]),
+        (blocked, ["--output"], ["results="]),
         (interrupted, ["proxbench run --resume {folder}"], ["proxbench.bench.resume('{folder}')"]),
         (interrupted_simulation, ["--resume {folder}/a.npz"], ["resume_simulation('{folder}/a.npz')"]),
         (lambda folder: output_file(taken(folder), "a", ".json", False), ["--resume", "--force"], ["force=True"]),
@@ -107,7 +107,7 @@ def test_each_reader_gets_its_own_spelling(
 def test_the_command_line_prints_its_own_spelling(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "it").mkdir()
     taken(tmp_path / "it")
-    line = f"run --problem hard-no-motion --solver SORprox --results {tmp_path} --run-id it"
+    line = f"run --problem hard-no-motion --solver SORprox --output {tmp_path} --run-id it"
     assert run_command(line.split()) == 2
     assert "--resume" in (said := capsys.readouterr().err)
     assert "resume(" not in said

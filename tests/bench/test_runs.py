@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from proxbench import bench
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.plan import Limits
 from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import ContactProblem, ProblemError, save_problem
 from proxbench.problems import load as load_problem
 from proxbench.problems.exchange.catalog import SUITES
@@ -144,7 +144,7 @@ def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_f
     monkeypatch.setenv("PROXBENCH_CACHE", str(cache))
     monkeypatch.setitem(SUITES, "all", [*SUITES["all"], "late"])
     monkeypatch.setattr(
-        "proxbench.bench.measure.execution.progress.generate",
+        "proxbench.bench.measure.execution.run_executor.generate",
         lambda names: [save_problem(falling(name, 2.0), cache / f"{name}.npz") for name in names],
     )
     save_problem(falling("early"), cache / "early.npz")
@@ -216,10 +216,8 @@ def test_a_notebook_shows_the_summary_and_no_markup_of_names(finished: Run) -> N
     assert len("".join(page.texts)) < 4000
 
 
-def test_the_version_is_that_of_the_installation() -> None:
-    from importlib import metadata
-
-    assert bench.__version__ == metadata.version("proxbench")
+def test_bench_shows_the_names_that_it_exports() -> None:
+    assert dir(bench) == sorted(bench.__all__)
     assert set(bench.__all__) == {
         "Run",
         "bundle",

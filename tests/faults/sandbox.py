@@ -18,7 +18,7 @@ PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
 HEAD = """
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import resume, run
-from proxbench.bench.measure.plan import Limits
+from proxbench.bench.store.plans import Limits
 """
 
 

@@ -16,7 +16,7 @@ from proxbench.bench import load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.report.charts.problems import write_charts
 from proxbench.bench.report.tables import print_tables, write_tables
-from proxbench.bench.store.store import LARGEST_FILE, Store
+from proxbench.bench.store.store import MAX_FILE_BYTES, Store
 from proxbench.problems import load as load_problem
 from rich.console import Console
 
@@ -143,7 +143,7 @@ def test_a_file_that_is_none_or_absurd_is_left_out(copied: Path) -> None:
     (cases / "bytes.json").write_bytes(b"\xff\xfe\x00")
     (cases / "device.json").symlink_to("/dev/zero")
     with (cases / "huge.json").open("wb") as file:
-        file.truncate(LARGEST_FILE + 1)
+        file.truncate(MAX_FILE_BYTES + 1)
     frames = load(copied)
     assert len(frames.cases) == 1
     assert len(frames.damaged) == 7
@@ -154,7 +154,7 @@ def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
     """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
     pickling = {
         "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
-        "cloudpickle": {"contestants.py", "describing.py"},
+        "cloudpickle": {"specs.py", "describing.py"},
     }
     for package in ("bench", "problems", "solvers"):
         for file in (PACKAGES / package).rglob("*.py"):

@@ -158,7 +158,7 @@ class JumpingClock(datetime):
 def test_a_clock_that_jumps_changes_no_result(
     tmp_path: Path, undisturbed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.execution.progress.datetime", JumpingClock)
+    monkeypatch.setattr("proxbench.bench.measure.execution.local.datetime", JumpingClock)
     monkeypatch.setattr(time, "time", lambda: JumpingClock.now(UTC).timestamp())
     problems, solvers = ["hard-sticking-box", "hard-tresca-joint", "funnel-30"], ["SORprox", "ClarabelSOCP"]
     folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3]).folder

@@ -17,7 +17,7 @@ from numba import njit
 from proxbench.bench.isolation.worker import Worker
 from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
 from proxbench.bench.plugins.describing import contestant
-from proxbench.bench.store.records import Limits
+from proxbench.bench.store.plans import Limits
 from proxbench.problems.exchange.storage import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop
 

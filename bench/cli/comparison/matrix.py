@@ -15,7 +15,10 @@ def matrix(
     tolerance: Annotated[float, options.limits(help="Residual to reach.")] = 1e-8,
     solve_seconds: options.SolveSeconds = 5.0,
     max_iterations: Annotated[int, options.limits(help="Iterations of one solve.")] = 200_000,
-    output: Annotated[Path | None, options.output(metavar="FILE", help="Markdown page; printed if left out.")] = None,
+    output: Annotated[
+        Path | None,
+        options.output(metavar="FILE", help="Markdown page, beside a CSV file of all cells; printed if left out."),
+    ] = None,
     plugin: options.PluginFiles = None,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
@@ -27,11 +30,11 @@ def matrix(
     from ....problems.contact.solver import Stop
     from ....problems.spelling import for_command_line
     from ...errors import BenchError, UnwritableError
-    from ...measure.contacts.matrix import default_solvers, measured_matrix
+    from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
     from ...report.layout.output_file import refuse_taken, write_file
-    from ...report.layout.text import print_json
-    from ...report.matrix import count_bad, matrix_page
+    from ...report.layout.text import csv_content, print_json
+    from ...report.matrix import count_bad, matrix_page, matrix_table
     from ...store.outcome import Cell
     from ..progress import ProgressBar
 
@@ -40,7 +43,12 @@ def matrix(
         raise BenchError("--quiet prints no page; name a file for it: --output FILE.")
     if output is not None and not output.parent.is_dir():
         raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
-    refuse_taken([] if output is None else [output], force=True)
+    table = None if output is None else output.with_suffix(".csv")
+    if table is not None and table == output:
+        raise BenchError(
+            f"cannot write {output}: the page is Markdown and its table a CSV file; name a file that ends in .md."
+        )
+    refuse_taken([path for path in (output, table) if path is not None], force=True)
     chosen, methods = select(problem, suite), list(solver or default_solvers())
     with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
         shown.count(0, len(chosen.problems) * len(methods))
@@ -49,23 +57,26 @@ def matrix(
             shown.name(f"{cell.solver} on {cell.problem}", again=True)
             shown.advance()
 
-        cells = measured_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
+        cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
         print(f"proxbench: {for_command_line(sentence)}", file=sys.stderr)
-    page = matrix_page(cells, tolerance, _command(suite, problem, solver, tolerance, output))
+    command = _command(suite, problem, solver, tolerance, output)
+    page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:
         print_json([asdict(cell) for cell in cells])
-    elif output is None:
+    elif output is None or table is None:
         print(page, end="")
     else:
         try:
             write_file(output, page.encode())
+            write_file(table, csv_content(matrix_table(cells)))
         except UnwritableError:
-            print(page, end="")  # it took long to measure
+            print(matrix_page(cells, tolerance, command), end="")  # it took long to measure
             raise
         if not quiet:
             print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault")
         print(f"matrix   {output}")
+        print(f"table    {table}")
     return int(count_bad(cells) > 0 or bool(chosen.left_out))
 
 

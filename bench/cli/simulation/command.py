@@ -8,28 +8,22 @@ import typer
 
 from .. import options
 from ..help import HelpCommand
-from ..run import report_run
+from ..report import report_run
 
 _NUMBERS = ("stepper", "tolerance", "max_iterations", "start", "states", "step_seconds")
 
 _LIMITS = {"solve_seconds", "case_seconds"}
 """Options of a study alone."""
 
-_NOT_IN_A_STUDY = {*_NUMBERS, "record", "chart", "force"} - {"start"}
+_NOT_IN_A_STUDY = {*_NUMBERS, "recording", "chart", "force"} - {"start"}
 
 _WHY = {
     **dict.fromkeys(("stepper", "tolerance", "max_iterations"), "a study varies steppers and tolerances itself"),
     "states": "a study keeps no states of its simulations",
     "step_seconds": "a study limits no single answers of plugins, but --solve-seconds and --case-seconds",
-    "record": "a study is of many simulations and has no recording",
+    "recording": "a study is of many simulations and has no recording",
 }
 """Why not."""
-
-NO_STUDY = (
-    "{} is no study, which is the folder of a run; measure one of an older version again with: "
-    "proxbench simulate SCENE --study"
-)
-"""What is said of a file as older versions wrote it."""
 
 _STORED = {"scene", "solver", "duration", "start", *_LIMITS}
 """What a study that goes on has from its folder."""
@@ -101,7 +95,7 @@ def simulate(
         Path, options.output(metavar="FILE", help="Result (.npz), or the folder for it or for a study.")
     ] = Path("results"),
     states: Annotated[int | None, options.output(help="States kept, at least; twice as many at most.")] = None,
-    record: Annotated[Path | None, options.output(metavar="FILE", help="Recording to write (.rrd).")] = None,
+    recording: Annotated[Path | None, options.output(metavar="FILE", help="Recording to write (.rrd).")] = None,
     chart: Annotated[Path | None, options.output(metavar="NAME", help="Chart to write, .svg and .png.")] = None,
     force: options.Force = False,
     quiet: options.Quiet = False,
@@ -118,7 +112,7 @@ def simulate(
     numbers = {name: context.params[name] for name in _NUMBERS if context.params[name] is not None}
     if solver is not None:
         numbers["solver"] = solver[0]
-    request = Request(scene, numbers, duration, output, force, resume, record, chart)
+    request = Request(scene, numbers, duration, output, force, resume, recording, chart)
     return run_simulation(request, as_json, quiet, progress)
 
 
@@ -173,8 +167,6 @@ def _refuse_contradictions(context: typer.Context) -> None:
     is_study = given["study"] or (resume is not None and resume.is_dir())
     if resume is None and not given["scene"]:
         raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result to resume: --resume RESULT.")
-    if resume is not None and resume.suffix == ".json" and not resume.is_dir():
-        raise BenchError(NO_STUDY.format(resume))
     if resume is not None and given["study"] and not resume.is_dir():
         raise BenchError(f"{resume} holds no study, which is the folder of a run; leave --study out, or name one.")
     for name in sorted(named & (_NOT_IN_A_STUDY if is_study else _LIMITS)):
@@ -187,7 +179,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
         raise BenchError(f"a study is a folder in --output, not the file {given['output']}; name the folder.")
     if not is_study and len(given["solver"] or ()) > 1:
         raise BenchError("a simulation has one solver; name one, or compare them with --study.")
-    writes_more = given["record"] is not None or given["chart"] is not None  # which --force may replace
+    writes_more = given["recording"] is not None or given["chart"] is not None  # which --force may replace
     for name in ("output",) if writes_more else ("output", "force"):
         if resume is not None and name in named:
             raise BenchError(f"--{name} makes no sense with --resume, which goes on in its own place; leave it out.")

@@ -13,8 +13,8 @@ from ....problems.contact.solver import Status
 from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
 from ...store.records import Measured, Point
-from .control import FirstSolve
-from .verdicts import RememberedVerdicts
+from .control import CopySolve, FirstSolve
+from .verdicts import VerdictCache
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class JudgedAnswers:
         return max((error for error in found if error is not None), default=None)
 
 
-def judged_answers(
+def judge_answers(
     problem: ContactProblem,
     model: Model,
     tolerance: float,
     status: Status,
     rows: Sequence[FloatArray],
-    remembered: RememberedVerdicts,
+    remembered: VerdictCache,
 ) -> JudgedAnswers:
     """Judge the answers to one tolerance.
 
@@ -111,4 +111,24 @@ def confirmed(
             reason=f"in a first solve in a fresh process, {reason}",
             measured=replace(measured, **worse),
         )
+    return replace(point, measured=measured)
+
+
+def with_copies(model: Model, measured: Measured, point: Point, copies: Sequence[CopySolve]) -> Point:
+    """Return a point with the times of copies of its problem, whose answers are judged too.
+
+    Args:
+        model: what the solver solves.
+        measured: numbers of the point.
+        point: a point that ends solved.
+        copies: first solves of copies, which claim to be solutions.
+    """
+    seconds = [float(one.timed.totals[0]) for one in copies if one.is_steady]
+    measured = replace(measured, copy_seconds=[*measured.copy_seconds, *seconds])
+    for copy in copies:
+        own, coulomb = verdicts(copy.problem, copy.impulses, model)
+        outcome = point_outcome(copy.timed.status, point.tolerance, model, own, coulomb)
+        if outcome is Outcome.WRONG:
+            reason = f"on a copy of the problem, {claim_reason(outcome, point.tolerance, model, own.residual)}"
+            return replace(point, outcome=outcome, reason=reason, measured=measured)
     return replace(point, measured=measured)

@@ -8,29 +8,29 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from msgspec.structs import replace
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.storage import problem_bytes
-from ...isolation.worker import LARGEST_CONTENT, Fault, no_answer
-from ...plugins.contestants import Contestant
+from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
 from ...plugins.remote_solver import are_iterations
+from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained_by_repetition
 from ...store.outcome import Outcome, late_reason
-from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Limits, Measured, Point, Round
-from ..ladder import LONGEST_REASON, LadderCase
+from ...store.plans import Limits
+from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
+from ..ladder import MAX_REASON_LENGTH, LadderCase
 from ..measuring_core import MeasuringCore
-from ..points import joined, times_of, with_impulses_at_the_finest
-from .answers import confirmed, judged_answers
+from ..points import joined, keep_finest_impulses, times_from_rounds
+from .answers import confirmed, judge_answers, with_copies
 from .clock_account import ClockAccount
-from .control import THOROUGH, Controls
+from .control import WARM_UP_STOP, Controls
 from .protocol import MeasuringTask
 from .timed_round import NoRoundError, TimedRound
-from .variants import moved_copy
-from .verdicts import RememberedVerdicts
+from .variants import perturbed_copy
+from .verdicts import VerdictCache
 
 ROUND_SECONDS = 0.005
 """Wall time of a round at least; every round has at least one timed solve."""
@@ -62,10 +62,10 @@ class CasePass:
     session: int = 0
     number: int = 0
     points: Collection[tuple[str, int]] | None = None
-    verdicts: RememberedVerdicts = field(default_factory=RememberedVerdicts)
+    verdicts: VerdictCache = field(default_factory=VerdictCache)
 
 
-RESTS = 20
+MAX_RESTS = 20
 """Rests in which processes that a solver has started may end, before it is refused for them."""
 
 
@@ -96,7 +96,7 @@ class Case(LadderCase[MeasuredRound]):
     def __init__(
         self,
         problem: ContactProblem,
-        solver: Contestant,
+        solver: SolverSpec,
         limits: Limits,
         ladder: Sequence[float],
         problem_data: bytes,
@@ -129,7 +129,7 @@ class Case(LadderCase[MeasuredRound]):
         A solver that refuses either is recorded with its reason.
         """
         self._start(MeasuringTask(self._controls.warm_up, self.solver))
-        requests = (("supports",), ("warm_up", THOROUGH), ("problem", self._data), ("supports",))
+        requests = (("supports",), ("warm_up", WARM_UP_STOP), ("problem", self._data), ("supports",))
         if any(self._ask(request, *arguments) is None for request, *arguments in requests):
             return
         seen = None if self._curve.iteration else self._ask("observe", self._stop(self.ladder[-1]))
@@ -158,11 +158,11 @@ class Case(LadderCase[MeasuredRound]):
         super().end()
 
     def _ask(
-        self, request: str, *arguments: Any, largest: int = LARGEST_CONTENT
+        self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
         """Return the answer of the process, once nothing that it has started runs any more."""
         found = super()._ask(request, *arguments, largest=largest)
-        for _ in range(RESTS):
+        for _ in range(MAX_RESTS):
             if found is None or self._worker is None or not self._worker.n_started():
                 return found
             found = super()._ask("rest") and found
@@ -235,9 +235,9 @@ class Case(LadderCase[MeasuredRound]):
         """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
         last = answers[-1].timed
         rows = [impulses for answer in answers for impulses in answer.impulses]
-        found = judged_answers(self.problem, self.solver.model, value, last.status, rows, self.case_pass.verdicts)
+        found = judge_answers(self.problem, self.solver.model, value, last.status, rows, self.case_pass.verdicts)
         outcome = found.outcome
-        reason = last.message[:LONGEST_REASON] or ("" if last.status is Status.SOLVED else last.status.sentence)
+        reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
         counted = [answer for answer in answers if not answer.record.excluded] or answers
         totals = np.concatenate([answer.timed.totals for answer in counted])
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
@@ -251,7 +251,7 @@ class Case(LadderCase[MeasuredRound]):
             claimed_iterations=None if iterations == last.iterations else last.iterations,
             residual=found.coulomb.residual,
             model_residual=found.own.residual,
-            **times_of(rounds),
+            **times_from_rounds(rounds),
             rounds=rounds,
             answers=len(hashes),
             hashes=hashes,
@@ -278,7 +278,7 @@ class Case(LadderCase[MeasuredRound]):
         In later passes they are repeated where a round is faster than the earlier ones explain.
         """
         super().add_point(level, answers)
-        self.points = with_impulses_at_the_finest(self.points)
+        self.points = keep_finest_impulses(self.points)
         point = self.points[level]
         measured = point.measured
         is_to_control = point.is_repeated and point.outcome is not Outcome.WRONG and self.problem.n_rows
@@ -290,18 +290,19 @@ class Case(LadderCase[MeasuredRound]):
         known = measured.first_seconds
         try:
             if level == self._copied_level and self.case_pass.points is None:
-                copies = [*measured.copy_seconds, *self._controls.copies(stop, seconds)]
-                measured = replace(measured, copy_seconds=copies)
-                point = replace(point, measured=measured)
-            if not known or not is_explained_by_repetition(seconds, float(np.median(known))):
-                firsts = self._controls.first_solves(stop, seconds, partial(self._seconds_again, stop))
+                copies = self._controls.copies(stop, seconds)
+                point = with_copies(self.solver.model, measured, point, copies)
+                measured = point.measured or measured
+            is_explained = known and is_explained_by_repetition(seconds, float(np.median(known)))
+            if point.outcome is not Outcome.WRONG and not is_explained:
+                firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop))
                 point = confirmed(self.problem, self.solver.model, measured, point, firsts)
         except Fault as fault:
             self._fail(fault)
             return
         self.points[level] = point
 
-    def _seconds_again(self, stop: Stop) -> float:
+    def _measure_again(self, stop: Stop) -> float:
         """Return the median time [s] of one more round.
 
         Raises:
@@ -360,7 +361,7 @@ class Case(LadderCase[MeasuredRound]):
 @lru_cache(maxsize=4)
 def warm_up_data(problem: ContactProblem) -> bytes:
     """Return a copy of a problem to warm up on, as the content of a file, one for all its cases."""
-    return problem_bytes(moved_copy(problem))
+    return problem_bytes(perturbed_copy(problem))
 
 
 def _known_contradiction(point: Point) -> tuple[int, int] | None:

@@ -4,7 +4,7 @@ n rounds of N solves with processor seconds P work for P on the clock, and besid
 seconds a solve (make a fresh problem) and b seconds a round (check the process). Both are measured here, on the same
 core, with a solver that does nothing. The process of a case may work for
 
-    W ≤ (1 + SHARE) P + HARNESS (N a + n b) + n REQUEST_SECONDS + ALLOWANCE
+    W ≤ (1 + SHARE) P + HARNESS_FACTOR (N a + n b) + n REQUEST_SECONDS + ALLOWANCE_SECONDS
 
 in the rounds that are not excluded. What exceeds that is work off the clock, unless a and b, measured again, explain
 it: other programs slow down the harness as well.
@@ -28,19 +28,19 @@ from .timed_round import TimedRound
 SHARE = 0.05
 """Share of the time on the clock that may be worked beside it."""
 
-HARNESS = 1.5
+HARNESS_FACTOR = 1.5
 """What the harness does in a case's process may be this many times what it does here."""
 
 REQUEST_SECONDS = 0.001
 """Processor time of a round in which its request is read and answered [s]."""
 
-ALLOWANCE = 0.005
+ALLOWANCE_SECONDS = 0.005
 """Processor time of all rounds together that need not be accounted for [s]."""
 
 IDLE_ROUNDS, IDLE_SOLVES = 5, 12
 """Rounds and solves that do nothing, of which the harness's work is the median."""
 
-MAX_AGAIN = 5
+MAX_CALIBRATIONS = 5
 """Times that the harness's work is measured again for a case."""
 
 
@@ -70,7 +70,7 @@ class ClockAccount:
         self._worked += worked
         self._harness = _larger(self._harness, _first_harness_seconds(self.problem))
         while self._worked > self._explained():
-            if self._again == MAX_AGAIN:
+            if self._again == MAX_CALIBRATIONS:
                 return (
                     f"its process worked for {self._worked:.3g} s in rounds, of which its own clock explains "
                     f"{self._explained():.3g} s"
@@ -81,8 +81,8 @@ class ClockAccount:
 
     def _explained(self) -> float:
         a_solve, a_round = self._harness
-        beside = HARNESS * (self._solves * a_solve + self._rounds * a_round) + self._rounds * REQUEST_SECONDS
-        return (1.0 + SHARE) * self._on_clock + beside + ALLOWANCE
+        beside = HARNESS_FACTOR * (self._solves * a_solve + self._rounds * a_round) + self._rounds * REQUEST_SECONDS
+        return (1.0 + SHARE) * self._on_clock + beside + ALLOWANCE_SECONDS
 
 
 def _larger(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:

@@ -5,12 +5,13 @@ copy again until its caches are warm, then the problem for the first time, in un
 (``variants``), and ends. With t₁ the median of several such first solves and t that of the repeated ones, repetition
 explains
 
-    t₁ ≤ (1 + SHARE) t + ALLOWANCE.
+    t₁ ≤ (1 + SHARE) t + ALLOWANCE_SECONDS.
 
-First solves are added one by one until NEEDED more of them are within the bound than beyond it, or until REFUSED more
-are beyond it. Beyond it the ratio t₁/t becomes part of the row, and beyond LARGEST_RATIO the solver has misbehaved. A
-solver may load or compile something on its way: before it is accused, first solves are repeated in forks that have
-solved another problem to the same tolerance, and the faster ones count.
+First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are within the bound than beyond it, or until
+``MAX_SLOW_SOLVES`` more are beyond it. In the latter case the ratio t₁/t becomes part of the row, and beyond
+``MAX_RATIO`` the solver has misbehaved. A solver may load or compile something in its first solve. Before it is
+accused, first solves are repeated in forks that have solved another problem to the same tolerance, and the faster ones
+count.
 """
 
 import time
@@ -26,34 +27,34 @@ from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.storage import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
-from ...plugins.contestants import Contestant
-from ...store.notes import ALLOWANCE, COPY_RATIO, is_explained_by_repetition
+from ...plugins.solver_specs import SolverSpec
+from ...store.notes import ALLOWANCE_SECONDS, COPY_RATIO, is_explained_by_repetition
 from ...store.outcome import Outcome
-from ...store.records import Limits
+from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from .protocol import MeasuringTask
 from .timed_round import NoRoundError, TimedRound
-from .variants import in_other_units, moved_copy, turned_copy
+from .variants import disguised_copy, in_other_units, perturbed_copy
 
-NEEDED = 2
+MIN_FAST_SOLVES = 2
 """First solves within the bound, more than beyond it, after which no further one follows."""
 
 LONG_SECONDS = 0.02
 """Time of a solve from which on one within the bound is enough [s]: it scatters less."""
 
-REFUSED = 4
+MAX_SLOW_SOLVES = 4
 """First solves beyond the bound, more than within it, after which no further one follows."""
 
 MAX_SOLVES = 9
 """First solves of a point at most."""
 
-LARGEST_RATIO, LARGEST_ALLOWANCE = 1.5, 2e-4
+MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """First solves that take so many times as long as repeated ones, and so many seconds more, show a repeated answer."""
 
-MAX_COPIES = 4
+MAX_COPIES = 6
 """Copies of the problem that are solved at most, where the first one is slower than the problem."""
 
-THOROUGH = Stop(1e-8, max_iterations=200, max_seconds=0.1)
+WARM_UP_STOP = Stop(1e-8, max_iterations=200, max_seconds=0.1)
 """Limits of the solve with which processes warm up, so that timed solves and forks find everything loaded."""
 
 
@@ -75,6 +76,23 @@ class FirstSolve:
         return float(self.timed.undisturbed[-1])
 
 
+@dataclass(frozen=True)
+class CopySolve:
+    """A first solve of a copy of the problem.
+
+    Attributes:
+        problem: the copy.
+        timed: the solve.
+        impulses: its answer [N s], shape (n_rows,).
+        is_steady: whether the core was its own meanwhile.
+    """
+
+    problem: ContactProblem
+    timed: TimedRound
+    impulses: FloatArray
+    is_steady: bool
+
+
 class Controls:
     """The first solves of one solver on one problem.
 
@@ -86,7 +104,7 @@ class Controls:
         core: where they are timed.
     """
 
-    def __init__(self, problem: ContactProblem, warm_up: bytes, solver: Contestant, limits: Limits) -> None:
+    def __init__(self, problem: ContactProblem, warm_up: bytes, solver: SolverSpec, limits: Limits) -> None:
         self.problem, self.warm_up, self.solver, self.limits = problem, warm_up, solver, limits
         self.core = MeasuringCore(None)
         self._worker: Worker | None = None
@@ -115,23 +133,23 @@ class Controls:
             Fault: MISBEHAVED if the timed solves repeat an answer, or whatever ends the process.
         """
         solves: list[FirstSolve] = []
-        needed, balance = 1 if seconds > LONG_SECONDS else NEEDED, 0
+        needed, balance = 1 if seconds > LONG_SECONDS else MIN_FAST_SOLVES, 0
         for _ in range(MAX_SOLVES):
             solve = self._first_solve(stop)
             if solve.timed.status is not Status.SOLVED:
-                solves += [solve, self._as_it_is(stop)]
+                solves += [solve, self._first_solve_unscaled(stop)]
                 self._check_time_limit(stop, seconds, solves[-2:])
                 return [*solves[:-2], solves[-1]]
             solves.append(solve)
             balance += 1 if is_explained_by_repetition(seconds, solve.seconds) else -1
             if balance >= needed:
                 return solves
-            if balance <= -REFUSED:
+            if balance <= -MAX_SLOW_SOLVES:
                 break
         seconds = max(seconds, again())
-        loaded = [self._first_solve(stop, after=moved_copy(self.problem)) for _ in range(REFUSED)]
+        loaded = [self._first_solve(stop, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
         solves = min(solves, loaded, key=_median)
-        if _median(solves) > LARGEST_RATIO * seconds + LARGEST_ALLOWANCE:
+        if _median(solves) > MAX_RATIO * seconds + MAX_ALLOWANCE_SECONDS:
             raise Fault(
                 Outcome.MISBEHAVED,
                 f"first solves to {stop.tolerance:g}, in fresh processes, take {_median(solves):.3g} s and repeated "
@@ -142,25 +160,25 @@ class Controls:
     def _check_time_limit(self, stop: Stop, seconds: float, ended: Sequence[FirstSolve]) -> None:
         """Raise a ``Fault`` if first solves reach the time limit, to which repeated ones [s] are not close."""
         is_late = all(one.timed.status is Status.TIME_LIMIT and not one.timed.is_preempted for one in ended)
-        if is_late and LARGEST_RATIO * seconds + LARGEST_ALLOWANCE < stop.max_seconds:
+        if is_late and MAX_RATIO * seconds + MAX_ALLOWANCE_SECONDS < stop.max_seconds:
             raise Fault(
                 Outcome.MISBEHAVED,
                 f"first solves to {stop.tolerance:g}, in fresh processes, reach the time limit of "
                 f"{stop.max_seconds:g} s and repeated ones take {seconds:.3g} s: it repeats answers instead of solving",
             )
 
-    def copies(self, stop: Stop, seconds: float) -> list[float]:
-        """Return times of first solves of copies [s], one if the problem takes as long, several if it takes less."""
-        found: list[float] = []
+    def copies(self, stop: Stop, seconds: float) -> list[CopySolve]:
+        """Return first solves of copies, one if the problem takes as long [s], several if it takes less."""
+        found: list[CopySolve] = []
         for _ in range(MAX_COPIES):
-            copy = problem_bytes(turned_copy(self.problem))
-            timed, _ = self._in_fork(lambda copy=copy: self._ask(stop, [copy]))  # type: ignore[misc]
+            copy, probe = disguised_copy(self.problem, stop.tolerance), self.core.probe()
+            data = problem_bytes(copy)
+            timed, rows = self._in_fork(lambda data=data: self._ask(stop, [data]))  # type: ignore[misc]
             if timed.status is not Status.SOLVED:
                 break
-            if timed.is_preempted:
-                continue
-            found.append(float(timed.totals[0]))
-            if found[-1] <= COPY_RATIO * seconds + ALLOWANCE:
+            is_steady = not timed.is_preempted and self.core.is_steady(probe, self.core.probe())
+            found.append(CopySolve(copy, timed, self._checked(rows), is_steady))
+            if is_steady and timed.totals[0] <= COPY_RATIO * seconds + ALLOWANCE_SECONDS:
                 break
         return found
 
@@ -171,7 +189,7 @@ class Controls:
         timed, rows = self._in_fork(lambda: self._ask(stop, [*before, variant.data]))
         return FirstSolve(timed, variant.units * self._checked(rows))
 
-    def _as_it_is(self, stop: Stop) -> FirstSolve:
+    def _first_solve_unscaled(self, stop: Stop) -> FirstSolve:
         """Return a first solve of the problem in its own units."""
         timed, rows = self._in_fork(lambda: self._ask(stop, [problem_bytes(self.problem.anonymous())]))
         return FirstSolve(timed, self._checked(rows))
@@ -202,7 +220,7 @@ class Controls:
         if self._worker is None:
             task = MeasuringTask(self.warm_up, self.solver)
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
-            self._worker.ask("warm_up", THOROUGH)
+            self._worker.ask("warm_up", WARM_UP_STOP)
             self.core.pin(self._worker.process)
         worker, request = self._worker, ("first_solves", (stop, problems))
         worker.busy_seconds = 0.0

@@ -12,12 +12,12 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Solver, Stop
 from ....solvers.registry import available
-from ...plugins.describing import contestant
+from ...plugins.describing import solver_spec
 from ...plugins.problems import resolved
 from ...plugins.remote_solver import FailedSolveError, RemoteSolver
 from ...store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
 from ..plan import DEFAULT_SOLVERS
-from ..selection import name_of
+from ..selection import problem_name
 
 PREPARING_SECONDS = 60.0
 """Wall time that a cell of a built-in solver may take beyond its solve, for preparing [s]."""
@@ -30,7 +30,7 @@ def default_solvers() -> list[str]:
     return [*listed, *(name for name in available() if name not in plain)]
 
 
-def measured_matrix(
+def measure_matrix(
     problems: Sequence[str | ContactProblem],
     solvers: Sequence[str | Solver],
     stop: Stop,
@@ -52,7 +52,7 @@ def measured_matrix(
     Raises:
         ProxbenchError: for an unknown problem or solver.
     """
-    taken, made = {name_of(one): resolved(one) for one in problems}, [contestant(solver) for solver in solvers]
+    taken, made = {problem_name(one): resolved(one) for one in problems}, [solver_spec(solver) for solver in solvers]
     cells = []
     for solver in made:
         # built-in solvers end by their own clock, which compiling their kernels and preparing do not count for

@@ -26,16 +26,17 @@ from ....problems.exchange.storage import read_problem
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
-from ...plugins.contestants import Contestant
-from ..ladder import LONGEST_REASON
+from ...plugins.solver_specs import SolverSpec
+from ...store.outcome import LATE_PREPARING
+from ..ladder import MAX_REASON_LENGTH
 
-FIRST_MARKS = 30
+FIRST_ITERATIONS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
 
 MARK_RATIO = 1.04
 """Ratio of that sequence."""
 
-LATEST = 40
+LAST_ITERATIONS = 40
 """Last iterations that all appear in it: where several methods take turns the last one may need no more."""
 
 SUPPORTS_SECONDS = 0.1
@@ -93,7 +94,7 @@ class Round:
         answer = {
             "status": last.status.value,
             "iterations": int(last.iterations),
-            "message": str(last.message)[:LONGEST_REASON],
+            "message": str(last.message)[:MAX_REASON_LENGTH],
             **{name: [getattr(one, name) for one in self.solves] for name in ("prepare", "solve", "processor")},
             **{name: getattr(self, name) for name in ("involuntary", "voluntary", "waited")},
         }
@@ -129,7 +130,7 @@ class Measurement:
         reason = self.solver.supports(problem)
         seconds = _processor_seconds() - began
         refuse(reason_fault(reason))
-        self._refuse_threads()
+        self._check_threads()
         if seconds > SUPPORTS_SECONDS:
             raise MisbehaviourError(f"its supports worked for {seconds:.3g} s, where {SUPPORTS_SECONDS:g} s are enough")
         return reason or ""
@@ -139,7 +140,7 @@ class Measurement:
         prepared = self.solver.prepare(self.problem.fresh())
         refuse(prepared_fault(prepared))
         refuse(type_fault(prepared.solve(stop)))
-        self._refuse_threads()
+        self._check_threads()
         self.before = self.before.after_imports()
 
     def observe(self, stop: Stop) -> tuple[list[int], FloatArray, int, int]:
@@ -149,7 +150,7 @@ class Measurement:
         """
         problem = self.problem.fresh()
         iterates: dict[int, FloatArray] = {}
-        latest: deque[tuple[int, FloatArray]] = deque(maxlen=LATEST)
+        latest: deque[tuple[int, FloatArray]] = deque(maxlen=LAST_ITERATIONS)
         mark, calls, claimed = 1.0, 0, 0
 
         def note(iteration: int, impulses: FloatArray) -> None:
@@ -161,13 +162,13 @@ class Measurement:
             latest.append((int(iteration), shown))
             if iteration >= mark:
                 iterates[int(iteration)] = shown
-                mark = iteration + 1.0 if iteration < FIRST_MARKS else iteration * MARK_RATIO
+                mark = iteration + 1.0 if iteration < FIRST_ITERATIONS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
             solution = self.solver.prepare(problem).solve(stop, observe=note)
             refuse(type_fault(solution))
             claimed = int(solution.iterations)
-        self._refuse_threads()
+        self._check_threads()
         iterates = dict(sorted({**iterates, **dict(latest)}.items()))
         rows = np.array([*iterates.values()]).reshape(len(iterates), problem.n_rows)
         return [*iterates], rows, calls, claimed
@@ -225,7 +226,7 @@ class Measurement:
             MisbehaviourError: if something that all code of a process shares has been replaced or changed.
         """
         refuse(replaced_names(self.before))
-        self._refuse_changes(self.before.changed_for_timing())
+        self._check_unchanged(self.before.changed_for_timing())
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> TimedSolve:
         """Prepare and solve within one limit of time, and copy the impulses on the clock.
@@ -248,7 +249,7 @@ class Measurement:
                 if synchronise is not None:
                     synchronise()
             else:
-                solution = Solution(impulses, Status.TIME_LIMIT, 0, "preparing took longer than the time limit")
+                solution = Solution(impulses, Status.TIME_LIMIT, 0, LATE_PREPARING)
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
@@ -262,16 +263,16 @@ class Measurement:
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
         refuse("it changed the numbers of the problem" if problem.fresh().digest != self._digest else None)
-        self._refuse_threads()
-        self._refuse_changes(self.before.changed_for_timing())
+        self._check_threads()
+        self._check_unchanged(self.before.changed_for_timing())
 
-    def _refuse_threads(self) -> None:
+    def _check_threads(self) -> None:
         """Raise ``MisbehaviourError`` if threads of Python outlive a call."""
         left = _thread._count() - self.before.n_threads
         refuse(f"it leaves {left} {'thread' if left == 1 else 'threads'} running" if left > 0 else None)
 
-    def _refuse_changes(self, changed: list[str]) -> None:
-        refuse(f"it changed {changed[0]} of its process, and did not restore it" if changed else None)
+    def _check_unchanged(self, changed: list[str]) -> None:
+        refuse(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
 
 @dataclass
@@ -280,16 +281,16 @@ class MeasuringTask:
 
     Attributes:
         problem_data: the problem that it begins with, as the content of a file.
-        contestant: the solver.
+        solver_spec: the solver.
     """
 
     problem_data: bytes
-    contestant: Contestant
+    solver_spec: SolverSpec
 
     @cached_property
     def _measurement(self) -> Measurement:
         before = ProcessState.now()
-        return Measurement(_problem(self.problem_data), self.contestant.make(), before)
+        return Measurement(_problem(self.problem_data), self.solver_spec.make(), before)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request, by its name and arguments.

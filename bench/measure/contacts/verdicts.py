@@ -12,7 +12,7 @@ MAX_VERDICTS = 10_000
 """Verdicts that are remembered."""
 
 
-class RememberedVerdicts:
+class VerdictCache:
     """Verdicts by what was judged."""
 
     def __init__(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...store.trajectory_records import TrajectoryRecord
+from ...store.plans import TrajectoryRecord
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...isolation.worker import Fault, no_answer
 from ...store.fields import Count, Number
 from ...store.outcome import Outcome
-from ...store.records import CaseRecord, Limits, Measured, Point, QuantityError
+from ...store.plans import Limits
+from ...store.records import CaseRecord, Measured, Point, QuantityError
 from ..contacts.timed_round import TOLERATED_SECONDS, TOLERATED_SHARE
-from ..ladder import LONGEST_REASON, LadderCase
+from ..ladder import MAX_REASON_LENGTH, LadderCase
 from ..points import quartiles
 from .methods import Method
 from .task import TrajectoryTask
@@ -161,7 +162,7 @@ class TrajectoryCase(LadderCase[Member]):
         # what most members did not come to the end of is not reached, whatever the others say
         is_reached = not failed or (errors and len(good) > len(failed))
         status = Status.SOLVED if is_reached else failed[0].status
-        reason = failed[0].reason[:LONGEST_REASON] if failed else ""
+        reason = failed[0].reason[:MAX_REASON_LENGTH] if failed else ""
         return Point(
             tolerance=value, outcome=Outcome(status.value), status=status.value, reason=reason, measured=measured
         )

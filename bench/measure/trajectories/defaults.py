@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 from ....problems.motion.scenes.scene import Scene
-from ...plugins.contestants import Contestant
-from ...plugins.describing import contestant
-from ...store.trajectory_records import TrajectoryRecord
+from ...plugins.describing import solver_spec
+from ...plugins.solver_specs import SolverSpec
+from ...store.plans import TrajectoryRecord
 from .methods import Method, make_method, over_solver
 
 STEPS = (500, 1000, 2000, 5000, 10_000, 50_000)
@@ -57,10 +57,10 @@ def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Meth
         yield make_method(doubling, [1e-2], _usual_tolerance(trajectory))
         yield make_method(f"{LARGE_SOLVER} in Moreau(step={2.0 * scene.step_size!r})", LARGE_TOLERANCES)
         solvers = ("NSGS",)
-    yield from added_methods(scene, map(contestant, solvers))
+    yield from added_methods(scene, map(solver_spec, solvers))
 
 
-def added_methods(scene: Scene, solvers: Iterator[Contestant]) -> Iterator[Method]:
+def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Method]:
     """Yield the methods in which solvers are compared over their tolerances."""
     fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
     for one in solvers:

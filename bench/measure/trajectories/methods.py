@@ -16,10 +16,10 @@ from ....problems.motion.stepping.stepper import Stepper
 from ....problems.motion.stepping.variable_stepper import VariableStepper
 from ....problems.names import read_name
 from ...errors import BenchError
-from ...plugins.contestants import Contestant
-from ...plugins.describing import contestant
+from ...plugins.describing import solver_spec
+from ...plugins.solver_specs import SolverSpec
 from ...simulation.starts.registry import DEFAULT_START, check_start, default_start
-from ...store.trajectory_records import MethodRecord
+from ...store.plans import MethodRecord
 
 WITH, IN = " with ", " in "
 
@@ -42,7 +42,7 @@ class Method:
 
     record: MethodRecord
     stepper: str
-    solver: Contestant
+    solver: SolverSpec
 
     def started(self, start: str) -> "Method":
         """Return the method with another start; a stepper that offers no impulses keeps its own.
@@ -69,12 +69,12 @@ class Method:
         return replace(stepper, tolerance=value, **finest), self.record.tolerance
 
 
-def over_stepper(stepper: str, solver: Contestant) -> str:
+def over_stepper(stepper: str, solver: SolverSpec) -> str:
     """Return the name of the method in which the stepper varies."""
     return f"{stepper}{WITH}{solver.name}"
 
 
-def over_solver(solver: Contestant, stepper: str) -> str:
+def over_solver(solver: SolverSpec, stepper: str) -> str:
     """Return the name of the method in which the solver varies."""
     return f"{solver.name}{IN}{stepper}"
 
@@ -84,7 +84,7 @@ def make_method(
     values: Sequence[float],
     tolerance: float = 1e-12,
     max_iterations: int = ITERATIONS,
-    given: Contestant | None = None,
+    given: SolverSpec | None = None,
     start: str = DEFAULT_START,
 ) -> Method:
     """Return the method that ``name`` writes.
@@ -115,7 +115,7 @@ def make_method(
     if wrong is not None or not ladder:
         raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {wrong or 'none'}.")
     make_stepper(stepper)
-    made, stepper = given or contestant(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
+    made, stepper = given or solver_spec(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
     written = over_solver(made, stepper) if varies_solver else over_stepper(stepper, made)
     record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start)
     return Method(record, stepper, made).started(start)

@@ -10,14 +10,13 @@ from ....problems.motion.scenes.registry import SCENES, read_scene
 from ....problems.motion.scenes.scene import Scene, StudyDefaults
 from ....problems.names import Name
 from ...errors import BenchError
-from ...plugins.describing import contestant
+from ...plugins.describing import solver_spec
 from ...plugins.remote_scene import local_or_remote_scene
 from ...simulation.starts.registry import DEFAULT_START
-from ...store.records import Limits
-from ...store.trajectory_records import TrajectoryRecord
+from ...store.plans import Limits, PlanRecord, TrajectoryRecord
 from ..plan import Plan
 from .defaults import added_methods, default_methods, default_reference
-from .methods import make_method
+from .methods import Method, make_method
 from .problems import LEAST_SEEDS
 
 LIMITS = Limits(solve_seconds=600.0, case_seconds=7200.0)
@@ -46,7 +45,7 @@ def make_study_plan(
     members: Sequence[float] | None = None,
     limits: Limits | None = None,
     start: str = DEFAULT_START,
-) -> Plan:
+) -> Plan[Method]:
     """Return the plan of the study of a scene.
 
     Args:
@@ -67,7 +66,7 @@ def make_study_plan(
         chosen = list(default_methods(made, trajectory))
     else:
         chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
-    chosen += added_methods(made, map(contestant, solvers))
+    chosen += added_methods(made, map(solver_spec, solvers))
     chosen = [method.started(start) for method in chosen]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
@@ -75,14 +74,17 @@ def make_study_plan(
         for value in method.record.values:
             stepper = method.setting(value)[0].with_defaults_of(made)
             stepper.check(made, made.start.time, made.start.time + trajectory.duration)
-    return Plan(
-        (trajectory.name,),
-        (),
-        POUR_ACCURACIES if trajectory.error == "aggregates" else ACCURACIES,
-        limits or LIMITS,
-        tuple({method.record.name: method for method in chosen}.values()),
-        (trajectory,),
+    chosen = list({method.record.name: method for method in chosen}.values())
+    record = PlanRecord(
+        problems=[trajectory.name],
+        solvers=[method.record.name for method in chosen],
+        tolerances=list(POUR_ACCURACIES if trajectory.error == "aggregates" else ACCURACIES),
+        limits=limits or LIMITS,
+        passes=1,
+        methods=[method.record for method in chosen],
+        trajectories=[trajectory],
     )
+    return Plan(record, (), tuple(chosen))
 
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:

@@ -10,8 +10,7 @@ from ....problems.motion.scenes.registry import make_scene
 from ....problems.motion.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
-from ...store.records import Limits
-from ...store.trajectory_records import KnownRecord, TrajectoryRecord
+from ...store.plans import KnownRecord, Limits, TrajectoryRecord
 from .case import simulated
 from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ....problems.motion.stepping.moreau import Moreau
 from ...report.layout.text import counted
-from ...store.trajectory_records import TrajectoryRecord
+from ...store.plans import TrajectoryRecord
 from .methods import Method, neighbour
 
 

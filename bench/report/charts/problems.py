@@ -59,7 +59,7 @@ MARGIN = 150
 MARKS = 3
 """Marks along a curve of iterations, each solver's at places of its own, so that curves that coincide are seen."""
 
-LONGEST_REASON = 70
+MAX_REASON_LENGTH = 70
 """Characters of the reason why a solver is not shown; the tables have all of it."""
 
 LEAST_SHARE = 0.05
@@ -337,7 +337,7 @@ def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
         elif solver in cases.index:
             case = cases.loc[solver].to_dict()
             reason = ": ".join(ending(case, measured_points(frames, case)))
-        reasons.setdefault(shorten(reason.rstrip("."), LONGEST_REASON, placeholder=" …"), []).append(solver)
+        reasons.setdefault(shorten(reason.rstrip("."), MAX_REASON_LENGTH, placeholder=" …"), []).append(solver)
     if not reasons:
         return ""
     return "not shown: " + "; ".join(f"{', '.join(names)} ({reason})" for reason, names in reasons.items())

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 
 import pandas as pd
 
@@ -49,6 +50,18 @@ class Comparison:
     scale: float
     changes: pd.DataFrame
     slowdown: float = SLOWDOWN
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {self.before.info.run_id} and {self.after.info.run_id}: {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        heads = {"solver": "solver", "problems": "problems", "ratio": "time ratio", "low": "low", "high": "high"}
+        table = self.solvers[list(heads)].rename(columns=heads)
+        return (
+            f"<h4>{escape(self.before.info.run_id)} and {escape(self.after.info.run_id)}</h4>"
+            f"<p>{escape(self.verdict)}</p>"
+            + (table.to_html(index=False, border=0, escape=True, float_format="%.3g") if len(table) else "")
+        )
 
     def slower(self, slowdown: float | None = None) -> list[str]:
         """Return what is slower by more than that part with certainty, in words: solvers, then cases of others."""

@@ -13,7 +13,7 @@ from ...store.condition import (
     differences,
     machines_by_problem,
     other_hardware,
-    refuse_unfit,
+    require_comparable,
     warnings,
 )
 from ...store.frames import RunFrames
@@ -63,7 +63,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
             they have no case or no tolerance in common.
     """
     for run in (before, after):
-        refuse_unfit(run)
+        require_comparable(run)
     if before.info.judge != after.info.judge:
         raise BenchError(
             f"{before.folder} was judged by version {before.info.judge} of the judge, {after.folder} by version "

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
+from ....problems.representation import counted as counted
+
 PIPE_WIDTH = 1000
 """Characters of a line that goes to a file or a pipe: names and commands stay in one piece there."""
 
@@ -63,11 +65,6 @@ def json_records(table: Any) -> list[dict[str, Any]]:
     """Return the rows of a frame of pandas as a JSON document has them, numbers that are not finite as null."""
     rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records"))
     return rows
-
-
-def counted(number: int, noun: str, many: str = "") -> str:
-    """Return a number with its noun: ``"1 row"``, ``"2 rows"``; ``many`` is the plural where it is no mere s."""
-    return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
 def unsolved_words(number: int, steps: int, tolerance: str) -> str:

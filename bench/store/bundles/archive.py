@@ -21,7 +21,7 @@ import msgspec
 from ....problems.exchange.atomic_file import replacing
 from ...errors import BenchError
 from ..fields import Record
-from ..store import CASES, LARGEST_FILE, PROBLEMS, RUN_FILE
+from ..store import CASES, MAX_FILE_BYTES, PROBLEMS, RUN_FILE
 
 FORMAT = 1
 """Version of bundles."""
@@ -140,7 +140,7 @@ def _fault(entry: zipfile.ZipInfo, names: Collection[str]) -> str:
         return "is no file of a run"
     if name in names:
         return "stands in it twice"
-    if entry.file_size > LARGEST_FILE:
+    if entry.file_size > MAX_FILE_BYTES:
         return f"would take {entry.file_size / 2**20:.0f} MB"
     if entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         return "is packed in a way that no bundle is"

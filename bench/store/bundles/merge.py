@@ -19,8 +19,9 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.exchange.atomic_file import PART
 from ....problems.spelling import option
 from ...errors import BenchError
-from ..records import CaseRecord, PlanRecord, Session, with_sessions
-from ..store import Store
+from ..plans import PlanRecord
+from ..records import CaseRecord, Session, with_sessions
+from ..store import ELSEWHERE, Store
 from .bundle import Bundle, bundle_of_run, read_bundle
 from .rejudge import rejudge
 
@@ -111,7 +112,7 @@ class _Merged:
         """Add a case, or see that it is there already."""
         key = case.problem, case.solver
         before = self.cases.get(key)
-        finished = [one is not None and bundle.run.plan.has_finished(one) for one in (before, case)]
+        finished = [one is not None and one.is_finished(bundle.run.plan) for one in (before, case)]
         if all(finished) and before != case:
             raise BenchError(
                 f"{case.solver} on {case.problem} is in {sources[key]} and in {bundle.source}, measured twice; leave "
@@ -184,7 +185,7 @@ def _write(folder: Path, merged: _Merged) -> None:
         made = folder.parent / f".{uuid4()}{PART}"
         made.mkdir()
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     try:
         store = Store.create(made)
         for problem in merged.carried.values():
@@ -194,6 +195,6 @@ def _write(folder: Path, merged: _Merged) -> None:
         store.write_run(replace(merged.run, run_id=folder.name))
         os.rename(made, folder)
     except OSError as error:
-        raise BenchError(f"cannot write {folder}: {error.strerror}; choose another {option('results')}.") from None
+        raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)

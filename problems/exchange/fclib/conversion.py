@@ -40,11 +40,9 @@ LARGEST_ASYMMETRY = 1e-2
 CONFIRMED = 1e-4
 """Judged residual up to which a stored solution is taken for one."""
 
-CORRECTIONS = 3
-"""Times that w is corrected so that c is found again from it with every bit."""
-
 ATTEMPTS = 10
-"""Roundings of f that are tried for that: one is enough for half of all problems of ten rows, ten for nearly all."""
+"""Roundings of f that are tried so that c is found again with every bit: one is enough for half of all problems of ten
+rows, ten for nearly all."""
 
 
 def problem_of(
@@ -163,7 +161,7 @@ def _without_contacts(
 ) -> tuple[FloatArray, FloatArray]:
     """Return f and w, f zero where c could not be found again with it.
 
-    What a reader adds to w is computed here as it will be there, and w corrected by what is missing in the sum.
+    What a reader adds to w is computed here as it will be there.
     """
     motion = factors.free_motion
     nothing = np.zeros(factors.n_dofs), c
@@ -173,8 +171,6 @@ def _without_contacts(
     for _ in range(ATTEMPTS):
         moved = directions.T @ inverse.times(f)
         w = c - moved
-        for _ in range(CORRECTIONS):
-            w += c - (moved + w)
         if np.array_equal(moved + w, c):
             return f, w
         f += mass @ (motion - inverse.times(f))  # other roundings of the same

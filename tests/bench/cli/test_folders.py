@@ -34,7 +34,7 @@ def collection(folder: Path, boxes: int, rocks: int) -> Path:
 
 def check_run(folder: Path, results: Path, captured: pytest.CaptureFixture[str], count: int) -> None:
     """Run a folder with three broken files, and find the others measured and these named, now and in a report."""
-    line = f"run --suite {folder} --results {results} --run-id it {LADDER}"
+    line = f"run --suite {folder} --output {results} --run-id it {LADDER}"
     for command in (line.split(), ["report", str(results / "it"), "--no-charts"]):
         assert run_command(command) == 1
         printed = captured.readouterr()
@@ -109,8 +109,8 @@ def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.Cap
         ("run --suite /dev", "there is no problem in /dev"),
         ("run --suite all --sample 0", "a sample must have at least one problem, got 0"),
         ("run --resume here --sample 3", "--sample is stored with the run"),
-        ("report here.npz --problem funnel-30", "--problem prints problems of a run"),
-        ("report here --problem funnel-30 --quiet", "leave it out with --quiet"),
+        ("report here.npz --problem funnel-30", "leave out --problem, which is for runs"),
+        ("report here --problem funnel-30 --quiet", "--problem and --quiet exclude each other"),
     ],
 )
 def test_a_mistake_gets_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:

@@ -1,4 +1,4 @@
-"""``report --html`` and ``--baseline``: one page and its place, or one sentence and nothing written."""
+"""``report --page`` and ``--baseline``: one page and its place, or one sentence and nothing written."""
 
 import json
 from collections.abc import Callable
@@ -21,10 +21,10 @@ def copied(tmp_path: Path, finished_run: Path) -> Path:
 
 @pytest.mark.slow
 def test_the_page_of_a_run_is_written_and_nothing_else(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["report", str(copied), "--html"]) == 1  # the run has faults
+    assert run_command(["report", str(copied), "--page"]) == 1  # the run has faults
     assert capsys.readouterr().out == f"page     {copied / 'report.html'}\n"
     assert {file.name for file in copied.iterdir()} == {"run.json", "cases", "report.html"}
-    assert run_command(["report", str(copied), "--html", "--json", "--residual", "local"]) == 1
+    assert run_command(["report", str(copied), "--page", "--json", "--residual", "local"]) == 1
     assert json.loads(capsys.readouterr().out)["page"] == str(copied / "local/report.html")
 
 
@@ -37,7 +37,7 @@ def test_charts_and_page_take_the_baseline_that_is_named(copied: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("switch", ["--html", "--quiet"])
+@pytest.mark.parametrize("switch", ["--page", "--quiet"])
 def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mistake: Callable[[str], str]) -> None:
     assert "did you mean 'NSGS'?" in mistake(f"report {REFERENCE} {switch} --baseline NSG")
 
@@ -45,7 +45,7 @@ def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mista
 @pytest.fixture
 def faultless(copied: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A run whose exit code is that of its files alone: what its solvers did counts as no fault."""
-    monkeypatch.setattr("proxbench.bench.cli.run._has_failed", lambda frames: False)
+    monkeypatch.setattr("proxbench.bench.cli.report._has_failed", lambda frames: False)
     return copied
 
 
@@ -64,7 +64,7 @@ def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
 
 
 @pytest.mark.parametrize(
-    "options", [["--no-charts"], ["--html"], ["--problem", "funnel-30"], ["--quiet", "--no-charts"]]
+    "options", [["--no-charts"], ["--page"], ["--problem", "funnel-30"], ["--quiet", "--no-charts"]]
 )
 def test_a_run_of_damaged_cases_is_refused_by_their_names(
     options: list[str], faultless: Path, capsys: pytest.CaptureFixture[str]
@@ -76,7 +76,7 @@ def test_a_run_of_damaged_cases_is_refused_by_their_names(
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.startswith(f"proxbench: no case of {faultless} can be read: {files[0].name}, ")
-    assert f" and {len(files) - 5} more; " in printed.err
+    assert f" and {len(files) - 5} more are damaged; " in printed.err
     assert printed.err.count("\n") == 1
 
 
@@ -89,7 +89,7 @@ def test_a_run_without_cases_has_no_page(
     finished_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "run.json").write_bytes((finished_run / "run.json").read_bytes())
-    for options in (["--html"], ["--baseline", "NSGS"]):
+    for options in (["--page"], ["--baseline", "NSGS"]):
         assert run_command(["report", str(tmp_path), *options]) == 2
         printed = capsys.readouterr()
         assert printed.out == ""
@@ -101,11 +101,11 @@ def test_a_run_without_cases_has_no_page(
 @pytest.mark.parametrize(
     "options",
     [
-        "--html --profiles all",
+        "--page --profiles all",
         "--no-charts --profiles all",
-        "--html --problem funnel-100",
-        "--html --no-charts",
-        "--html --quiet --json",
+        "--page --problem funnel-100",
+        "--page --no-charts",
+        "--page --quiet --json",
         "--baseline NSGS --problem x",
     ],
 )
@@ -114,6 +114,6 @@ def test_options_that_exclude_each_other_are_refused(options: str, mistake: Call
     assert "leave" in sentence or "exclude each other" in sentence
 
 
-@pytest.mark.parametrize("switch", ["--html", "--baseline NSGS"])
+@pytest.mark.parametrize("switch", ["--page", "--baseline NSGS"])
 def test_simulations_have_neither_page_nor_baseline(switch: str, mistake: Callable[[str], str]) -> None:
-    assert "are for runs" in mistake(f"report pour.npz {switch}")
+    assert "which is for runs" in mistake(f"report pour.npz {switch}")

@@ -39,7 +39,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --tolerance 1e-4", "--tolerance"),
         ("funnel(balls=0) --study", "balls"),
         ("funnel --study --duration 1e-9", "step of Moreau"),
-        ("funnel --study --record a.rrd", "--record"),
+        ("funnel --study --recording a.rrd", "--recording"),
         ("funnel --study --chart a", "--chart"),
         ("funnel --study --force", "--force"),
         ("funnel --study --states 5", "leave --states out"),
@@ -51,7 +51,6 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --solver SORprox --solver Jprox", "one solver"),
         ("funnel --solve-seconds 3", "leave --solve-seconds out"),
         ("--study --resume nowhere.npz", "holds no study"),
-        ("--resume old.json", "measure one of an older version again with: proxbench simulate SCENE --study"),
         ("--study --quiet --json funnel", "exclude each other"),
     ],
 )
@@ -114,17 +113,6 @@ def test_a_damaged_curve_is_measured_again(folder: Path) -> None:
     assert not load(folder).is_finished
     assert run_command(f"run --resume {folder} --retry-failed --no-progress --quiet".split()) == 0
     assert load(folder).is_finished
-
-
-def test_a_study_of_an_older_version_is_refused_in_one_sentence(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    (tmp_path / "old.json").write_text('{"kind": "proxbench study of a simulation"}')
-    for line in ("report {}", "simulate --resume {}"):
-        assert run_command(line.format(tmp_path / "old.json").split()) == 2
-        printed = capsys.readouterr().err
-        assert printed.count("\n") == 1
-        assert "proxbench simulate SCENE --study" in printed
 
 
 def test_a_run_over_contact_problems_is_no_simulation_to_resume(

@@ -112,7 +112,7 @@ def test_a_problem_can_be_checked() -> None:
         ("check SORprx", "did you mean 'SORprox'"),
         ("check SORprox(relaxation=-1)", "relaxation"),
         ("check funel-30", "did you mean 'funnel-30'"),
-        ("check SORprox --seconds 0", "must be positive"),
+        ("check SORprox --check-seconds 0", "must be positive"),
         ("check", "NAME|FILE"),
     ],
 )

@@ -1,6 +1,7 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
 import itertools
+import time
 from collections.abc import Iterator
 
 import psutil
@@ -8,12 +9,12 @@ import pytest
 from counting_task import Counting
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
-from proxbench.bench.isolation.child import IN_A_COPY
+from proxbench.bench.isolation.child import IN_A_COPY, MAX_FILE_BYTES
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
-from proxbench.bench.measure.plan import Limits
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 
@@ -25,7 +26,7 @@ ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
 def carried_out(action: str) -> Case:
     problem = load("hard-sticking-box")
     limits = replace(LIMITS, case_seconds=ENDLESS.get(action, LIMITS.case_seconds))
-    case = Case(problem, contestant(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
+    case = Case(problem, solver_spec(Misbehaving(action)), limits, [1e-6], problem_bytes(problem))
     try:
         case.begin()
         if case.is_open(0):
@@ -48,7 +49,7 @@ def carried_out(action: str) -> Case:
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
         ("allocate for ever", Outcome.OUT_OF_MEMORY, "it filled its 256 MB of memory and did not end in time"),
         ("allocate in c", Outcome.OUT_OF_MEMORY, "as its 256 MB of memory were full"),
-        ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor"),
+        ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor, having wanted more than 256 MB"),
         ("die", Outcome.CRASHED, "killed by SIGKILL"),
         ("none", Outcome.MISBEHAVED, "NoneType"),
         ("shape", Outcome.MISBEHAVED, "shape (1,)"),
@@ -125,6 +126,49 @@ def test_processes_that_a_case_leaves_are_counted(worker: Worker) -> None:
     assert worker.n_started() == 0
     worker.ask("leave a process")
     assert worker.n_started() == 1
+
+
+def test_between_requests_the_process_and_all_that_it_started_stand_still(worker: Worker) -> None:
+    worker.ask("leave a process")
+    processes = [psutil.Process(worker.process), *psutil.Process(worker.process).children(recursive=True)]
+    assert len(processes) == 2
+    deadline = time.monotonic() + 30.0
+    while any(process.status() != psutil.STATUS_STOPPED for process in processes) and time.monotonic() < deadline:
+        time.sleep(1e-3)
+    assert [process.status() for process in processes] == [psutil.STATUS_STOPPED] * 2
+    worker.ask("end what is left")  # which goes on with the process, or it could not end
+    assert worker.n_started() == 0
+
+
+def test_a_process_that_a_solver_forks_gives_no_answer(worker: Worker) -> None:
+    """It returns from the task as its parent does; one request has one answer."""
+    assert worker.ask("fork and return in both")[0]["fork has ended"]
+    assert [worker.ask("count")[0]["count"] for _ in range(3)] == [1, 2, 3]
+
+
+def test_the_processor_time_of_a_process_is_known_while_it_lives(worker: Worker) -> None:
+    before = worker.processor_seconds()
+    worker.ask("work")
+    assert worker.processor_seconds() >= before + 0.02
+    assert worker.waited_seconds() >= 0.0
+    with pytest.raises(Fault):
+        worker.ask("die")
+    assert (worker.process, worker.processor_seconds(), worker.waited_seconds()) == (0, 0.0, 0.0)
+
+
+def test_a_process_may_leave_no_core_file_and_no_large_one(worker: Worker) -> None:
+    limits = worker.ask("limits")[0]
+    assert limits["core"] == [0, 0]
+    assert limits["file"][0] == limits["file"][1] <= MAX_FILE_BYTES
+
+
+def test_all_requests_of_a_process_share_its_limit_of_time(worker: Worker) -> None:
+    worker.ask("count")
+    worker.case_seconds = worker.busy_seconds + 0.2
+    worker.ask("count")
+    with pytest.raises(Fault, match="the case took longer than its") as found:
+        worker.ask("sleep")
+    assert found.value.outcome is Outcome.TIMEOUT
 
 
 def test_a_kill_by_the_system_for_want_of_memory_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from proxbench.bench import load, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import Model
 from proxbench.solvers import create
@@ -87,12 +87,12 @@ def test_an_object_that_cannot_travel_is_refused_before_anything_is_measured(tmp
 def test_an_object_that_is_no_solver_is_refused_in_a_sentence() -> None:
     thing: Any = 3
     with pytest.raises(BenchError, match="the solver int breaks the contract: it has no name"):
-        contestant(thing)
+        solver_spec(thing)
 
 
 def test_a_built_in_solver_is_known_by_its_name_however_it_is_given() -> None:
     given = (create("SORprox", relaxation=1.5), "SORprox(relaxation = 1.5)")
-    first, second = map(contestant, given)
-    assert first == second == contestant(first)
+    first, second = map(solver_spec, given)
+    assert first == second == solver_spec(first)
     assert first.is_built_in
     assert first.make() == given[0]

@@ -5,11 +5,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
+from counting_task import Counting
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure import ladder
 from proxbench.bench.measure.ladder import LadderCase, measure_ladder
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Limits, Point
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import CaseRecord, Point
+from stored_cases import case_record
 
 
 class Fake(LadderCase[None]):
@@ -78,3 +81,35 @@ def test_a_case_that_dies_as_it_begins_has_failed() -> None:
     case = Fake(Fake.dies)
     measure_ladder([case])
     assert case.outcome is Outcome.CRASHED
+
+
+class Conversing(Fake):
+    """A case whose process answers one request."""
+
+    def __init__(self, stored: CaseRecord | None = None) -> None:
+        LadderCase.__init__(self, [1e-2], Limits(solve_seconds=1.0), stored)
+
+    def begin(self) -> None:
+        self._start(Counting())
+        assert self._ask("count") is not None
+
+    def identity(self) -> dict[str, Any]:
+        plain = case_record()
+        return {name: getattr(plain, name) for name in ("problem", "digest", "solver", "model", "has_iterates")} | {
+            "n_rows": plain.n_rows,
+            "n_contacts": plain.n_contacts,
+        }
+
+
+def test_a_case_that_is_resumed_keeps_its_peak_memory_and_adds_up_its_time() -> None:
+    found = []
+    for stored in (None, case_record(wall_seconds=1000.0, peak_memory_bytes=1), case_record(wall_seconds=1000.0)):
+        case = Conversing(stored)
+        case.begin()
+        case.end()
+        found.append(case.record())
+    fresh, small, large = found
+    assert 2**20 < fresh.peak_memory_bytes < 2**40
+    assert 0.0 < fresh.wall_seconds < 1000.0 < small.wall_seconds
+    assert small.peak_memory_bytes > 2**20
+    assert large.peak_memory_bytes == 2**40

@@ -6,7 +6,7 @@ import sys
 import time
 
 import pytest
-from proxbench.bench.measure.measuring_core import STEADY, MeasuringCore
+from proxbench.bench.measure.measuring_core import MAX_PROBE_RATIO, MeasuringCore
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system pins no process")
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="th
 def own_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let claims be apart from those of other tests that run now."""
     monkeypatch.setattr("proxbench.bench.measure.measuring_core.CLAIM", f"test-{os.getpid()}")
-    monkeypatch.setattr("proxbench.bench.measure.measuring_core.STEADY", STEADY)
+    monkeypatch.setattr("proxbench.bench.measure.measuring_core.MAX_PROBE_RATIO", MAX_PROBE_RATIO)
 
 
 def test_every_core_is_claimed_once_and_again_when_it_is_released() -> None:
@@ -61,8 +61,8 @@ def test_work_on_the_other_cores_is_counted() -> None:
 
 def test_a_probe_is_steady_up_to_a_part_beyond_the_usual_one() -> None:
     core = MeasuringCore(0, probes=[1.0, 1.0, 1.1, 2.0])
-    assert core.is_steady(1.0, STEADY)
-    assert not core.is_steady(1.0, STEADY + 0.01)
+    assert core.is_steady(1.0, MAX_PROBE_RATIO)
+    assert not core.is_steady(1.0, MAX_PROBE_RATIO + 0.01)
     assert MeasuringCore(None, probes=[1.0]).is_steady(9.0)  # probes run on any core
 
 

@@ -1,15 +1,11 @@
 """A plan is checked as a whole before anything runs."""
 
+from typing import Any
+
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.plan import (
-    DEFAULT_SOLVERS,
-    LADDER,
-    THOROUGH_LADDER,
-    THOROUGH_PASSES,
-    Limits,
-    make_plan,
-)
+from proxbench.bench.measure.plan import DEFAULT_SOLVERS, make_plan
+from proxbench.bench.store.plans import LADDER, THOROUGH_LADDER, THOROUGH_PASSES, Limits, RunSettings
 from proxbench.problems import ProblemError
 from proxbench.problems.exchange.catalog import is_held
 from proxbench.solvers import SolverError
@@ -19,7 +15,7 @@ def test_the_default_is_the_quick_suite_with_eight_problems_and_eight_variants()
     plan = make_plan()
     assert len(plan.problems) >= 8
     assert len(plan.solvers) == len(DEFAULT_SOLVERS) >= 8
-    assert plan.tolerances == LADDER
+    assert plan.record.tolerances == list(LADDER)
     assert all(isinstance(name, str) and is_held(name) for name in plan.problems)
 
 
@@ -32,8 +28,6 @@ def test_the_default_is_the_quick_suite_with_eight_problems_and_eight_variants()
         ({"solvers": ["SORprox(relaxtion=1)"]}, SolverError, "'relaxation'"),
         ({"solvers": ["SORprox", "SORprox"]}, BenchError, "more than once"),
         ({"problems": ["funnel-30", "funnel-30"]}, BenchError, "more than once"),
-        ({"tolerances": [2.0]}, BenchError, "between 0 and 1"),
-        ({"tolerances": [float("nan")]}, BenchError, "between 0 and 1"),
     ],
 )
 def test_what_is_wrong_is_named_with_the_remedy(
@@ -43,17 +37,33 @@ def test_what_is_wrong_is_named_with_the_remedy(
         make_plan(**arguments)  # type: ignore[arg-type]
 
 
-def test_a_thorough_plan_has_more_tolerances_and_passes_where_none_are_given() -> None:
-    plan = make_plan(thorough=True)
-    assert (plan.tolerances, plan.passes) == (THOROUGH_LADDER, THOROUGH_PASSES)
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"tolerances": [2.0]}, "between 0 and 1"),
+        ({"tolerances": [float("nan")]}, "between 0 and 1"),
+        ({"passes": 0}, "passes"),
+        ({"passes": 1001}, "passes"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_settings_out_of_range_are_refused(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(BenchError, match=words):
+        RunSettings.checked(**arguments)
+
+
+def test_thorough_settings_have_more_tolerances_and_passes_by_default() -> None:
+    settings = RunSettings.checked(thorough=True)
+    assert (tuple(settings.tolerances), settings.passes) == (THOROUGH_LADDER, THOROUGH_PASSES)
     assert set(LADDER) < set(THOROUGH_LADDER)
-    assert make_plan().passes < THOROUGH_PASSES
-    chosen = make_plan(thorough=True, tolerances=[1e-3], passes=1)
-    assert (chosen.tolerances, chosen.passes) == ((1e-3,), 1)
+    assert RunSettings.checked() == RunSettings()
+    assert RunSettings().passes < THOROUGH_PASSES
+    chosen = RunSettings.checked([1e-3], passes=1, thorough=True)
+    assert (chosen.tolerances, chosen.passes) == ([1e-3], 1)
 
 
 def test_tolerances_are_ordered_from_coarse_to_fine_without_repetition() -> None:
-    assert make_plan(tolerances=[1e-6, 1e-2, 1e-6]).tolerances == (1e-2, 1e-6)
+    assert RunSettings.checked([1e-6, 1e-2, 1e-6]).tolerances == [1e-2, 1e-6]
 
 
 @pytest.mark.parametrize("name", ["solve_seconds", "case_seconds", "memory_bytes", "max_iterations"])

@@ -93,7 +93,7 @@ def test_both_are_listed_with_the_package_they_come_from(proxbench: Command) -> 
 def test_both_are_run_and_stand_in_the_table_and_in_the_record(proxbench: Command, tmp_path: Path) -> None:
     name = "FixedStepGradient(relaxation=1.5)"
     line = ["run", "--problem", "brick-on-slope", "--problem", "hard-sticking-box", "--solver", name]
-    done = proxbench(*line, "--solver", "SORprox", "--results", str(tmp_path), "--run-id", "one")
+    done = proxbench(*line, "--solver", "SORprox", "--output", str(tmp_path), "--run-id", "one")
     assert done.returncode == 0, done.stderr
     assert "brick-on-slope · 2 contacts" in done.stdout
     assert done.stdout.count(name) >= 3
@@ -167,7 +167,7 @@ def test_names_that_are_not_free_and_packages_that_do_not_import_are_listed_with
     assert errors[("Text", two)].startswith(f"solver Text of {two} is a str; offer the class")
     assert sum(row["name"] == "SORprox" and not row["error"] for row in rows) == 1
     for name in ("Same", "Gone", "Text"):
-        done = proxbench("run", "--solver", name, "--results", str(tmp_path / "results"))
+        done = proxbench("run", "--solver", name, "--output", str(tmp_path / "results"))
         assert done.returncode == 2
         assert done.stderr.strip() in {f"proxbench: {error}" for error in errors.values()}
     assert proxbench("check", "SORprox").returncode == 0

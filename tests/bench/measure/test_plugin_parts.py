@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from proxbench.bench.plugins.contestants import Contestant
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.plugins.files import sources, use_plugin_files
 from proxbench.bench.plugins.remote_solver import working_solver
+from proxbench.bench.plugins.solver_specs import SolverSpec
 from proxbench.problems import PluginError, load
 from proxbench.problems.exchange.plugins import forget, registered
 from proxbench.solvers import Status, Stop, create
@@ -29,16 +29,16 @@ SOLVERS = [Part]
 
 
 @pytest.fixture
-def composed(tmp_path: Path) -> Iterator[Contestant]:
+def composed(tmp_path: Path) -> Iterator[SolverSpec]:
     path = tmp_path / "part.py"
     path.write_text(PART)
     use_plugin_files([path])
-    yield contestant("Fallback(SORprox, Part)")
+    yield solver_spec("Fallback(SORprox, Part)")
     for file, _ in registered():
         forget(file)
 
 
-def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: Contestant) -> None:
+def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: SolverSpec) -> None:
     assert composed.name == "Fallback(SORprox, Part)"
     assert not composed.is_built_in
     assert sources([composed.name], [])[0].name == "Part"
@@ -48,6 +48,6 @@ def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: C
     assert solution.message.endswith("Part from zero: solved")
 
 
-def test_it_is_not_made_where_plugins_may_not_run(composed: Contestant) -> None:
+def test_it_is_not_made_where_plugins_may_not_run(composed: SolverSpec) -> None:
     with pytest.raises(PluginError):
         create(composed.name)

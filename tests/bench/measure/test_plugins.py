@@ -8,7 +8,7 @@ import pytest
 from proxbench.bench import load, resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.problems import resolved
 from proxbench.bench.store.outcome import Outcome
@@ -72,7 +72,7 @@ def written(tmp_path: Path) -> Callable[..., Path]:
 def test_a_file_s_names_can_be_measured(written: Callable[..., Path], tmp_path: Path) -> None:
     use_plugin_files([written(GOOD)])
     assert "Filed" in available()
-    assert contestant("Filed(relaxation = 1.5)").name == "Filed(relaxation=1.5)"
+    assert solver_spec("Filed(relaxation = 1.5)").name == "Filed(relaxation=1.5)"
     assert resolved("falling-point").name == "falling-point"
     folder = run(
         ["falling-point", "hard-sticking-box"],
@@ -140,7 +140,7 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
     text: str, words: str, written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(text)
-    for line in (["run", "--results", str(tmp_path / "results"), "--plugin", str(path)], ["check", str(path)]):
+    for line in (["run", "--output", str(tmp_path / "results"), "--plugin", str(path)], ["check", str(path)]):
         assert run_command(line) == 2
         printed = capsys.readouterr()
         assert printed.out == ""
@@ -165,7 +165,7 @@ def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
     code: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(GOOD + code)
-    assert run_command(["run", "--results", str(tmp_path / "results"), "--plugin", str(path)]) == 2
+    assert run_command(["run", "--output", str(tmp_path / "results"), "--plugin", str(path)]) == 2
     printed = capfd.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
@@ -186,19 +186,19 @@ def test_two_files_with_one_name_are_refused_and_the_first_stays(written: Callab
         PluginError, match=r"other\.py offers the solver 'Filed', and plugin file .*mine\.py offers the"
     ):
         use_plugin_files([written(GOOD, "other.py")])
-    assert contestant("Filed").name == "Filed"
+    assert solver_spec("Filed").name == "Filed"
 
 
 def test_a_name_that_hides_its_options_is_refused(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD.replace("name = property(described)", "name = 'Filed'"))])
     with pytest.raises(PluginError, match=r"with relaxation=1.5 it still calls itself 'Filed'"):
-        contestant("Filed(relaxation=1.5)")
+        solver_spec("Filed(relaxation=1.5)")
 
 
 def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD)])
     with pytest.raises(PluginError, match="'relaxation'"):
-        contestant("Filed(relaxtion=1)")
+        solver_spec("Filed(relaxtion=1)")
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
     for body, words in (("return 3", "makes a value of type int"), ("1 / 0", "cannot be built: ZeroDivisionError")):
         path = written(f"def f():\n    {body}\nPROBLEMS = {{'mine': f}}")
         results = tmp_path / "results"
-        for line in (["generate", "mine"], ["run", "--problem", "mine", "--results", str(results)]):
+        for line in (["generate", "mine"], ["run", "--problem", "mine", "--output", str(results)]):
             assert run_command([*line, "--plugin", str(path)]) == 2
             assert words in capsys.readouterr().err
         assert not results.exists()

@@ -56,7 +56,7 @@ def nothing_registered() -> Iterator[None]:
     "line",
     [
         "list",
-        "run --problem noted --solver Noted --tolerance 1e-3 --results {folder} --no-progress --no-charts --record",
+        "run --problem noted --solver Noted --tolerance 1e-3 --output {folder} --no-progress --no-charts --record",
         "generate noted --output {folder}",
         "record noted --solver Noted --output {folder}/noted.rrd",
         "matrix --problem noted --solver Noted",

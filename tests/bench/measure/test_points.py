@@ -72,3 +72,26 @@ def test_a_time_limit_that_excluded_rounds_caused_is_forgotten() -> None:
     assert twice.n_passes == 2
     by_itself = point(one_round(0, 9.0), Outcome.TIME_LIMIT)
     assert joined(by_itself, point(one_round(1))).outcome is Outcome.TIME_LIMIT
+
+
+def test_passes_are_counted_in_each_session_of_a_run() -> None:
+    rounds = [
+        timed_round(0, 1.0),
+        timed_round(0, 1.0, turn=1),
+        timed_round(1, 1.0),
+        timed_round(0, 1.0, session=1),
+        timed_round(0, 1.0, session=1, turn=1),
+    ]
+    for kept, n_passes in ((rounds[:2], 1), (rounds[:3], 2), (rounds, 3), ([rounds[0], rounds[3]], 2)):
+        found = Point(tolerance=1e-4, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured_in(kept))
+        assert found.n_passes == n_passes
+
+
+@pytest.mark.parametrize(("excluded", "is_late"), [(["preempted", ""], False), (["preempted", "unsteady"], True)])
+def test_a_time_limit_is_that_of_others_only_where_all_rounds_are_excluded(excluded: list[str], is_late: bool) -> None:
+    rounds = [timed_round(number, 9.0, excluded=why) for number, why in enumerate(excluded)]
+    found = Point(
+        tolerance=1e-4, outcome=Outcome.TIME_LIMIT, status="time limit", reason="", measured=measured_in(rounds)
+    )
+    assert found.is_late_for_others is is_late
+    assert not found.is_repeated

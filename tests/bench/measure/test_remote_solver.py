@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.plugins.remote_solver import FailedSolveError, RemoteSolver
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load
@@ -18,7 +18,7 @@ def test_impulses_iterates_and_status_are_those_of_the_solver_itself() -> None:
     seen: dict[str, list[tuple[int, bytes]]] = {"here": [], "there": []}
     here = create(name).prepare(problem)
     own = here.solve(STOP, start, lambda k, impulses: seen["here"].append((k, impulses.tobytes())))
-    with RemoteSolver(contestant(name)) as solver:
+    with RemoteSolver(solver_spec(name)) as solver:
         assert solver.supports(problem) is None
         there = solver.prepare(problem)
         found = there.solve(STOP, start, lambda k, impulses: seen["there"].append((k, impulses.tobytes())))
@@ -30,7 +30,7 @@ def test_impulses_iterates_and_status_are_those_of_the_solver_itself() -> None:
 
 def test_prepared_problems_may_be_solved_in_turn() -> None:
     problems = [load("hard-groove"), load("hard-sticking-box")]
-    with RemoteSolver(contestant("NSGS")) as solver:
+    with RemoteSolver(solver_spec("NSGS")) as solver:
         prepared = [solver.prepare(problem) for problem in problems]
         for _ in range(2):
             for one, problem in zip(prepared, problems, strict=True):
@@ -40,14 +40,14 @@ def test_prepared_problems_may_be_solved_in_turn() -> None:
 
 def test_a_problem_that_was_offered_since_is_not_solved_in_place_of_the_prepared_one() -> None:
     first, second = load("hard-groove"), load("hard-sticking-box")
-    with RemoteSolver(contestant("NSGS")) as solver:
+    with RemoteSolver(solver_spec("NSGS")) as solver:
         prepared = solver.prepare(first)
         assert solver.supports(second) is None
         assert prepared.solve(STOP).impulses.tobytes() == create("NSGS").prepare(first).solve(STOP).impulses.tobytes()
 
 
 def test_the_reason_of_a_refusal_comes_back() -> None:
-    with RemoteSolver(contestant("Enumeration")) as solver:
+    with RemoteSolver(solver_spec("Enumeration")) as solver:
         assert solver.supports(load("funnel-30")) == create("Enumeration").supports(load("funnel-30"))
 
 
@@ -64,7 +64,7 @@ def test_a_fault_is_an_error_of_that_solve_and_the_next_request_has_a_fresh_proc
     action: str, outcome: Outcome
 ) -> None:
     problem = load("hard-groove")
-    with RemoteSolver(contestant(Misbehaving(action))) as solver:
+    with RemoteSolver(solver_spec(Misbehaving(action))) as solver:
         for _ in range(2):
             with pytest.raises(FailedSolveError) as raised:
                 solver.prepare(problem).solve(STOP)
@@ -74,7 +74,7 @@ def test_a_fault_is_an_error_of_that_solve_and_the_next_request_has_a_fresh_proc
 
 def test_a_solver_that_hangs_is_ended_in_time() -> None:
     with (
-        RemoteSolver(contestant(Misbehaving("sleep")), seconds=2.0) as solver,
+        RemoteSolver(solver_spec(Misbehaving("sleep")), seconds=2.0) as solver,
         pytest.raises(FailedSolveError) as raised,
     ):
         solver.prepare(load("hard-groove")).solve(Stop(1e-8, 10, 0.1))
@@ -83,7 +83,7 @@ def test_a_solver_that_hangs_is_ended_in_time() -> None:
 
 @pytest.mark.slow
 def test_a_solve_has_its_own_seconds_beyond_those_of_a_request() -> None:
-    with RemoteSolver(contestant(Misbehaving("sleep")), seconds=0.5) as solver:
+    with RemoteSolver(solver_spec(Misbehaving("sleep")), seconds=0.5) as solver:
         prepared = solver.prepare(load("hard-groove"))
         with pytest.raises(FailedSolveError) as raised:
             prepared.solve(Stop(1e-8, 10, 1.0))

@@ -14,8 +14,8 @@ from misbehaving_solvers import Misbehaving
 from proxbench.bench import load, resume, run
 from proxbench.bench.measure.contacts.protocol import Measurement
 from proxbench.bench.measure.execution.events import CaseFinished, RunStarted
-from proxbench.bench.measure.plan import PASSES, Limits
 from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import PASSES, Limits
 from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems import load as load_problem
@@ -169,7 +169,7 @@ def test_interruption_keeps_finished_cases_and_resumes(tmp_path: Path) -> None:
         "-c",
         "from proxbench.bench.cli.main import main; main()",
         "run",
-        "--results",
+        "--output",
         str(tmp_path),
     ]
     names = ["hard-no-motion", "hard-tresca-joint", "funnel-100", "funnel-1000"]

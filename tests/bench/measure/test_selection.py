@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.plan import make_plan
-from proxbench.bench.measure.selection import Selection, name_of, select, shard_of
+from proxbench.bench.measure.selection import Selection, problem_name, select, select_shard
 from proxbench.problems import ContactProblem, ProblemError, save_problem, write_fclib
 from proxbench.problems.exchange.catalog import suite_members
 
@@ -41,7 +41,7 @@ def test_of_two_hundred_files_three_broken_ones_are_left_out_with_their_reasons(
     assert chosen.suite == "mine"
     assert len(chosen.problems) == 197
     assert Counter(chosen.families.values()) == {"boxes": 120, "rocks": 77}
-    assert list(chosen.families) == [name_of(problem) for problem in chosen.problems]
+    assert list(chosen.families) == [problem_name(problem) for problem in chosen.problems]
     assert [sentence.split()[0] for sentence in chosen.left_out] == [
         str(tmp_path / "mine" / name) for name in ("boxes-cut.hdf5", "boxes-damaged.npz", "funnel-30.npz")
     ]
@@ -51,7 +51,7 @@ def test_of_two_hundred_files_three_broken_ones_are_left_out_with_their_reasons(
 
 def test_a_problem_of_a_folder_has_the_name_of_its_file_and_the_numbers_in_it(tmp_path: Path) -> None:
     chosen = select([filled(tmp_path, {"boxes": 2})], "quick")
-    assert [(name_of(one), one.digest) for one in chosen.problems if not isinstance(one, str)] == [
+    assert [(problem_name(one), one.digest) for one in chosen.problems if not isinstance(one, str)] == [
         ("boxes-000", box(1.0).digest),
         ("boxes-001", box(2.0).digest),
     ]
@@ -137,25 +137,25 @@ def test_pipes_and_links_to_nothing_are_no_members(tmp_path: Path) -> None:
 @pytest.mark.parametrize("count", [1, 3, 7])
 def test_shards_have_each_problem_once_in_turns_with_its_family(count: int) -> None:
     whole = select(None, "woodpecker")
-    shards = [shard_of(whole, f"{number}/{count}") for number in range(1, count + 1)]
-    assert sorted(name for shard in shards for name in map(name_of, shard.problems)) == sorted(whole.problems)
+    shards = [select_shard(whole, f"{number}/{count}") for number in range(1, count + 1)]
+    assert sorted(name for shard in shards for name in map(problem_name, shard.problems)) == sorted(whole.problems)
     assert {name: family for shard in shards for name, family in shard.families.items()} == whole.families
-    assert [name_of(shard.problems[0]) for shard in shards] == list(whole.problems[:count])
+    assert [problem_name(shard.problems[0]) for shard in shards] == list(whole.problems[:count])
     assert max(len(shard.problems) for shard in shards) - min(len(shard.problems) for shard in shards) <= 1
 
 
 @pytest.mark.parametrize("shard", ["0/2", "3/2", "1/0", "2", "1/2/3", "-1/2", "a/b", "1/ 2", "", "1/999999"])
 def test_a_shard_that_is_none_is_refused(shard: str) -> None:
     with pytest.raises(BenchError, match="must be i/n"):
-        shard_of(Selection(("a", "b"), {}), shard)
+        select_shard(Selection(("a", "b"), {}), shard)
 
 
 def test_a_shard_without_a_problem_is_refused() -> None:
     with pytest.raises(BenchError, match="has no problem, there are 2; divide less"):
-        shard_of(Selection(("a", "b"), {}), "3/3")
+        select_shard(Selection(("a", "b"), {}), "3/3")
 
 
 def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
     plan = make_plan(["hard-groove", "hard-counterexample"], ["NSGS"], shard="01/2")
-    assert plan.shard == "1/2"
+    assert plan.record.shard == "1/2"
     assert plan.problems == ("hard-groove",)

@@ -8,7 +8,8 @@ from typing import Any
 import msgspec
 import numpy as np
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits, Machine, PlanRecord, Point, Round, RunRecord, Session
+from proxbench.bench.store.plans import Limits, PlanRecord
+from proxbench.bench.store.records import CaseRecord, Machine, Point, Round, RunRecord, Session
 from proxbench.bench.store.store import Store
 from proxbench.problems.arrays import FloatArray
 from stored_cases import case_record, measured_in, timed_round

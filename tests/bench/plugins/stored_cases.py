@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from proxbench.bench.measure.points import quartiles, times_of
+from proxbench.bench.measure.points import quartiles, times_from_rounds
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Curve, Measured, Round
 
@@ -25,7 +25,7 @@ def timed_round(number: int, seconds: float, **others: Any) -> Round:
 def measured_in(rounds: Sequence[Round], **others: Any) -> Measured:
     """Return what was measured in rounds, solved to 1e-7."""
     plain = {"iterations": 3, "residual": 1e-7, "model_residual": 1e-7, "verdict": {}, "impulse_error": None}
-    return Measured(**{**plain, **times_of(rounds), "rounds": list(rounds), **others})
+    return Measured(**{**plain, **times_from_rounds(rounds), "rounds": list(rounds), **others})
 
 
 def case_record(**others: Any) -> CaseRecord:

@@ -16,7 +16,7 @@ def test_a_recording_of_an_own_scene_draws_its_balls_and_surfaces(
     tmp_path: Path, read_back: Callable[[Path], Any]
 ) -> None:
     film = tmp_path / "a.rrd"
-    line = f"simulate tower(balls=3) --duration 0.05 --no-progress --output {tmp_path}/a.npz --record {film}"
+    line = f"simulate tower(balls=3) --duration 0.05 --no-progress --output {tmp_path}/a.npz --recording {film}"
     assert run_command([*line.split(), "--plugin", str(PLUGIN)]) == 0
     content = read_back(film)
     places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")

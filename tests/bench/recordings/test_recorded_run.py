@@ -17,7 +17,7 @@ def test_every_problem_of_the_run_gets_a_recording(
     tmp_path: Path, read_back: Callable[[Path], Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = "run --problem hard-groove --problem hard-sticking-box --solver SORprox --solver Lemke --tolerance 1e-4"
-    assert run_command([*line.split(), "--record", "--no-charts", "--results", str(tmp_path), "--run-id", "a"]) == 0
+    assert run_command([*line.split(), "--record", "--no-charts", "--output", str(tmp_path), "--run-id", "a"]) == 0
     assert "rerun" in capsys.readouterr().out
     for name in ("hard-groove", "hard-sticking-box"):
         recording = read_back(tmp_path / "a" / "recordings" / f"{name}.rrd")

@@ -134,7 +134,7 @@ def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
 def test_files_that_cannot_be_written_fail_no_run_of_which_nothing_failed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --results {tmp_path} --run-id it"
+    line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --output {tmp_path} --run-id it"
     assert run_command([*line.split(), "--quiet", "--no-charts"]) == 0
     (tmp_path / "it" / "charts").write_text("no folder")
     capsys.readouterr()
@@ -168,7 +168,7 @@ def test_a_simulation_whose_chart_cannot_be_written_is_printed_and_says_why(
         ("a.npz", f"simulate {LITTLE} --force --output {{link}}"),
         ("a.svg", f"simulate {LITTLE} --force --output {{parent}}/b.npz --chart {{link}}"),
         ("a.png", f"simulate {LITTLE} --force --output {{parent}}/b.npz --chart {{link}}"),
-        ("a.rrd", f"simulate {LITTLE} --force --output {{parent}}/b.npz --record {{link}}"),
+        ("a.rrd", f"simulate {LITTLE} --force --output {{parent}}/b.npz --recording {{link}}"),
         ("a.rrd", "record hard-groove --solver SORprox --force --output {link}"),
         ("a.png", "record hard-groove --solver SORprox --output {parent}/b.rrd --force --still {link}"),
     ],

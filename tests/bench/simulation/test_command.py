@@ -169,27 +169,26 @@ def test_a_simulation_that_goes_on_renews_its_recording_and_replaces_no_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result, film = tmp_path / "a.npz", tmp_path / "a.rrd"
-    begin = f"simulate {LITTLE} --output {result} --record {film} --no-progress"
+    begin = f"simulate {LITTLE} --output {result} --recording {film} --no-progress"
     assert run_command(begin.split()) == 0
     assert f"rerun {film}" in capsys.readouterr().out
     before, other = film.read_bytes(), tmp_path / "other.rrd"
     other.write_text("mine")
-    assert run_command(f"simulate --resume {result} --duration 0.02 --record {other} --no-progress".split()) == 2
+    assert run_command(f"simulate --resume {result} --duration 0.02 --recording {other} --no-progress".split()) == 2
     assert "--force" in capsys.readouterr().err
     assert (read_simulation(result).n_steps, other.read_text()) == (10, "mine")
     assert run_command(f"simulate --resume {result} --duration 0.02 --no-progress".split()) == 0
     assert f"rerun {film}" in capsys.readouterr().out
     assert film.read_bytes() != before
-    assert (
-        run_command(f"simulate --resume {result} --duration 0.03 --record {other} --no-progress --force".split()) == 0
-    )
+    line = f"simulate --resume {result} --duration 0.03 --recording {other} --no-progress --force"
+    assert run_command(line.split()) == 0
     assert other.stat().st_size > 1000
 
 
 def test_a_recording_that_cannot_be_written_is_refused_before_the_first_step(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = f"simulate {LITTLE} --output {tmp_path / 'a.npz'} --record {tmp_path / 'film.mp4'} --no-progress"
+    line = f"simulate {LITTLE} --output {tmp_path / 'a.npz'} --recording {tmp_path / 'film.mp4'} --no-progress"
     assert run_command(line.split()) == 2
     assert "must end in .rrd" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

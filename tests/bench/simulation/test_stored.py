@@ -62,7 +62,7 @@ def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solve
     line: str, failing: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file, film, chart = tmp_path / "a.npz", tmp_path / "a.rrd", tmp_path / "a.svg"
-    assert run_command([*line.split(), "--output", f"{file}", "--record", f"{film}", "--chart", f"{chart}"]) == 1
+    assert run_command([*line.split(), "--output", f"{file}", "--recording", f"{film}", "--chart", f"{chart}"]) == 1
     printed = capsys.readouterr()
     assert "total  " in printed.out
     assert f"failed with {SOLVERS[line]}" in printed.out
@@ -138,7 +138,7 @@ def test_a_recording_has_curves_of_all_steps_and_bodies_where_states_are_kept(
 ) -> None:
     from rerun.chunk import RrdReader
 
-    assert run_command([*FIXED.split(), "--output", f"{tmp_path}/a.npz", "--record", f"{tmp_path}/a.rrd"]) == 0
+    assert run_command([*FIXED.split(), "--output", f"{tmp_path}/a.npz", "--recording", f"{tmp_path}/a.rrd"]) == 0
     drawn: dict[str, set[int]] = {}
     for chunk in RrdReader(tmp_path / "a.rrd").stream():
         batch = chunk.to_record_batch().to_pydict()

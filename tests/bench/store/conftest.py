@@ -6,7 +6,8 @@ import msgspec
 import pytest
 from proxbench.bench.measure.machine import describe_machine
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Curve, Limits, Machine, PlanRecord, Point, RunRecord
+from proxbench.bench.store.plans import Limits, PlanRecord
+from proxbench.bench.store.records import CaseRecord, Curve, Machine, Point, RunRecord
 from stored_cases import case_record, measured_in, timed_round
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec.structs import replace
-from proxbench.bench.measure.points import joined, with_impulses_at_the_finest
+from proxbench.bench.measure.points import joined, keep_finest_impulses
 from proxbench.bench.store.conversion import content_of, sealed, unsealed
 from proxbench.bench.store.impulses import Impulses, worst
 from proxbench.bench.store.outcome import Outcome
@@ -80,5 +80,5 @@ def test_over_passes_the_worst_answer_stays() -> None:
 
 def test_only_the_finest_measured_point_keeps_impulses() -> None:
     not_attempted = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="")
-    points = with_impulses_at_the_finest([point(kept(0.1)), point(kept(0.2)), not_attempted])
+    points = keep_finest_impulses([point(kept(0.1)), point(kept(0.2)), not_attempted])
     assert [one.measured and len(one.measured.impulses) for one in points] == [0, 1, None]

@@ -4,7 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from proxbench.bench.store.outcome import Outcome, point_outcome
+from proxbench.bench.store.outcome import (
+    RELAXED_FACTOR,
+    ROUNDING,
+    WRONG_FACTOR,
+    Outcome,
+    claim_reason,
+    late_reason,
+    point_outcome,
+)
 from proxbench.problems import ContactProblem, judge
 from proxbench.solvers import Model, Status
 
@@ -34,3 +42,29 @@ def test_a_relaxed_model_is_never_solved_where_it_differs_from_coulomb() -> None
 @pytest.mark.parametrize("status", [status for status in Status if status is not Status.SOLVED])
 def test_other_endings_keep_their_name(status: Status) -> None:
     assert outcome(status, 0.0, 0.0).value == status.value
+
+
+def test_a_relaxed_residual_is_not_compared_with_rounding() -> None:
+    """Where the residual under its own model is zero, a Coulomb residual of rounding still is a solution."""
+    for own in (0.0, 0.1 * ROUNDING, ROUNDING):
+        assert outcome(Status.SOLVED, own, 0.9 * RELAXED_FACTOR * ROUNDING, Model.CONVEX) is Outcome.SOLVED
+        assert outcome(Status.SOLVED, own, 1.1 * RELAXED_FACTOR * ROUNDING, Model.CONVEX) is Outcome.RELAXED
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.0 + 1e-9])
+def test_a_relaxed_residual_may_be_the_tolerance_and_not_more(factor: float) -> None:
+    expected = Outcome.SOLVED if factor == 1.0 else Outcome.RELAXED
+    assert outcome(Status.SOLVED, 5e-5, factor * 1e-4, Model.CONVEX) is expected
+
+
+def test_a_claim_is_wrong_from_ten_times_its_tolerance_on() -> None:
+    assert outcome(Status.SOLVED, WRONG_FACTOR * 1e-4, WRONG_FACTOR * 1e-4) is Outcome.SOLVED
+    assert outcome(Status.SOLVED, 1.0001 * WRONG_FACTOR * 1e-4, 0.0) is Outcome.WRONG
+
+
+def test_reasons_are_given_for_claims_that_do_not_count_alone() -> None:
+    assert claim_reason(Outcome.WRONG, 1e-4, Model.COULOMB, 0.25) == "claimed 1e-04, the judge reads 2.5e-01"
+    assert claim_reason(Outcome.RELAXED, 1e-4, Model.CONVEX, 0.0) == "solves the convex model, not Coulomb friction"
+    assert claim_reason(Outcome.SOLVED, 1e-4, Model.COULOMB, 0.0) == ""
+    assert late_reason(2.0, 2.0) == ""
+    assert late_reason(2.01, 2.0) == "solved after 2.01 s, its limit is 2 s"

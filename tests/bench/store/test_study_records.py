@@ -6,21 +6,22 @@ import pytest
 from proxbench.bench.measure.machine import describe_machine
 from proxbench.bench.measure.trajectories.plan import make_study_plan
 from proxbench.bench.store.conversion import content_of, record_of
-from proxbench.bench.store.records import PlanRecord, RunRecord
+from proxbench.bench.store.plans import PlanRecord
+from proxbench.bench.store.records import RunRecord
 
 
 @pytest.fixture
 def content() -> dict[str, Any]:
     """What run.json says of a study."""
     plan = make_study_plan("pile(balls=3)", members=(0, 1), methods={"Moreau with SORprox": (1e-3,)})
-    trajectory = content_of(plan.trajectories[0])
+    trajectory = content_of(plan.record.trajectories[0])
     trajectory["known"] = [{"member": seed, "values": {"mean height": 1.0}} for seed in (0.0, 1.0)]
     written: dict[str, Any] = {
         "problems": [trajectory["name"]],
         "solvers": ["Moreau with SORprox"],
         "tolerances": [1e-2],
         "limits": {},
-        "methods": [content_of(method.record) for method in plan.methods],
+        "methods": [content_of(method.record) for method in plan.solvers],
         "trajectories": [trajectory],
     }
     return {"run_id": "it", "plan": written, "machine": describe_machine(), "plugins": []}

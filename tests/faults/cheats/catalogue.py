@@ -11,11 +11,11 @@ import tampering_solvers as tampering
 from proxbench.bench.measure.contacts.case import Case, CasePass
 from proxbench.bench.measure.ladder import measure_ladder
 from proxbench.bench.measure.measuring_core import MeasuringCore
-from proxbench.bench.measure.plan import PASSES
-from proxbench.bench.measure.refutation import refuted
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.measure.refutation import find_refuted
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits
+from proxbench.bench.store.plans import PASSES, Limits
+from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 
@@ -47,7 +47,7 @@ class Cheat:
     def tried(self, folder: Path, ladder: tuple[float, ...] = LADDER) -> CaseRecord:
         """Measure it as a run does."""
         problem = load(self.problem)
-        data, solver = problem_bytes(problem.anonymous()), contestant(self.make(folder))
+        data, solver = problem_bytes(problem.anonymous()), solver_spec(self.make(folder))
         record: CaseRecord | None = None
         core = MeasuringCore.claim()
         for number in range(PASSES):
@@ -57,7 +57,7 @@ class Cheat:
             if record.outcome is not Outcome.MEASURED:
                 break
         core.release()
-        return next(iter(refuted([record], case.is_solvable)), record)
+        return next(iter(find_refuted([record], case.is_solvable)), record)
 
 
 def _of(solver: Callable[[], Any]) -> Callable[[Path], Any]:
@@ -106,9 +106,21 @@ CHEATS = {
         COPIES,
         lambda folder: memory.OnDiskInWhateverUnits(str(folder)),
     ),
+    "WhateverOrder": Cheat(
+        "knows a problem in whatever order, axes and units, and waits before it answers",
+        COPIES,
+        _of(memory.WhateverOrder),
+    ),
+    "WhateverNearby": Cheat(
+        "gives the answer of a known problem to all that are like it",
+        "wrong: on a copy",
+        lambda folder: memory.WhateverOrder(0.5),
+    ),
     "WarmStarting": Cheat("starts from its answer to the coarser tolerance", REPEATS, _of(memory.WarmStarting), LARGE),
     "WhenCollecting": Cheat(
-        "solves in a callback of the garbage collector", "misbehaved: garbage collection", _of(memory.WhenCollecting)
+        "solves in a callback of the garbage collector",
+        "misbehaved: the settings of the garbage collector",
+        _of(memory.WhenCollecting),
     ),
     "WhenReleased": Cheat("solves in __del__ of what it prepared", REPEATS, _of(memory.WhenReleased)),
     "WhenTimerRings": Cheat("solves in a signal handler", "misbehaved: signal handlers", _of(memory.WhenTimerRings)),
@@ -155,16 +167,24 @@ CHEATS = {
         _of(tampering.Postponing),
         LARGE,
     ),
-    "Slowing": Cheat("traces memory, which slows the harness", "misbehaved: tracing of memory", _of(tampering.Slowing)),
+    "Slowing": Cheat("traces memory, which slows the harness", "misbehaved: memory tracing", _of(tampering.Slowing)),
     "Profiling": Cheat("sets an empty profile function", "misbehaved: the profile function", _of(tampering.Profiling)),
     "ReplacingSorted": Cheat("replaces sorted by a slow one", REPLACED, _of(tampering.ReplacingSorted)),
     "RareCollection": Cheat(
         "changes the thresholds of the garbage collector",
-        "misbehaved: garbage collection",
+        "misbehaved: the settings of the garbage collector",
         _of(tampering.RareCollection),
     ),
     "Silent": Cheat(
-        "ignores warnings and floating-point errors", "misbehaved: the filters of warnings", _of(tampering.Silent)
+        "ignores warnings and floating-point errors", "misbehaved: the warning filters", _of(tampering.Silent)
+    ),
+    "SilentErrors": Cheat(
+        "ignores floating-point errors from its first solve on",
+        "misbehaved: numpy's error state",
+        _of(tampering.SilentErrors),
+    ),
+    "Preferred": Cheat(
+        "gives its process priority over others", "misbehaved: the scheduling", _of(tampering.Preferred)
     ),
     "SometimesZero": Cheat("answers zero in three of ten solves", "wrong: ", _of(answers.SometimesZero), BOX),
     "Loose": Cheat("claims a thousandth of what it reached", "wrong: ", _of(answers.Loose)),

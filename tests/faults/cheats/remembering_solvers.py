@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from cheating_solvers import Honest, Prepared
-from proxbench.problems import ContactProblem, suite
+from proxbench.problems import ContactProblem, load, suite
 from proxbench.solvers import Solution, Status, Stop, create
 
 
@@ -139,6 +139,44 @@ class FromLibraryInWhateverUnits(WhateverUnits):
         for problem in suite("quick"):
             for tolerance in InSupports.tolerances if problem.name == "funnel-100" else ():
                 self.solve(problem, Stop(tolerance), None)
+
+
+@dataclass
+class WhateverOrder(WhateverUnits):
+    """Knows a problem in whatever order, axes and units, by its normal velocities, and waits before it answers.
+
+    Attributes:
+        difference: of relative normal velocities up to which a problem is the known one.
+        seconds: before it answers [s].
+    """
+
+    difference: float = 1e-12
+    seconds: float = 2e-4
+
+    @cached_property
+    def known(self) -> tuple[ContactProblem, Solution]:
+        problem = load("funnel-100")
+        return problem, create("Robust").prepare(problem).solve(Stop(1e-9))
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        known, found = self.known
+        normals = [one.free_velocity[::3] / np.abs(one.free_velocity[::3]).max() for one in (problem, known)]
+        if observe is not None or len(normals[0]) != len(normals[1]):
+            return Honest.solve(self, problem, stop, observe)
+        here, there = (np.argsort(one) for one in normals)
+        if np.abs(normals[0][here] - normals[1][there]).max() > self.difference:
+            return Honest.solve(self, problem, stop, observe)
+        began = time.perf_counter()
+        place = np.empty(len(here), dtype=np.int64)
+        place[here] = there
+        velocity, impulses = known.free_velocity.reshape(-1, 3)[place], found.impulses.reshape(-1, 3)[place]
+        own = problem.free_velocity.reshape(-1, 3)
+        turn = (own[:, 1] + 1j * own[:, 2]) / (velocity[:, 1] + 1j * velocity[:, 2])
+        tangential = (impulses[:, 1] + 1j * impulses[:, 2]) * turn / np.abs(turn)
+        answer = np.column_stack([impulses[:, 0], tangential.real, tangential.imag]).ravel()
+        while time.perf_counter() - began < self.seconds:
+            pass
+        return Solution(answer * self.scale(known) / self.scale(problem), Status.SOLVED, found.iterations)
 
 
 @dataclass

@@ -184,6 +184,20 @@ class Silent(Tampering):
         return super().solve(problem, stop, observe)
 
 
+class SilentErrors(Tampering):
+    """Ignores floating-point errors from its first solve on."""
+
+    def tamper(self) -> None:
+        np.seterr(all="ignore")
+
+
+class Preferred(Tampering):
+    """Gives its process another priority."""
+
+    def tamper(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, 0, 5)
+
+
 class OtherCores(Tampering):
     """Leaves the core that it is pinned to."""
 

@@ -11,12 +11,13 @@ from cheating_solvers import (
 from proxbench.bench import run
 from proxbench.bench.measure.contacts.case import Case, CasePass
 from proxbench.bench.measure.ladder import measure_ladder
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.report.accuracy import times_to_accuracies
 from proxbench.bench.report.tables import results_table
 from proxbench.bench.store.notes import notes_of
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load
 from proxbench.problems.exchange.storage import problem_bytes
 
@@ -27,7 +28,7 @@ def measured(solver: object, problem_name: str = "hard-sticking-box", limits: Li
     problem = load(problem_name)
     data, record = problem_bytes(problem.anonymous()), None
     for number in range(3):
-        case = Case(problem, contestant(solver), limits, [1e-2, 1e-6], data, record, CasePass(0, number))
+        case = Case(problem, solver_spec(solver), limits, [1e-2, 1e-6], data, record, CasePass(0, number))
         measure_ladder([case])
         record = case.record()
     return case.record()

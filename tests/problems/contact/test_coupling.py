@@ -70,3 +70,22 @@ def test_friction_couples_its_contact_to_the_one_that_bounds_it() -> None:
 def test_entries_that_are_stored_as_zero_couple_nothing() -> None:
     matrix = sp.csr_array((np.array([1.0, 0.0, 0.0, 1.0]), np.array([0, 1, 0, 1]), np.array([0, 2, 4])), shape=(2, 2))
     assert list(components(ContactProblem.from_delassus(matrix, -np.ones(2), dim=1))) == [0, 1]
+
+
+def test_a_contact_is_around_the_one_that_bounds_its_friction_and_the_other_way_round() -> None:
+    """Of three contacts that G does not couple, the first bounds the friction of the third."""
+    problem = load("hard-remote-partner")
+    problem = ContactProblem.from_delassus(np.eye(problem.n_rows), -np.ones(problem.n_rows), laws=problem.laws)
+    coupled = blocks_of(problem)
+    assert coupled.sum() == problem.n_contacts + 2
+    for values in np.eye(problem.n_contacts):
+        assert np.array_equal(largest_around(problem, values), np.where(coupled, values, 0.0).max(axis=1))
+
+
+def test_contacts_of_very_different_masses_are_coupled_relative_to_both() -> None:
+    """An entry g_ij counts against √(g_ii g_jj): between 1 kg and 10³⁰ kg, 10⁻¹⁹ is no rounding."""
+    matrix = np.array([[1.0, 1e-19], [1e-19, 1e-30]])
+    problem = ContactProblem.from_delassus(matrix, -np.ones(2), dim=1)
+    assert list(components(problem)) == [0, 0]
+    assert list(largest_around(problem, np.array([1.0, 2.0]))) == [2.0, 2.0]
+    assert list(largest_around(problem, np.array([2.0, 1.0]))) == [2.0, 2.0]

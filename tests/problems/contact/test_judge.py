@@ -68,6 +68,21 @@ def test_one_contact_by_hand(c: tuple[float, float, float], impulses: tuple[floa
     assert judge(one_contact(c), impulses).residual == pytest.approx(expected, abs=1e-15)
 
 
+@pytest.mark.parametrize("with_joint", [False, True])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_impulse_that_pulls_allows_no_friction(dim: int, with_joint: bool) -> None:
+    """The bound is μ max(Λ_N, 0): at Λ_N = −0.1 all of Λ_T = 1 is a violation, and no more than that."""
+    laws, rows = Laws.contacts(np.array([2.0]), dim, 1), dim + with_joint
+    if with_joint:
+        laws = Laws.together([laws, Laws.joints(1)])
+    free, impulses = np.zeros(rows), np.zeros(rows)
+    free[:2], impulses[:2] = (1.0, 0.5), (-0.1, 1.0)
+    problem = ContactProblem.from_delassus(np.eye(rows), free, laws=laws)
+    verdict = judge(problem, impulses)
+    assert verdict.residual == pytest.approx(1.0, rel=1e-12)
+    assert verdict.cone_violation == pytest.approx(1.0, rel=1e-12)
+
+
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_complementary_impulses_have_no_residual(seed: int) -> None:

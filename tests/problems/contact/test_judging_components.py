@@ -99,6 +99,21 @@ def test_very_small_and_very_large_velocities_are_judged_alike(exponent: int, mo
         assert Residual(scaled)(unit * impulses, velocity) == pytest.approx(expected.residual, rel=1e-12)
 
 
+@pytest.mark.parametrize("exponent", [-400, 400])
+def test_impulses_velocities_and_energies_have_their_units_at_very_small_and_large_velocities(exponent: int) -> None:
+    """Velocities and impulses scale with the unit of speed, energies with its square, without any rounding."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(9, 9))
+    usual = ContactProblem.from_delassus(root.T @ root, rng.normal(size=9), 0.4)
+    impulses, unit = rng.normal(size=9), 2.0**exponent
+    expected = judge(usual, impulses)
+    found = judge(replace(usual, free_velocity=unit * usual.free_velocity), unit * impulses)
+    for name in ("penetration_velocity", "cone_violation"):
+        assert getattr(found, name) == unit * getattr(expected, name) > 0.0, name
+    for name in ("complementarity", "dissipated_energy"):
+        assert getattr(found, name) == unit * unit * getattr(expected, name) != 0.0, name
+
+
 @pytest.mark.parametrize(
     ("matrix", "what"),
     [

@@ -48,6 +48,16 @@ def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: 
     assert ": slow; " in solution.message
 
 
+@pytest.mark.parametrize("name", ["hard-chain-100", "hard-chain-100-pulled"])
+def test_where_there_are_joints_newton_steps_are_tried_after_a_short_window_of_sweeps(name: str) -> None:
+    """An impulse passes one joint a sweep, so a hundred joints would take several windows."""
+    problem = load(name)
+    solution = solve(problem, tolerance=1e-8)
+    assert solution.status is Status.SOLVED
+    assert solution.message.endswith("; Newton steps: solved")
+    assert solution.iterations < WINDOW
+
+
 def test_where_newton_steps_lead_no_further_sweeps_go_on() -> None:
     """On few rows they are tried after a hundred slow sweeps, here on the way to an answer that sweeps find."""
     problem = load("hard-random-frictionless-masses")

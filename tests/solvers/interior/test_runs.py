@@ -7,7 +7,7 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
-from proxbench.solvers.interior.progress import MOST_SHORT, Progress
+from proxbench.solvers.interior.progress import LEAST_STEPS, MOST_SHORT, Progress
 from proxbench.solvers.interior.runs import InRuns, SingleRun
 from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
 
@@ -99,3 +99,22 @@ def test_only_who_looks_for_a_gain_ends_without_one() -> None:
     progress.look_for_gain()
     assert progress.ended is not None
     assert progress.ended[0] is Status.STALLED
+
+
+def test_the_gain_of_a_run_is_looked_for_within_that_run() -> None:
+    """A run that begins after 300 fruitless steps of another is not over before it has had 200 of its own."""
+    problem = load("funnel-30")
+    residual, rng = Residual(problem), np.random.default_rng(1)
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, 1.0, np.zeros(problem.n_rows))
+    progress.arrive(rng.uniform(size=problem.n_rows), 1e-3)
+    for _ in range(300):
+        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
+    progress.end(Status.STALLED, "short steps")
+    assert progress.goes_on()
+    for _ in range(LEAST_STEPS - 1):
+        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
+    progress.look_for_gain()
+    assert progress.ended is None
+    progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
+    progress.look_for_gain()
+    assert progress.ended is not None

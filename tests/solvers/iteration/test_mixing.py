@@ -88,6 +88,19 @@ def test_a_mixed_start_that_leads_astray_is_taken_back() -> None:
     assert mixed.impulses() == pytest.approx(0.9 ** (2 * WINDOW + 1))
 
 
+@pytest.mark.parametrize(("trap", "is_taken_back"), [(0.1, False), (0.8, True)])
+def test_a_mixed_start_is_taken_back_where_it_moves_more_than_twice_as_far_as_before(
+    trap: float, is_taken_back: bool
+) -> None:
+    """The window before moved by 0.9³ − 0.9⁶ = 0.198; where mixing leads at once, the trap adds a displacement."""
+    mixed = MixedIterates(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + trap), np.ones(1)), np.ones(1), 1)
+    mixed.sweep(3 * WINDOW)
+    away = trap * 0.9 ** (WINDOW - 1)
+    assert mixed.impulses() == pytest.approx(away, rel=1e-3)
+    mixed.sweep(1)
+    assert (mixed.impulses() == pytest.approx(0.9 ** (2 * WINDOW + 1))) is is_taken_back
+
+
 def test_differences_without_a_step_and_iterates_without_bound_are_not_mixed() -> None:
     differences = Differences(3, 2)
     assert differences.step(np.ones(2), np.zeros(2)) is None

@@ -46,6 +46,17 @@ def test_slow_power_law_progress_is_lacking_and_slow_geometric_progress_is_not_a
         assert not any(lacking[: PLATEAU_SWEEPS // 10 - 1])
 
 
+def test_progress_is_lacking_where_the_last_three_quarters_of_the_sweeps_had_none() -> None:
+    """All digits are gained at sweep 3000: within the last three quarters up to sweep 12 000, and not beyond."""
+    monitor, lacking = Monitor(Stop(1e-12, 10**9)), {}
+    for n in range(10, 16_010, 10):
+        assert status_of(monitor, n, 1.0 if n < 3000 else 1e-3) is None
+        lacking[n] = monitor.lacks_progress
+    assert not lacking[8000]
+    assert not lacking[11_900]
+    assert lacking[12_100]
+
+
 def test_a_plateau_of_a_million_sweeps_is_no_stall() -> None:
     monitor = Monitor(Stop(1e-12, 10**9))
     assert not any(status_of(monitor, n, 1e-2) for n in range(10))

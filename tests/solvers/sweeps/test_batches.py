@@ -1,9 +1,12 @@
 """Contacts dealt into batches are swept as if one by one."""
 
+from dataclasses import replace
+
 import numpy as np
+import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import load
+from proxbench.problems import ContactProblem, Laws, load
 from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.solvers import Stop, create
 from proxbench.solvers.sweeps.batches import LANES, deal_into_batches, sweep_batches
@@ -38,4 +41,20 @@ def test_a_funnel_is_swept_in_batches_and_its_iterates_are_those_of_the_delassus
         histories.append(seen)
     first, second = np.array(histories[0]), np.array(histories[1])
     assert first.shape == (60, problem.n_rows)
+    assert np.abs(first - second).max() <= 1e-12 * np.abs(first).max()
+
+
+def test_contacts_with_bounds_of_others_are_not_dealt_into_batches() -> None:
+    """A batch holds the bounds of its own contacts only; here neighbours bound each other's friction."""
+    rng, n = np.random.default_rng(3), 32
+    directions = sp.block_diag([rng.normal(size=(12, 3)) for _ in range(n)], format="csc")  # two bodies a contact
+    laws = Laws.contacts(np.array(0.5), 3, n)
+    friction = np.flatnonzero(laws.is_friction)
+    partner = laws.partner.copy()
+    partner[friction] = partner[friction].reshape(-1, 2)[:, ::-1].ravel()
+    free = rng.normal(size=3 * n)
+    problem = ContactProblem.from_factors(directions, np.ones(12 * n), free, laws=replace(laws, partner=partner))
+    sweeps = [create("SORprox", relaxation=1.2, form=form).prepare(problem) for form in ("delassus", "factors")]
+    first, second = (prepared.solve(Stop(1e-300, 20)).impulses for prepared in sweeps)
+    assert problem.factor_pieces().in_pairs  # as batches need them
     assert np.abs(first - second).max() <= 1e-12 * np.abs(first).max()

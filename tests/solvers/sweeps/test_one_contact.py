@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws, judge
 from proxbench.solvers import create
-from proxbench.solvers.sweeps.one_contact import solve_frictionless, solve_planar, solve_spatial
+from proxbench.solvers.sweeps.one_contact import planar_violation, solve_frictionless, solve_planar, solve_spatial
 from proxbench.solvers.sweeps.slip_angle import WORKSPACE, slip_angles
 
 WORK = np.empty(WORKSPACE)
@@ -181,6 +181,46 @@ def test_painleve_prefers_the_state_that_was() -> None:
     free = np.array([0.01, -1.0])
     assert planar(delassus, free, 2.0, 0.0, np.zeros(2))[0] == 0.0
     assert planar(delassus, free, 2.0, 0.0, np.array([0.3, 0.4]))[0] == pytest.approx(0.33318, abs=1e-5)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_planar_slip_that_goes_on_is_found_before_the_other_one_is_tried(
+    side: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It costs one evaluation, that of the open contact; the violation of the other slip is not even looked at."""
+    calls: list[None] = []
+
+    def counted(*given: float) -> float:
+        calls.append(None)
+        return float(planar_violation(*given))
+
+    monkeypatch.setattr("proxbench.solvers.sweeps.one_contact.planar_violation", counted)
+    solve = getattr(solve_planar, "py_func", solve_planar)
+    impulses = solve(1.0, 0.0, 0.0, 1.0, -1.0, -3.0 * side, 0.5, 0.0, 1.0, 0.4 * side)
+    assert impulses == (1.0, 0.5 * side)
+    assert len(calls) == 1
+
+
+def test_of_the_slips_that_fit_a_spatial_contact_takes_the_nearest_to_the_one_that_was() -> None:
+    """Where a contact can jam two directions of slip fit; each is kept by the histories next to it."""
+    delassus = np.array([[1.35, 0.17, 3.06], [0.17, 0.14, 0.17], [3.06, 0.17, 8.08]])
+    free = np.array([0.93, -0.52, 4.04])
+    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    histories = np.stack([np.ones(24), np.cos(angles), np.sin(angles)], axis=1)
+    answers = np.array([spatial(delassus, free, 2.0, 0.3, old) for old in histories])
+    assert max(violation(delassus, free, 2.0, 0.3, impulses) for impulses in answers) <= 1e-12
+    directions = answers[:, 1:] / np.linalg.norm(answers[:, 1:], axis=1)[:, None]
+    assert len(np.unique(directions.round(6), axis=0)) == 2
+    for old, direction in zip(histories, directions, strict=True):
+        assert direction @ old[1:] == pytest.approx((directions @ old[1:]).max(), abs=1e-9)
+
+
+def test_friction_that_leads_nowhere_is_drawn_back_until_its_contact_pushes() -> None:
+    """S = 0 and a > 0: Λ_N = n0 − hᵀΛ_T ends at 0 along the present Λ_T, for here n0 = 0.1 and h = (5, 0)."""
+    root = np.array([1.0, 5.0, 0.0])
+    delassus, free = np.outer(root, root), -0.1 * root
+    impulses = spatial(delassus, free, 0.0, 1.0, np.array([0.1, 0.5, 0.5]))
+    assert impulses == pytest.approx([0.0, 0.02, 0.02], abs=1e-15)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])

@@ -1,21 +1,22 @@
 """First solves in fresh processes show what repeated ones hide, and what the processor works shows the clock."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from habitual_solvers import STOP, Wrapped
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.case import warm_up_data
-from proxbench.bench.measure.contacts.clock_account import ALLOWANCE, REQUEST_SECONDS, SHARE, ClockAccount
+from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, REQUEST_SECONDS, SHARE, ClockAccount
 from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.contacts.timed_round import TimedRound
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Limits
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
-from proxbench.solvers import Status, create
+from proxbench.solvers import Status, Stop, create
 
 PROBLEM = load("funnel-100")
 LIMITS = Limits(solve_seconds=30.0)
@@ -24,14 +25,14 @@ MICROSECOND = 1e-6
 
 @pytest.fixture
 def controls(request: pytest.FixtureRequest) -> Iterator[Controls]:
-    made = Controls(PROBLEM, warm_up_data(PROBLEM), contestant(request.param), LIMITS)
+    made = Controls(PROBLEM, warm_up_data(PROBLEM), solver_spec(request.param), LIMITS)
     yield made
     made.close()
 
 
 def test_a_solver_that_remembers_is_accused_with_both_times() -> None:
     problem = load("funnel-1000")  # ten milliseconds, which no noise makes microseconds
-    controls = Controls(problem, warm_up_data(problem), contestant(Wrapped("remember")), LIMITS)
+    controls = Controls(problem, warm_up_data(problem), solver_spec(Wrapped("remember")), LIMITS)
     with contextlib.closing(controls), pytest.raises(Fault) as found:
         controls.first_solves(STOP, 8 * MICROSECOND, lambda: 8 * MICROSECOND)
     assert found.value.outcome is Outcome.MISBEHAVED
@@ -65,6 +66,55 @@ def of_one_solve(seconds: float) -> TimedRound:
 def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
     account = ClockAccount(PROBLEM)
     assert account.fault(of_one_solve(1.0), worked=1.0 + SHARE + REQUEST_SECONDS) is None
-    fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE + 0.1)
+    fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE_SECONDS + 0.1)
     assert fault is not None
     assert "s in rounds, of which its own clock explains 1.0" in fault
+
+
+class Scripted(Controls):
+    """First solves whose times are given: of the problem, and of the problem after another one."""
+
+    def __init__(self, fresh: list[float], after_another: float = 1.0, status: Status = Status.SOLVED) -> None:
+        super().__init__(PROBLEM, b"", solver_spec(Wrapped()), LIMITS)
+        self.fresh, self.after_another, self.status = fresh, after_another, status
+        self.n_asked = 0
+
+    def _ask(self, stop: Stop, problems: Sequence[bytes]) -> tuple[TimedRound, np.ndarray]:
+        self.n_asked += 1
+        seconds = self.after_another if len(problems) == 2 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
+        return replace(of_one_solve(seconds), status=self.status), np.zeros(PROBLEM.n_rows)
+
+
+def never() -> float:
+    raise AssertionError
+
+
+@pytest.mark.parametrize(("seconds", "fresh", "n"), [(1.0, [1.0], 1), (0.01, [0.01], 2), (0.01, [0.1, 0.01], 4)])
+def test_first_solves_follow_until_enough_more_of_them_are_explained_than_not(
+    seconds: float, fresh: list[float], n: int
+) -> None:
+    controls = Scripted(fresh)
+    assert [one.seconds for one in controls.first_solves(STOP, seconds, never)][:1] == fresh[:1]
+    assert controls.n_asked == n
+
+
+def test_a_machine_that_has_become_slower_accuses_nobody() -> None:
+    """What counts is how long repeated solves take now, as first ones do."""
+    assert Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.1)
+    assert Scripted([0.1], 0.1).first_solves(STOP, 0.1 / 1.4, lambda: 0.001)
+    with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones 0\.002 s"):
+        Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.002)
+
+
+def test_of_first_solves_alone_and_after_another_problem_the_faster_ones_count() -> None:
+    assert [one.seconds for one in Scripted([0.1], 0.001).first_solves(STOP, 0.001, lambda: 0.001)] == [0.001] * 4
+    assert {one.seconds for one in Scripted([0.0015], 0.1).first_solves(STOP, 0.001, lambda: 0.001)} == {0.0015}
+
+
+def test_first_solves_that_reach_the_time_limit_are_repeated_in_own_units_and_misbehave_where_others_are_fast() -> None:
+    late = Scripted([1.0], status=Status.TIME_LIMIT)
+    assert [one.timed.status for one in late.first_solves(STOP, STOP.max_seconds, never)] == [Status.TIME_LIMIT]
+    assert late.n_asked == 2
+    with pytest.raises(Fault, match="reach the time limit"):
+        late.first_solves(STOP, 1e-3, never)
+    assert Scripted([1.0], status=Status.STALLED).first_solves(STOP, 1e-3, never)[-1].timed.status is Status.STALLED

@@ -1,14 +1,15 @@
-"""The matrix says of every solver on every problem how it ended, and why where it did not solve."""
+"""The matrix reports how every solver ended on every problem, and the reason of each failure."""
 
 import json
 import time
 from pathlib import Path
 
 import pytest
+from cheating_solvers import LateInPrepare
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.measure.contacts.matrix import default_solvers, measured_matrix
-from proxbench.bench.report.matrix import count_bad, matrix_page
+from proxbench.bench.measure.contacts.matrix import default_solvers, measure_matrix
+from proxbench.bench.report.matrix import count_bad, matrix_page, matrix_table
 from proxbench.bench.store.outcome import Cell, Outcome
 from proxbench.solvers import Stop, available
 
@@ -18,7 +19,7 @@ SOLVERS = ["SORprox", "Enumeration", "ClarabelSOCP"]
 
 @pytest.fixture(scope="module")
 def cells() -> list[Cell]:
-    return measured_matrix(PROBLEMS, SOLVERS, Stop(1e-8, 10_000, 2.0))
+    return measure_matrix(PROBLEMS, SOLVERS, Stop(1e-8, 10_000, 2.0))
 
 
 def cell(cells: list[Cell], problem: str, solver: str) -> Cell:
@@ -53,8 +54,54 @@ def test_the_page_has_every_problem_every_solver_and_every_reason(cells: list[Ce
     assert "it has spatial friction, whose directions of slip cannot be enumerated" in page
 
 
+def test_the_table_has_every_cell_with_the_order_of_magnitude_of_its_residual(cells: list[Cell]) -> None:
+    table = matrix_table(cells).set_index("problem")
+    assert list(table.columns) == ["family", *SOLVERS]
+    assert list(table.index) == PROBLEMS
+    assert list(table.loc["hard-counterexample"]) == ["rods", "oscillating 1e-02", "solved", "relaxed 1e-01"]
+    assert table.loc["hard-sticking-box", "Enumeration"] == "unsupported"
+
+
+def test_a_page_beside_a_table_counts_solved_of_supported_problems_by_family() -> None:
+    problems = ("hard-groove", "hard-counterexample", "hard-squeezed")
+    outcomes = {"A": [Outcome.SOLVED, Outcome.STALLED, Outcome.UNSUPPORTED], "B": [Outcome.SOLVED] * 3}
+    made = [
+        Cell(problem, solver, outcome, 3e-5, reason="" if outcome is Outcome.SOLVED else f"{outcome} after 3 steps")
+        for solver, ends in outcomes.items()
+        for problem, outcome in zip(problems, ends, strict=True)
+    ]
+    page = matrix_page(made, 1e-8, "proxbench matrix", table="cells.csv")
+    assert "[cells.csv](cells.csv) has every cell" in page
+    assert "| solver | wedges | rods | degenerate |" in page
+    assert "| `A` | 1/1 | 0/1 | – |" in page
+    assert "| `B` | 1/1 | 1/1 | 1/1 |" in page
+    assert "| stalled | 1 | stalled after 3 steps | A |" in page
+    assert "hard-groove" not in page
+
+
+def test_reasons_that_differ_in_numbers_are_one_row_and_many_solvers_are_counted() -> None:
+    made = [
+        Cell("hard-groove", f"S{number}", Outcome.STALLED, 1e-3, reason=f"residual {number}.5e-03 after 7 sweeps")
+        for number in range(6)
+    ]
+    assert "| stalled | 6 | residual 0.5e-03 after 7 sweeps | S0, S1, S2 and 3 others |" in matrix_page(made, 1e-8, "")
+
+
+def test_a_long_reason_is_shortened_to_its_ends() -> None:
+    reason = "; ".join(f"part {number}: slow" for number in range(20))
+    page = matrix_page([Cell("hard-groove", "S", Outcome.STALLED, 1e-3, reason=reason)], 1e-8, "")
+    assert "| part 0: slow; …; part 18: slow; part 19: slow |" in page
+
+
+def test_a_page_names_bad_outcomes_only_where_there_are_any() -> None:
+    solved = Cell("hard-groove", "S", Outcome.SOLVED)
+    assert "No cell is wrong, not finite or at fault." in matrix_page([solved], 1e-8, "")
+    wrong = Cell("hard-groove", "S", Outcome.WRONG, 1.0, reason="the judge finds 1")
+    assert "| solver | wrong |" in matrix_page([wrong], 1e-8, "")
+
+
 def test_a_solver_that_crashes_costs_its_own_cell() -> None:
-    found = measured_matrix(["hard-groove", "hard-sticking-box"], [Misbehaving("segfault")], Stop(1e-6, 100, 1.0))
+    found = measure_matrix(["hard-groove", "hard-sticking-box"], [Misbehaving("segfault")], Stop(1e-6, 100, 1.0))
     assert [crashed.outcome for crashed in found] == [Outcome.CRASHED] * 2
     assert count_bad(found) == 2
     assert "crashed" in matrix_page(found, 1e-6, "")
@@ -63,7 +110,7 @@ def test_a_solver_that_crashes_costs_its_own_cell() -> None:
 @pytest.mark.parametrize("action", ["sleep", "prepare for ever"])
 def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str) -> None:
     ended: list[float] = []
-    found = measured_matrix(
+    found = measure_matrix(
         ["hard-groove", "hard-sticking-box"],
         [Misbehaving(action)],
         Stop(1e-6, 100, 1.0),
@@ -74,8 +121,16 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str)
     assert 2.0 < ended[1] - ended[0] < 8.0  # the limit, the grace, and a process that starts
 
 
+def test_preparing_counts_towards_the_time_limit_of_a_solve() -> None:
+    solver = LateInPrepare()
+    (late,) = measure_matrix(["hard-groove"], [solver], Stop(1e-6, 100, 0.02))
+    assert late.outcome is Outcome.TIME_LIMIT
+    (in_time,) = measure_matrix(["hard-groove"], [solver], Stop(1e-6, 100, 2.0))
+    assert in_time.outcome is Outcome.SOLVED
+
+
 def test_a_solver_that_keeps_its_time_limit_is_not_ended() -> None:
-    (found,) = measured_matrix(["hard-groove"], [Misbehaving("whisper")], Stop(1e-6, 100, 1.0))
+    (found,) = measure_matrix(["hard-groove"], [Misbehaving("whisper")], Stop(1e-6, 100, 1.0))
     assert found.outcome is Outcome.SOLVED
 
 
@@ -84,6 +139,9 @@ def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.Capt
     assert run_command([*line, "--output", str(tmp_path / "page.md")]) == 0
     assert "1 cells, 0 of them wrong or at fault" in capsys.readouterr().out
     assert "--tolerance 0.0001" in (tmp_path / "page.md").read_text()
+    assert (tmp_path / "page.csv").read_text() == "problem,family,SORprox\nhard-groove,wedges,solved\n"
+    assert run_command([*line, "--output", str(tmp_path / "page.csv")]) == 2
+    assert "name a file that ends in .md" in capsys.readouterr().err
     assert run_command([*line, "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert row["outcome"] == "solved"

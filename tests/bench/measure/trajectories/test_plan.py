@@ -28,21 +28,21 @@ def scenes() -> Iterator[None]:
 
 def test_the_woodpecker_is_measured_over_its_limit_cycle() -> None:
     plan = make_study_plan("woodpecker")
-    (trajectory,) = plan.trajectories
+    (trajectory,) = plan.record.trajectories
     assert (trajectory.name, trajectory.error) == ("woodpecker(start='cycle')", "limit cycle")
     assert trajectory.duration == PERIOD
-    ladders = {method.record.name: method.record.values for method in plan.methods}
+    ladders = {method.record.name: method.record.values for method in plan.solvers}
     assert ladders["Moreau with SORprox"] == [PERIOD / n for n in (500, 1000, 2000, 5000, 10_000, 50_000)]
     assert set(ladders) >= {"Extrapolated(search='nested') with SORprox", "StepDoubling with SORprox"}
 
 
 def test_a_pour_is_measured_over_seeds_against_a_finer_step() -> None:
-    (trajectory,) = make_study_plan("funnel(balls=3, seed=7, friction=None)").trajectories
+    (trajectory,) = make_study_plan("funnel(balls=3, seed=7, friction=None)").record.trajectories
     assert (trajectory.name, trajectory.error) == ("funnel(balls=3, friction=None)", "aggregates")
     assert trajectory.members == [7, 8, 9, 10, 11, 12]
     plan = make_study_plan("pile", members=(0, 1))
-    finest = min(value for method in plan.methods for value in method.record.values if " with " in method.record.name)
-    reference = plan.trajectories[0].reference
+    finest = min(value for method in plan.solvers for value in method.record.values if " with " in method.record.name)
+    reference = plan.record.trajectories[0].reference
     assert reference is not None
     assert reference.values == [0.5 * finest]
 
@@ -50,9 +50,9 @@ def test_a_pour_is_measured_over_seeds_against_a_finer_step() -> None:
 @pytest.mark.parametrize("scene", KNOWN_MOTIONS)
 def test_every_closed_form_is_compared_with_its_exact_end_by_fixed_and_variable_steps(scene: str) -> None:
     plan = make_study_plan(scene)
-    (trajectory,) = plan.trajectories
+    (trajectory,) = plan.record.trajectories
     assert (trajectory.error, trajectory.reference) == ("end position", None)
-    assert {method.stepper.partition("(")[0] for method in plan.methods} == {"Moreau", "Extrapolated", "StepDoubling"}
+    assert {method.stepper.partition("(")[0] for method in plan.solvers} == {"Moreau", "Extrapolated", "StepDoubling"}
 
 
 @pytest.mark.parametrize(
@@ -61,18 +61,18 @@ def test_every_closed_form_is_compared_with_its_exact_end_by_fixed_and_variable_
 )
 @pytest.mark.usefixtures("scenes")
 def test_scenes_of_plugins_are_measured_too(scene: str, error: str, has_reference: bool) -> None:
-    (trajectory,) = make_study_plan(scene).trajectories
+    (trajectory,) = make_study_plan(scene).record.trajectories
     assert (trajectory.error, trajectory.reference is not None) == (error, has_reference)
 
 
 def test_another_motion_of_the_woodpecker_is_compared_with_a_finer_one() -> None:
-    (trajectory,) = make_study_plan("woodpecker(gravity=9.0)", duration=0.01).trajectories
+    (trajectory,) = make_study_plan("woodpecker(gravity=9.0)", duration=0.01).record.trajectories
     assert trajectory.error == "end position"
     assert trajectory.reference is not None
 
 
 def test_a_solver_that_is_named_is_compared_too() -> None:
-    names = [method.record.name for method in make_study_plan("pile(balls=3)", ["Jprox", "NSGS"]).methods]
+    names = [method.record.name for method in make_study_plan("pile(balls=3)", ["Jprox", "NSGS"]).solvers]
     assert "Jprox in Moreau(step=0.001)" in names
     assert len(names) == len(set(names))
 
@@ -101,12 +101,12 @@ def test_a_study_that_cannot_be_is_refused(scene: str, options: dict[str, Any], 
 @pytest.mark.parametrize("start", ["warm", "cold", "warm-then-cold"])
 def test_all_methods_and_the_reference_of_a_study_have_its_start(start: str) -> None:
     plan = make_study_plan("pile(balls=3)", ["Jprox"], start=start)
-    reference = plan.trajectories[0].reference
+    reference = plan.record.trajectories[0].reference
     assert reference is not None
-    assert {method.record.start for method in plan.methods} == {reference.start} == {start}
-    assert {stored_method(method.record).record.start for method in plan.methods} == {start}
-    task = TrajectoryTask(trajectory_of(plan.trajectories[0]), plan.methods[0], 1.0)
-    assert task._plan(plan.methods[0].record.values[0], 0.0).start == start
+    assert {method.record.start for method in plan.solvers} == {reference.start} == {start}
+    assert {stored_method(method.record).record.start for method in plan.solvers} == {start}
+    task = TrajectoryTask(trajectory_of(plan.record.trajectories[0]), plan.solvers[0], 1.0)
+    assert task._plan(plan.solvers[0].record.values[0], 0.0).start == start
 
 
 def test_a_study_with_an_unknown_start_is_refused() -> None:

@@ -12,7 +12,7 @@ from proxbench.bench.errors import BenchError, InterruptedRunError
 from proxbench.bench.measure.execution.events import Event, PointFinished
 from proxbench.bench.measure.trajectories import problems, task
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Limits
+from proxbench.bench.store.plans import Limits
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 from proxbench.problems.motion.trajectories.pour import ENERGY, HEIGHT
 from proxbench.problems.motion.trajectories.problem import Aggregates, TrajectoryProblem

@@ -6,7 +6,8 @@ import msgspec
 import pytest
 from proxbench.bench import compare
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits, Point
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import CaseRecord, Point
 from simulated_runs import solved_point, store_run
 from stored_cases import case_record, measured_in, timed_round
 

@@ -85,7 +85,7 @@ def test_sizes_beyond_limits_are_refused_before_anything_is_unpacked(
     path = with_member(tmp_path / "bomb", (bomb, bytes(2**24)))
     assert path.stat().st_size < 2**16
     monkeypatch.setattr(zipfile.ZipFile, "read", None)
-    monkeypatch.setattr(archive_file, "LARGEST_FILE", 2**23)
+    monkeypatch.setattr(archive_file, "MAX_FILE_BYTES", 2**23)
     with pytest.raises(BenchError, match=r"'cases/x--y.json' would take 16 MB"):
         read_members(path)
     monkeypatch.setattr(archive_file, "LARGEST", 2**23)

@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from fclib_merit import natural_map
 from handmade_fclib import MU, Q, W, global_data, local_data, write_data
-from proxbench.problems import ProblemError, judge, read_fclib, write_fclib
-from proxbench.problems.exchange.fclib.conversion import LARGEST_ASYMMETRY
+from proxbench.problems import ContactProblem, ProblemError, judge, read_fclib, write_fclib
+from proxbench.problems.exchange.fclib.contents import GlobalContents
+from proxbench.problems.exchange.fclib.conversion import LARGEST_ASYMMETRY, contents_of, problem_of
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -82,3 +84,17 @@ def test_what_is_said_of_a_problem_survives(tmp_path: Path) -> None:
     write_fclib(problem, tmp_path / "again.hdf5")
     again = read_fclib(tmp_path / "again.hdf5")
     assert {name: again.provenance[name] for name in info} == info
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_free_motion_is_written_so_that_every_bit_of_c_is_found_again(seed: int) -> None:
+    """c = Hᵀ M⁻¹ f + w is added up by the reader, so f and w are chosen for what rounding makes of that sum."""
+    rng = np.random.default_rng(seed)
+    directions, motion = rng.normal(size=(12, 12)), rng.normal(size=12)
+    c = directions.T @ motion + 0.1 * rng.normal(size=12)
+    given = (sp.csc_array(directions), 1.0 / rng.uniform(0.1, 10.0, 12), c, 0.3)
+    problem = ContactProblem.from_factors(*given, free_motion=motion)
+    contents = contents_of(problem)
+    assert isinstance(contents, GlobalContents)
+    assert contents.f.any()
+    assert contents.digest == problem.digest == problem_of(contents, problem.name).digest

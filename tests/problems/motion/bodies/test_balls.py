@@ -117,3 +117,25 @@ def test_a_number_out_of_range_is_named(name: str, value: object) -> None:
     arguments = {"radii": np.ones(1), "masses": np.ones(1), "surfaces": [], "dimension": 3, name: value}
     with pytest.raises(ProblemError, match=name):
         BallSystem(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.05, 0.3])
+def test_gaps_below_a_limit_are_those_of_all_pairs_and_of_the_plane(limit: float) -> None:
+    """Each pair by its distance less both radii, each ball by its height less its own."""
+    rng = np.random.default_rng(4)
+    radii, centres = rng.uniform(0.1, 0.2, 12), rng.uniform(0.0, 0.8, (12, 3))
+    system = BallSystem(radii, np.ones(12), [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))], 3)
+    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2) - radii[:, None] - radii[None]
+    every = np.append(apart[np.triu_indices(12, 1)], centres[:, 2] - radii)
+    keys, gaps = system.gaps_below(centres.ravel(), limit)
+    assert np.array_equal(keys, np.unique(keys))
+    assert np.sort(gaps) == pytest.approx(np.sort(every[every < limit]), abs=1e-12)
+
+
+def test_overlaps_no_deeper_than_tolerated_are_none() -> None:
+    system = BallSystem(np.array([0.5]), np.ones(1), [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))], 3)
+    sunk = np.array([0.0, 0.0, 0.49])
+    assert system.overlaps(sunk, 0.02) is None
+    found = system.overlaps(sunk, 0.005)
+    assert found is not None
+    assert found.gap == pytest.approx([-0.01])

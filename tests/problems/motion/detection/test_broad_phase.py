@@ -22,9 +22,12 @@ def test_it_agrees_with_looking_at_every_pair(seed: int, n: int, dim: int, sprea
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(dim: int) -> None:
-    centres = np.random.default_rng(1).normal(size=(80, dim)) * 0.1
-    assert len(overlapping_pairs(centres, np.ones(80))) == 80 * 79 // 2
+@pytest.mark.parametrize("n", [17, 18, 25, 33, 80])
+def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: int) -> None:
+    """Of n balls, (n − 1)/2 pairs a ball overlap, where there is room for 8 of them at first."""
+    centres = np.random.default_rng(1).normal(size=(n, dim)) * 0.1
+    pairs = overlapping_pairs(centres, np.ones(n))
+    assert np.array_equal(pairs, np.column_stack(np.triu_indices(n, 1)))
 
 
 def test_one_ball_far_away_costs_no_memory_and_no_pairs() -> None:

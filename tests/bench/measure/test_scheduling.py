@@ -6,13 +6,13 @@ from msgspec.structs import replace
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
-from proxbench.bench.measure.passes import shuffled, uncertain
-from proxbench.bench.measure.plan import PASSES
+from proxbench.bench.measure.scheduling import shuffled, uncertain
 from proxbench.bench.store.certainty import ratio, times_by_point
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.frames import rounds_frame
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits, PlanRecord, Point
+from proxbench.bench.store.plans import PASSES, Limits, PlanRecord
+from proxbench.bench.store.records import CaseRecord, Point
 from proxbench.bench.store.store import Store
 from stored_cases import case_record, measured_in, timed_round
 
@@ -45,12 +45,20 @@ def test_each_pass_has_an_order_of_its_own_that_a_seed_gives_again() -> None:
 
 
 def test_wide_ratios_and_the_best_they_are_of_get_more_rounds() -> None:
-    cases = [case("fast", STEADY, STEADY), case("slow", NOISY, [0.4] * 5), case("noisy", [0.3] * 5, NOISY)]
+    cases = [
+        case("fast", STEADY, STEADY),
+        case("slow", NOISY, [0.4] * 5),
+        case("noisy", [0.3] * 5, NOISY),
+    ]
     assert uncertain(cases, PLAN, is_first=False) == {("fast", 0), ("slow", 0), ("fast", 1), ("noisy", 1)}
 
 
 def test_the_first_further_pass_is_for_what_is_undecided() -> None:
-    cases = [case("fast", STEADY, STEADY), case("slow", NOISY, NOISY), case("noisy", [0.3] * 5, [*NOISY[1:], 0.05])]
+    cases = [
+        case("fast", STEADY, STEADY),
+        case("slow", NOISY, NOISY),
+        case("noisy", [0.3] * 5, [*NOISY[1:], 0.05]),
+    ]
     assert uncertain(cases, PLAN, is_first=True) == {("fast", 0), ("fast", 1), ("noisy", 1)}
 
 
@@ -106,9 +114,9 @@ def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
 
 def test_levels_behind_one_that_ended_the_ladder_need_no_more_rounds() -> None:
     found = case("slow", STEADY, STEADY[:1])
-    assert not PLAN.has_finished(found)
+    assert not found.is_finished(PLAN)
     ended = replace(found.points[0], outcome=Outcome.STALLED, status="stalled")
-    assert PLAN.has_finished(replace(found, points=[ended, found.points[1]]))
+    assert replace(found, points=[ended, found.points[1]]).is_finished(PLAN)
 
 
 def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
@@ -124,7 +132,7 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
         for count in (1, 2)
     ]
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="1e-2 already ended")
-    assert [plan.has_finished(case_record(points=[one, rest])) for one in found] == [False, True]
+    assert [case_record(points=[one, rest]).is_finished(plan) for one in found] == [False, True]
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ import numpy as np
 
 from ..store.certainty import SLOWER, standings, times_by_point
 from ..store.frames import points_frame, rounds_frame
-from ..store.records import CaseRecord, PlanRecord
+from ..store.plans import PlanRecord
+from ..store.records import CaseRecord
 
 WIDE = 0.05
 """Relative width of the interval of a ratio above which more rounds are measured."""

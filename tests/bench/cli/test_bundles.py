@@ -21,7 +21,7 @@ def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in (1, 2):
         line = "run --solver NSGS --tolerance 1e-3 --passes 1 --no-charts --quiet"
         words = [*line.split(), *(word for name in PROBLEMS for word in ("--problem", name))]
-        assert run_command([*words, "--shard", f"{number}/2", "--results", str(folder), "--run-id", f"{number}"]) == 0
+        assert run_command([*words, "--shard", f"{number}/2", "--output", str(folder), "--run-id", f"{number}"]) == 0
     return folder
 
 
@@ -47,7 +47,7 @@ def test_shards_travel_and_become_one_run(
 def test_a_missing_shard_is_said_beside_what_there_is(
     shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_command(["merge", str(shards / "2"), "--results", str(tmp_path), "--run-id", "half"]) == 0
+    assert run_command(["merge", str(shards / "2"), "--output", str(tmp_path), "--run-id", "half"]) == 0
     printed = capsys.readouterr()
     assert "1 of 1 cases" in printed.out
     assert "proxbench: shard 1/2 is missing." in printed.err

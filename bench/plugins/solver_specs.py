@@ -17,7 +17,7 @@ from ..errors import BenchError
 
 
 @dataclass(frozen=True)
-class Contestant:
+class SolverSpec:
     """A solver with its options.
 
     Attributes:
@@ -52,14 +52,14 @@ class Contestant:
         return made
 
 
-def built_in(name: str) -> Contestant:
+def built_in(name: str) -> SolverSpec:
     """Return a built-in solver by its name.
 
     Raises:
         SolverError: for an unknown option of it, or one out of range.
     """
     solver = registry.create(name)
-    return Contestant(solver.name, solver.model, shows_iterates(solver), is_randomised=draws_randomly(solver))
+    return SolverSpec(solver.name, solver.model, shows_iterates(solver), is_randomised=draws_randomly(solver))
 
 
 def carried(solver: Any) -> bytes:

@@ -1,4 +1,4 @@
-"""``proxbench bundle``, ``rejudge`` and ``merge``: runs that travel."""
+"""``proxbench bundle``, ``rejudge`` and ``merge``: runs as single files."""
 
 import sys
 from pathlib import Path
@@ -12,12 +12,12 @@ from . import options
 def bundle(
     run_dir: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     output: Annotated[
-        Path | None, options.output(metavar="FILE", help="Where to; RUN.bundle in this folder if left out.")
+        Path | None, options.output(metavar="FILE", help="Bundle to write; RUN.bundle by default.")
     ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> None:
-    """Pack a run into one file: plan, machines, cases, impulses, and the problems that the package does not hold."""
+    """Pack a run into one file: plan, machines, cases, impulses, and problems that Proxbench does not ship."""
     from ..report.layout.text import print_json
     from ..runs import bundle as pack
 
@@ -29,14 +29,14 @@ def bundle(
 
 
 def rejudge(
-    file: Annotated[Path, typer.Argument(metavar="BUNDLE", help="File of a bundle.")],
+    file: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to check.")],
     quiet: Annotated[bool, options.output("--quiet", help="Print disagreements only.")] = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Judge a bundle again, from its problems and impulses; the exit code is 1 if something is not as it says.
+    """Recompute the residuals of a bundle from its problems and impulses; the exit code is 1 if one disagrees.
 
-    Nothing in the bundle is run, and nothing is written.
+    No code in the bundle runs, and nothing is written.
     """
     from msgspec import to_builtins
     from rich.console import Console
@@ -59,13 +59,16 @@ def rejudge(
 
 
 def merge(
-    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Files of bundles, folders of runs.")],
-    results: Annotated[Path, options.output(metavar="FOLDER", help="Where the run gets its folder.")] = Path("results"),
-    run_id: Annotated[str, options.output(metavar="NAME", help="Name of its folder; the time if left out.")] = "",
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Bundles, and folders of runs.")],
+    output: options.Runs = Path("results"),
+    run_id: options.RunId = "",
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> None:
-    """Make one run of several, after judging each of them again; problems must be of one machine each."""
+    """Combine bundles and runs into one run, after recomputing their residuals.
+
+    All cases of a problem must come from one machine.
+    """
     from rich.console import Console
 
     from ..report.layout.text import print_json
@@ -74,7 +77,7 @@ def merge(
 
     missing: list[str] = []
     with ProgressBar(Console(stderr=True), hidden=not progress or as_json) as shown:
-        made = joined(sources, results, run_id or None, on_case=shown.count, on_missing=missing.append)
+        made = joined(sources, output, run_id or None, on_case=shown.count, on_missing=missing.append)
     for sentence in missing:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:

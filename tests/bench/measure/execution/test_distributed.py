@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import Run, bundle, rejudge, resume, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.execution import dispatch, part
+from proxbench.bench.measure.execution import distributed, problem_task
 from proxbench.bench.measure.execution.events import CaseFinished, CasePassFinished, Event
 from proxbench.bench.store.condition import hosts, warnings
 from proxbench.bench.store.outcome import Outcome
@@ -25,7 +25,7 @@ class Inline(Executor):
     """Does each task at once, or what is put in its place."""
 
     def __init__(self, *instead: Callable[[Any], Any]) -> None:
-        self.instead, self.parts = list(instead), list[part.Part]()
+        self.instead, self.parts = list(instead), list[problem_task.ProblemTask]()
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         self.parts += arguments
@@ -77,12 +77,12 @@ def test_a_machine_has_one_session_with_its_other_cores(tmp_path: Path) -> None:
     assert set(made.rounds["session"]) == {0}
 
 
-def elsewhere(host: str) -> Callable[[part.Part], part.MeasuredPart]:
-    def measure(given: part.Part) -> part.MeasuredPart:
-        found = part.measure_part(given)
+def elsewhere(host: str) -> Callable[[problem_task.ProblemTask], problem_task.MeasuredProblem]:
+    def measure(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
+        found = problem_task.measure_problem(given)
         machine = found.session.machine
         assert machine is not None
-        return part.MeasuredPart(replace(found.session, machine=replace(machine, host=host)), found.cases)
+        return problem_task.MeasuredProblem(replace(found.session, machine=replace(machine, host=host)), found.cases)
 
     return measure
 
@@ -103,7 +103,7 @@ def test_a_task_that_is_lost_is_done_by_another_worker(here: Run, tmp_path: Path
 
 @pytest.mark.slow
 def test_what_is_lost_too_often_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
-    executor = Inline(*[lost] * (len(PROBLEMS) * dispatch.ATTEMPTS - 2))
+    executor = Inline(*[lost] * (len(PROBLEMS) * distributed.MAX_ATTEMPTS - 2))
     with pytest.raises(BenchError, match=r"of 3 problems could not be measured \(ConnectionError: the worker"):
         measured(executor, tmp_path, run_id="it")
     again = Inline()
@@ -155,12 +155,14 @@ def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def other(given: part.Part) -> part.MeasuredPart:
+    def other(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
         machine = replace(given.run.machine, source="0" * 64)
-        return part.measure_part(part.Part(replace(given.run, machine=machine), (), given.problem, given.contestants))
+        return problem_task.measure_problem(
+            problem_task.ProblemTask(replace(given.run, machine=machine), (), given.problem, given.solvers)
+        )
 
     with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*has another source of proxbench"):
-        measured(Inline(*[other] * len(PROBLEMS) * dispatch.ATTEMPTS), tmp_path, problems=PROBLEMS[:1])
+        measured(Inline(*[other] * len(PROBLEMS) * distributed.MAX_ATTEMPTS), tmp_path, problems=PROBLEMS[:1])
     assert measured(Inline(other), tmp_path).is_finished
 
 
@@ -182,11 +184,11 @@ def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.
             inside.append(1)
             assert len(inside) == 1
 
-        def complete(self, stored: Any) -> None:
+        def execute(self, stored: Any) -> None:
             inside.pop()
             raise ConnectionError
 
-    monkeypatch.setattr(part, "Progress", Watched)
+    monkeypatch.setattr(problem_task, "LocalExecutor", Watched)
     with ThreadPoolExecutor(3) as executor, pytest.raises(BenchError, match="ConnectionError"):
         measured(executor, tmp_path)
     assert inside == []
@@ -212,10 +214,10 @@ def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
 
 @pytest.mark.slow
 def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path: Path) -> None:
-    def crashing(given: part.Part) -> part.MeasuredPart:
-        found = part.measure_part(given)
+    def crashing(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
+        found = problem_task.measure_problem(given)
         cases = [replace(case, points=[], outcome=Outcome.CRASHED) for case in found.cases]
-        return part.MeasuredPart(found.session, tuple(cases), found.is_anew)
+        return problem_task.MeasuredProblem(found.session, tuple(cases), found.is_restarted)
 
     made = resume(begun_elsewhere(tmp_path), executor=Inline(crashing))
     own = made.cases[made.cases["problem"] == "hard-groove"]

@@ -1,0 +1,240 @@
+"""``proxbench report``, and what a finished run prints and writes."""
+
+import sys
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import options
+
+if TYPE_CHECKING:
+    from ..report.making import Report
+    from ..runs import Run
+    from ..store.frames import RunFrames
+
+MAX_NAMES = 5
+"""Damaged files that a message names."""
+
+
+def report(
+    context: typer.Context,
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or file of a simulation (.npz).")],
+    problem: Annotated[
+        list[str] | None,
+        options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
+    ] = None,
+    page: Annotated[bool, options.output("--page", help="Write one offline page of a run, and nothing else.")] = False,
+    baseline: Annotated[str, options.output(metavar="SOLVER", help="Solver that speed-ups relate to.")] = "",
+    profiles: options.Profiles = "common",
+    plugin: options.PluginFiles = None,
+    residual: options.Residual = "judged",
+    charts: options.Charts = True,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
+) -> int:
+    """Print the tables of a stored run, study or simulation, and draw its charts again.
+
+    With --problem the tables show these problems only, and no file is written. With --page everything about a run goes
+    into one page that needs no network.
+    """
+    options.refuse_two_prints(quiet, as_json)
+    _refuse_contradictions(result, options.given(context), charts)
+    if _is_simulation(result):
+        from .simulation.show import report_simulation
+
+        return report_simulation(result, charts, quiet, as_json)
+    from ..runs import load
+
+    run = load(result)
+    if problem:
+        return print_problems(run, problem, as_json, residual)
+    if page:
+        return report_page(run, quiet, as_json, residual, baseline)
+    return report_run(run, charts, quiet, as_json, residual, baseline=baseline, profiles=profiles)
+
+
+def _is_simulation(result: Path) -> bool:
+    return result.suffix == ".npz" and not result.is_dir()
+
+
+def _refuse_contradictions(result: Path, given: Collection[str], charts: bool) -> None:
+    """Raise a BenchError if options of ``report`` contradict each other or the result."""
+    from ..errors import BenchError
+
+    if _is_simulation(result):
+        for name in ("problem", "page", "baseline", "profiles", "residual"):
+            if name in given:
+                raise BenchError(f"{result} is a simulation; leave out --{name}, which is for runs.")
+    if "page" in given and not charts:
+        raise BenchError("--page and --no-charts exclude each other: the page has its own charts.")
+    if "page" in given and "profiles" in given:
+        raise BenchError("--page and --profiles exclude each other: the page offers both profiles.")
+    if "profiles" in given and not charts:
+        raise BenchError("--profiles and --no-charts exclude each other: profiles are charts.")
+    for name in ("page", "baseline", "profiles", "quiet"):
+        if "problem" in given and name in given:
+            raise BenchError(f"--problem and --{name} exclude each other: --problem prints tables only.")
+
+
+def report_run(
+    run: "Run",
+    charts: bool,
+    quiet: bool,
+    as_json: bool,
+    residual: str = "judged",
+    record: bool = False,
+    baseline: str = "",
+    page: bool = False,
+    profiles: str = "common",
+) -> int:
+    """Print the tables of a run, then write its files; return 1 if a case failed, is damaged or was left out.
+
+    Tables are printed first, so that they are shown even if no file can be written; a sentence on standard error then
+    gives the reason. With ``quiet`` that is an error.
+
+    Args:
+        run: the run.
+        charts: whether to draw charts.
+        quiet: print only the paths of the files.
+        as_json: print one JSON document instead.
+        residual: residual that tables and charts use, "judged" or "local".
+        record: whether to record the iterations.
+        baseline: solver that speed-ups relate to; the one that solves most problems if empty.
+        page: whether to write the page, if the run has one.
+        profiles: problems that profiles cover, "common" to all solvers or "all".
+
+    Raises:
+        BenchError: if a link leads out of the folder of the run, a recording cannot be written, the run has no such
+            baseline or no readable case, or with ``quiet`` if files cannot be written.
+    """
+    from rich.console import Console
+
+    from ...problems.spelling import for_command_line
+    from ..errors import BenchError
+    from ..report.layout.text import output_width, print_json
+    from ..report.profiles import baseline_of
+    from ..report.tables import print_tables
+
+    _require_readable(run)
+    frames, console = run.judged_by(residual), Console(width=output_width())
+    if baseline:
+        baseline_of(frames, baseline)
+    left_out = [for_command_line(sentence) for sentence in run.info.plan.left_out]
+    for sentence in left_out:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+    _print_damage(run)
+    if not (quiet or as_json):
+        print_tables(frames, console)
+        console.print()
+    if record:
+        from ..recordings.solves import record_run
+
+        record_run(run.folder)
+    made = run.report(charts, residual, baseline, page, profiles=profiles)
+    if made.unwritten and quiet:
+        raise BenchError(made.unwritten)
+    if as_json:
+        print_json(_document(run, made, residual))
+    else:
+        console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
+    if made.unwritten:
+        print(f"proxbench: {made.unwritten}", file=sys.stderr)
+    return int(_has_failed(run) or bool(left_out) or bool(run.damaged))
+
+
+def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline: str) -> int:
+    """Write the page of a run and print its path; return 1 if a case failed or is damaged.
+
+    Raises:
+        BenchError: if the run has no case, is a study, or has no such baseline, or the page cannot be written.
+    """
+    from ..report.layout.text import print_json
+
+    _require_readable(run)
+    _print_damage(run)
+    file = run.page(residual, baseline)
+    if as_json:
+        print_json({"run": str(run.folder), "page": str(file)})
+    else:
+        print(file if quiet else f"page     {file}")
+    return int(_has_failed(run) or bool(run.damaged))
+
+
+def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
+    """Print the tables of some problems of a run; return 1 if a case of them failed, or the run is damaged.
+
+    Raises:
+        BenchError: if the run has no such problem.
+    """
+    from rich.console import Console
+
+    from ..report.accuracy import problems_table
+    from ..report.layout.text import json_records, output_width, print_json
+    from ..report.tables import print_tables, results_table
+
+    _require_readable(run)
+    _print_damage(run)
+    frames = run.only(problems).judged_by(residual)
+    if as_json:
+        tables = {"problems": problems_table(frames), "results": results_table(frames)}
+        records = {name: json_records(table) for name, table in tables.items()}
+        print_json({"run": str(run.folder), "residual": residual, **records})
+    else:
+        print_tables(frames, Console(width=output_width()))
+    return int(_has_failed(frames) or bool(run.damaged))
+
+
+def _require_readable(run: "Run") -> None:
+    """Raise ``BenchError`` if a run has case files, and none of them can be read."""
+    from ..errors import BenchError
+
+    if run.damaged and run.cases.empty:
+        names = [sentence.partition(" is left out: ")[0] for sentence in run.damaged]
+        more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+        raise BenchError(
+            f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more} are damaged; "
+            f"measure them again with: proxbench run --resume {run.folder}"
+        )
+
+
+def _print_damage(run: "Run") -> None:
+    for sentence in run.damaged:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+
+
+def _has_failed(frames: "RunFrames") -> bool:
+    """Whether a case failed or claims a wrong answer."""
+    from ..store.outcome import FAULTS, Outcome
+
+    return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())
+
+
+def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
+    from ..report.layout.text import json_records
+    from ..store.conversion import content_of
+
+    return {
+        "run": str(run.folder),
+        "is_finished": run.is_finished,
+        "residual": residual,
+        "info": content_of(run.info),
+        "results": json_records(made.results),
+        "summary": json_records(made.summary),
+        "files": [str(file) for file in (*made.tables, *made.charts, *([made.page] if made.page else []))],
+        "unwritten": made.unwritten,
+        "damaged": run.damaged,
+    }
+
+
+def _places(run: "Run", made: "Report") -> Iterator[str]:
+    """Yield one line for each kind of file, with its path."""
+    yield f"results  {run.folder}"
+    for what, files in (("tables", made.tables), ("charts", made.charts)):
+        if files:
+            yield f"{what}   {files[0].parent}"
+    if made.page:
+        yield f"page     {made.page}"
+    if (run.folder / "recordings").is_dir():
+        yield f"watch    rerun {run.folder / 'recordings'}/NAME.rrd"

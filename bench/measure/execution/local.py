@@ -1,0 +1,162 @@
+"""Executes the plan of a run in this process: in passes over all problems, stored point by point.
+
+Each pass takes problems and solvers in another order and measures one or two rounds of each point, so that a program
+that runs for a while disturbs few rounds of any of them. After the planned passes, points that are still uncertain are
+measured again.
+"""
+
+import time
+from datetime import UTC, datetime
+from typing import Any
+
+from msgspec.structs import replace
+
+from ....problems.exchange.storage import problem_bytes
+from ...isolation.fork_server import load_server
+from ...plugins.problems import problem_of
+from ...plugins.solver_specs import SolverSpec
+from ...store.conversion import content_of, record_of
+from ...store.outcome import Outcome
+from ...store.records import CaseRecord, RunRecord, Session
+from ...store.store import Store
+from ..contacts.case import Case, CasePass
+from ..contacts.verdicts import VerdictCache
+from ..ladder import LadderCase, measure_ladder
+from ..machine import this_machine
+from ..measuring_core import MeasuringCore
+from ..refutation import find_refuted
+from ..scheduling import EXTRA_SHARE, shuffled, uncertain
+from ..trajectories.case import TrajectoryCase
+from ..trajectories.methods import Method
+from ..trajectories.problems import trajectory_of
+from .events import CasePassFinished, OnEvent, PointFinished, ProblemStarted
+from .run_executor import RunExecutor, Solvers
+
+
+class LocalExecutor(RunExecutor):
+    """Measures on a core of this machine, in a session of its own."""
+
+    def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
+        """Set what to measure, where to store it, what receives events, and whether machines may mix."""
+        super().__init__(solvers, store, record, on_event, mix)
+        self._session = Session(started=_now(), machine=this_machine())
+        self._core = MeasuringCore(None)
+        self._verdicts = VerdictCache()
+
+    def _measure(self) -> None:
+        """Measure what is left, and then more rounds of uncertain points."""
+        load_server()
+        self._core = MeasuringCore.claim()
+        self._session = replace(self._session, core=self._core.number)
+        self._write_run(self._record)
+        try:
+            began = time.monotonic()
+            self._measure_passes()
+            if not self._record.plan.trajectories:
+                self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
+        finally:
+            self._core.release()
+        self._session = replace(self._session, finished=_now())
+        self._write_run(self._record)
+
+    def _measure_passes(self) -> None:
+        """Measure each point in each planned pass."""
+        plan, session = self._record.plan, len(self._record.sessions)
+        for number in range(plan.passes):
+            names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
+            for index, name in enumerate(names):
+                if not self._is_finished(name):
+                    self._measure_pass(name, CasePass(session, number, verdicts=self._verdicts))
+                self._on_event(CasePassFinished(name, number * len(names) + index + 1, plan.passes * len(names)))
+
+    def _measure_more(self, seconds: float) -> None:
+        """Measure more rounds of uncertain points for about ``seconds``, in at most as many passes again."""
+        plan, session, end = self._record.plan, len(self._record.sessions), time.monotonic() + seconds
+        for number in range(plan.passes, 2 * plan.passes):
+            for name in shuffled(plan.problems, plan.seed, number):
+                if time.monotonic() >= end:
+                    return
+                if not self._is_of_this_machine(name):
+                    continue
+                whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
+                points = uncertain([_as_stored(case) for case in whole], plan, number == plan.passes)
+                if points:
+                    self._measure_pass(name, CasePass(session, number, points, self._verdicts))
+
+    def _measure_pass(self, name: str, case_pass: CasePass) -> None:
+        """Measure the cases of a problem in one pass."""
+        plan, known = self._record.plan, self._cases[name]
+        finished = self._finished_solvers(name)
+        self._on_event(ProblemStarted(name, case_pass.number, plan.passes))
+        cases = self._cases_of_pass(name, case_pass)
+        try:
+            measure_ladder(cases, self._store_point, self._core)
+        finally:
+            for case in cases:
+                self._write_case(case.record())
+        for wrong in find_refuted(list(known.values()), cases[0].is_solvable if cases else None):
+            self._write_case(wrong)
+        for solver, record in known.items():
+            if solver not in finished and record.is_finished(plan):
+                self._report_finished(record)
+        busy = [*self._session.busy_cores, self._core.busy_cores]
+        self._session = replace(self._session, busy_cores=busy)
+        self._write_run(self._record)
+
+    def _cases_of_pass(self, name: str, case_pass: CasePass) -> list[LadderCase[Any]]:
+        """Return the cases of a problem that a pass measures, shuffled."""
+        record, known, plan = self._record, self._cases[name], self._record.plan
+        if case_pass.points is None:
+            left = set(plan.solvers) - self._finished_solvers(name)
+        else:
+            left = {solver for solver, _ in case_pass.points}
+        if plan.trajectories:
+            trajectory = trajectory_of(plan.trajectory(name))
+            methods = [one for one in self._solvers if isinstance(one, Method) and one.record.name in left]
+            return [TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name)) for one in methods]
+        problem = problem_of(self._store, record, name)
+        solvers = [one for one in self._solvers if isinstance(one, SolverSpec) and one.name in left]
+        data = problem_bytes(problem.anonymous()) if solvers else b""
+        return [
+            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), case_pass)
+            for solver in shuffled(solvers, plan.seed, case_pass.number, plan.problems.index(name))
+        ]
+
+    def _store_point(self, case: LadderCase[Any], value: float) -> None:
+        """Store a case with a new point, and report it; later rounds of a point are stored at the end of the pass."""
+        record = case.record()
+        before = self._cases[record.problem].get(record.solver)
+        if before is None or record.outcome is not before.outcome or len(record.points) > len(before.points):
+            self._write_case(record)
+        if record.points and record != before:
+            self._cases[record.problem][record.solver] = record
+            self._on_event(PointFinished(record.problem, record.solver, value))
+
+    def _is_of_this_machine(self, name: str) -> bool:
+        """Return whether no round of a problem was measured on another machine."""
+        sessions = self._record.sessions
+        used = {one.session for case in self._cases[name].values() for point in case.points for one in point.rounds}
+        return all(sessions[one].host in ("", self._session.host) for one in used if one < len(sessions))
+
+    def _discard_stale_cases(self) -> None:
+        """Discard stale cases, and unfinished problems of another machine: one machine measures all solvers."""
+        super()._discard_stale_cases()
+        for name in self._cases:
+            if not (self._mix or self._is_finished(name) or self._is_of_this_machine(name)):
+                self._cases[name] = {}
+                self.discarded.append(name)
+        self._done = self._count_finished()
+
+    def _write_run(self, record: RunRecord) -> None:
+        """Store the record of the run, with the session of this machine."""
+        self._record = record
+        self._store.write_run(replace(record, sessions=[*record.sessions, self._session]))
+
+
+def _as_stored(case: CaseRecord) -> CaseRecord:
+    """Return a case as its file has it."""
+    return record_of(content_of(case), CaseRecord)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

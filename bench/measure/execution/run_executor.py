@@ -1,0 +1,128 @@
+"""Executes the plan of a run: what is measured, what is stored and what is reported, wherever solves are timed."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+
+from msgspec.structs import replace
+
+from ....problems.exchange.catalog import is_available
+from ...errors import InterruptedRunError
+from ...generate import generate
+from ...plugins.problems import carry, problem_of
+from ...plugins.solver_specs import SolverSpec
+from ...store.records import CaseRecord, RunRecord
+from ...store.store import Store
+from ..trajectories.methods import Method
+from ..trajectories.problems import referenced, trajectory_of
+from ..trajectories.workload import compute_workload
+from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted
+
+Solvers = Sequence[SolverSpec] | Sequence[Method]
+"""Solvers, or the steppers with solvers of a study."""
+
+
+class RunExecutor(ABC):
+    """The state of a run, and how its plan is executed.
+
+    Attributes:
+        discarded: problems whose stored cases of another machine were discarded.
+    """
+
+    def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
+        """Set what to measure, where to store it, what receives events, and whether machines may mix."""
+        self._solvers, self._store, self._record, self._on_event = solvers, store, record, on_event
+        self._mix = mix
+        self.discarded: list[str] = []
+        self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
+        self._done = 0
+
+    def execute(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
+        """Measure the cases that are not stored, given by problem and solver; leave a finished run as it is.
+
+        Raises:
+            InterruptedRunError: on Ctrl-C; stored points are kept.
+        """
+        for (problem, solver), case in stored.items():
+            if problem in self._cases:
+                self._cases[problem][solver] = case
+        total = self._count_cases()
+        self._done = self._count_finished()
+        if self._done < total:
+            self._write_run(self._record)
+        self._on_event(self._started(total))
+        try:
+            self._generate_missing()
+            self._discard_stale_cases()
+            if self._done < total:
+                self._measure()
+        except KeyboardInterrupt:
+            raise InterruptedRunError(self._store.folder) from None
+        self._store.restore()
+
+    @abstractmethod
+    def _measure(self) -> None:
+        """Measure all that is left, and store it."""
+
+    def _discard_stale_cases(self) -> None:
+        """Discard the stored cases of problems whose numbers have changed."""
+        for name, cases in self._cases.items():
+            if cases:
+                digest = self._digest(name)
+                self._cases[name] = {solver: case for solver, case in cases.items() if case.digest == digest}
+        self._done = self._count_finished()
+
+    def _count_cases(self) -> int:
+        return len(self._record.plan.problems) * len(self._record.plan.solvers)
+
+    def _count_finished(self) -> int:
+        return sum(case.is_finished(self._record.plan) for cases in self._cases.values() for case in cases.values())
+
+    def _finished_solvers(self, name: str) -> set[str]:
+        """Return the solvers whose cases of a problem are finished."""
+        return {solver for solver, case in self._cases[name].items() if case.is_finished(self._record.plan)}
+
+    def _is_finished(self, name: str) -> bool:
+        return len(self._finished_solvers(name)) == len(self._record.plan.solvers)
+
+    def _report_finished(self, case: CaseRecord) -> None:
+        """Count and report a finished case."""
+        self._done += 1
+        self._on_event(CaseFinished(case.problem, case.solver, case.outcome, self._done, self._count_cases()))
+
+    def _started(self, total: int) -> RunStarted:
+        plan = self._record.plan
+        if not plan.trajectories:
+            return RunStarted(self._store.folder, total, self._done)
+        methods = [one for one in self._solvers if isinstance(one, Method)]
+        work = compute_workload(methods, plan.trajectories)
+        measured = sum(len(case.points) for cases in self._cases.values() for case in cases.values())
+        return RunStarted(self._store.folder, total, self._done, work.points, measured, work.words)
+
+    def _generate_missing(self) -> None:
+        """Generate the problems that are neither stored nor available, and simulate missing references."""
+        record, plan = self._record, self._record.plan
+        for index, trajectory in enumerate(plan.trajectories):
+            for known in referenced(trajectory, plan.limits):
+                plan = replace(plan, trajectories=[*plan.trajectories[:index], known, *plan.trajectories[index + 1 :]])
+                self._write_run(replace(record, plan=plan))
+            self._on_event(ReferenceSimulated(plan.trajectories[index]))
+        names = [] if plan.trajectories else plan.problems
+        missing = [name for name in names if name not in record.carried and not is_available(name)]
+        if missing:
+            generate(missing)
+            self._write_run(replace(record, carried={**record.carried, **carry(missing, self._store)}))
+
+    def _digest(self, name: str) -> str:
+        plan = self._record.plan
+        if plan.trajectories:
+            return trajectory_of(plan.trajectory(name)).digest
+        return problem_of(self._store, self._record, name).digest
+
+    def _write_case(self, record: CaseRecord) -> None:
+        self._cases[record.problem][record.solver] = record
+        self._store.write_case(record)
+
+    def _write_run(self, record: RunRecord) -> None:
+        """Store the record of the run."""
+        self._record = record
+        self._store.write_run(record)

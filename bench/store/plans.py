@@ -1,0 +1,192 @@
+"""The settings and the plan of a run: the command line and Python set them, and a stored run keeps them."""
+
+from collections.abc import Iterable
+from typing import Annotated, Literal, Self
+
+import msgspec
+from msgspec import Meta, Struct
+
+from ...problems.exchange.families import family_of
+from ...problems.spelling import option
+from ..errors import BenchError
+from .fields import LARGEST, Count, Number, Positive, Record, Tolerance
+
+LADDER = (1e-2, 1e-4, 1e-6, 1e-8)
+"""Default tolerances."""
+
+THOROUGH_LADDER = tuple(10.0**-k for k in range(1, 11))
+"""Tolerances of a thorough run, 1e-1 … 1e-10."""
+
+PASSES, THOROUGH_PASSES = 2, 5
+"""Default passes. With one pass, ratios of times have no confidence intervals."""
+
+MAX_PASSES = 1000
+"""Largest number of passes."""
+
+
+class Limits(Struct, frozen=True):
+    """Limits of one case.
+
+    Attributes:
+        solve_seconds: limit of one solve [s].
+        case_seconds: limit of everything in a case, in each pass [s].
+        memory_bytes: memory that a case may use beyond what the framework itself needs.
+        max_iterations: limit of iterations of one solve.
+
+    Raises:
+        BenchError: if a limit is not positive and finite.
+    """
+
+    solve_seconds: Number = 0.5
+    case_seconds: Number = 60.0
+    memory_bytes: Count = 2 * 2**30
+    max_iterations: Count = 100_000
+
+    def __post_init__(self) -> None:
+        for name, value in msgspec.structs.asdict(self).items():
+            if not 0 < value < LARGEST:
+                raise BenchError(f"{name} must be positive and finite, got {value}.")
+
+
+class RunSettings(Record, frozen=True, kw_only=True):
+    """How a run measures.
+
+    Attributes:
+        tolerances: the ladder, from coarse to fine; in a study, the errors that tables give the time to.
+        limits: of each case.
+        passes: number of passes over all problems, with one or two rounds of each point.
+        seed: of the orders of problems and solvers in each pass, and of a sample.
+    """
+
+    tolerances: Annotated[list[Tolerance], Meta(min_length=1)] = msgspec.field(default_factory=lambda: list(LADDER))
+    limits: Limits = Limits()
+    passes: Annotated[int, Meta(ge=1, le=MAX_PASSES)] = PASSES
+    seed: Count = 0
+
+    @classmethod
+    def checked(
+        cls,
+        tolerances: Iterable[float] | None = None,
+        limits: Limits | None = None,
+        *,
+        passes: int | None = None,
+        seed: int = 0,
+        thorough: bool = False,
+    ) -> Self:
+        """Return settings from what a user gives; a thorough run has more tolerances and passes by default.
+
+        Raises:
+            BenchError: if a tolerance, the number of passes or the seed is out of range.
+        """
+        default_ladder, default_passes = (THOROUGH_LADDER, THOROUGH_PASSES) if thorough else (LADDER, PASSES)
+        ladder = sorted(set(tolerances or default_ladder), reverse=True)
+        passes = default_passes if passes is None else passes
+        for tolerance in ladder:
+            if not 0.0 < tolerance < 1.0:
+                raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
+        if not 1 <= passes <= MAX_PASSES:
+            raise BenchError(f"{option('passes')} must be between 1 and {MAX_PASSES}, got {passes}.")
+        if not 0 <= seed < 2**63:
+            raise BenchError(f"{option('seed')} must not be negative, got {seed}.")
+        return cls(tolerances=ladder, limits=limits or Limits(), passes=passes, seed=seed)
+
+
+class MethodRecord(Record, frozen=True, kw_only=True):
+    """A stepper with a solver.
+
+    Attributes:
+        name: of both.
+        values: the ladder of steps [s] or tolerances.
+        tolerance: of the solver where the stepper varies.
+        max_iterations: of the solver in one solve.
+        start: what each solve starts from.
+    """
+
+    name: str
+    values: Annotated[list[Tolerance], Meta(min_length=1)]
+    tolerance: Tolerance
+    max_iterations: Count
+    start: str
+
+
+class KnownRecord(Record, frozen=True, kw_only=True):
+    """What one member of the reference of a trajectory came to, by name; none with the reason if it failed."""
+
+    member: Number
+    values: dict[str, Number]
+    failure: str = ""
+
+
+class TrajectoryRecord(Record, frozen=True, kw_only=True):
+    """A problem for steppers with solvers.
+
+    Attributes:
+        name: the scene with its options.
+        duration: simulated time [s].
+        members: seeds of the scene where aggregates are compared, else factors on steps or tolerances.
+        error: how it is computed.
+        reference: what simulates the reference, with one value; None where the end of the motion is known otherwise.
+        known: the reference, or the known end, as far as it is generated.
+        scale: what differences from a known end are related to.
+        way: longest way of a coordinate from the start to the known end [m]; None where it is not known.
+
+    Raises:
+        ValueError: if members of the reference differ in what is known of them.
+    """
+
+    name: str
+    duration: Positive
+    members: Annotated[list[Number], Meta(min_length=1)]
+    error: Literal["limit cycle", "end position", "aggregates"]
+    reference: MethodRecord | None = None
+    known: list[KnownRecord] = []
+    scale: Positive = 1.0
+    way: Number | None = None
+
+    def __post_init__(self) -> None:
+        if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
+            raise ValueError("its reference has other values for each member")
+
+
+class PlanRecord(RunSettings, frozen=True, kw_only=True):
+    """What a run measures, and its settings.
+
+    Attributes:
+        problems: names of problems.
+        solvers: names of solvers, or of steppers with solvers.
+        methods: the steppers with solvers; empty in a run over contact problems.
+        trajectories: the problems of a run over trajectories.
+        suite: name of the suite that the problems are of; empty where they were named.
+        families: the family of each problem, by its name.
+        left_out: a sentence for each file of a folder that cannot be measured.
+        shard: which part of the problems of a divided run these are, "2/8"; empty if all.
+
+    Raises:
+        ValueError: if a run over trajectories names others than it has.
+    """
+
+    problems: list[str]
+    solvers: list[str]
+    methods: list[MethodRecord] = []
+    trajectories: list[TrajectoryRecord] = []
+    suite: str = ""
+    families: dict[str, str] = {}
+    left_out: list[str] = []
+    shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
+
+    def __post_init__(self) -> None:
+        names = [one.name for one in self.trajectories], [method.name for method in self.methods]
+        if any(names) and names != (self.problems, self.solvers):
+            raise ValueError("its trajectories or methods are not those that it names")
+
+    def ladder(self, solver: str) -> list[float]:
+        """Return the ladder of one of ``solvers``."""
+        return next((method.values for method in self.methods if method.name == solver), self.tolerances)
+
+    def family(self, problem: str) -> str:
+        """Return the family of one of ``problems``, also where the run is older than families."""
+        return self.families.get(problem) or family_of(problem)
+
+    def trajectory(self, name: str) -> TrajectoryRecord:
+        """Return one of the trajectories by its name."""
+        return next(trajectory for trajectory in self.trajectories if trajectory.name == name)

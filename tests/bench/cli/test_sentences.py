@@ -1,0 +1,118 @@
+"""Each mistake on the command line gets the sentence that mends it, and each option one name in all commands."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from proxbench.bench.cli.main import app, run_command
+from typer.main import get_command
+
+PLUGIN = Path(__file__).parents[1] / "plugins" / "scene_plugin.py"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path:
+    """Return a folder with a run in a folder of runs, a bundle and an empty folder."""
+    made = tmp_path_factory.mktemp("here")
+    (made / "runs").mkdir()
+    (made / "runs" / "one").symlink_to(finished_run)
+    (made / "a.bundle").write_bytes(b"")
+    (made / "empty").mkdir()
+    return made
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("report a.bundle", "a.bundle is a bundle, not the folder of a run; unpack it with: proxbench merge a.bundle"),
+        ("run --resume a.bundle", "unpack it with: proxbench merge a.bundle"),
+        ("compare a.bundle runs/one", "unpack it with: proxbench merge a.bundle"),
+        ("report runs", "runs is no stored run but holds 1; name one of them, such as runs/one."),
+        ("report empty", "empty is no stored run (it has no run.json); name the folder of a run."),
+        ("report nosuch", "nosuch is no stored run (there is nothing of that name); name the folder of a run."),
+        ("report nosuch.npz", "there is no result file nosuch.npz."),
+        (
+            "record runs/one",
+            "runs/one is a run; record iterations while they are measured, with: proxbench run --record",
+        ),
+        ("record hard-groove", "recording solvers needs --solver; see proxbench record -h."),
+        ("check nosuch", "there is no solver or problem 'nosuch'; 269 are known, and proxbench list lists them."),
+        ("check funnel-10", "did you mean 'funnel-100'?"),
+        ("list solvers nosuch", "are known, and proxbench list solvers lists them."),
+        ("list nosuch", "there is no kind 'nosuch' to list; known are problems, scenes, solvers, suites."),
+        ("list suites --suite hard", "--suite lists problems only; write: proxbench list problems --suite hard"),
+        (
+            "run --problem hard-groove --run-id ünï",
+            "--run-id 'ünï' is no name of a run; use at most 60 of the characters",
+        ),
+        ("run --tolerance abc", "--tolerance takes a number, not 'abc'; see proxbench run -h."),
+        ("run --tolerance 1e-2 --tolerance=x", "--tolerance takes a number, not 'x'; see proxbench run -h."),
+        ("run --passes 1.5", "--passes takes a whole number, not '1.5'; see proxbench run -h."),
+        ("run --tolerance", "--tolerance needs a value; see proxbench run -h."),
+        ("run --quiet=3", "--quiet takes no value; see proxbench run -h."),
+        ("run extra", "unexpected argument 'extra'; see proxbench run -h."),
+        ("record", "name PROBLEM|FILE, the missing argument; see proxbench record -h."),
+        ("fclib nosuch", "there is no command 'nosuch'; known are export, import, info."),
+        (
+            "fclib import a --asymmetry x",
+            "'x' is not one of 'symmetrise', 'keep', 'refuse'; see proxbench fclib import -h.",
+        ),
+        ("run --mix", "--mix needs --resume RUN, the run to finish on another machine or source."),
+    ],
+)
+def test_a_mistake_gets_the_sentence_that_mends_it(
+    line: str, sentence: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    assert run_command(line.split()) == 2
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert printed.err.startswith("proxbench: ")
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
+    assert sorted(path.name for path in folder.iterdir()) == ["a.bundle", "empty", "runs"]
+
+
+def test_a_simulation_of_a_plugin_asks_for_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from proxbench.problems.exchange.plugin_files import PluginFile
+    from proxbench.problems.exchange.plugins import forget
+
+    result = tmp_path / "tower.npz"
+    line = f"simulate block(mass=2.0) --duration 0.002 --plugin {PLUGIN} --output {result} --quiet"
+    assert run_command(line.split()) == 0
+    forget(PluginFile.read(PLUGIN))
+    assert run_command(["report", str(result)]) == 2
+    said = f"cannot read {result}: the results need the plugin file {PLUGIN}; add --plugin {PLUGIN}."
+    assert said in capsys.readouterr().err
+
+
+def test_an_exported_problem_is_printed_with_its_digest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from proxbench.problems import load
+
+    file = tmp_path / "x.hdf5"
+    assert run_command(["fclib", "export", "hard-groove", "--output", str(file)]) == 0
+    assert capsys.readouterr().out == f"{file}  problem digest {load('hard-groove').digest[:16]}\n"
+
+
+def options_of(command: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the name of each command with each of its options."""
+    for word, child in getattr(command, "commands", {}).items():
+        yield from options_of(child, f"{name} {word}".strip())
+    if not hasattr(command, "commands"):
+        yield from ((name, parameter) for parameter in command.params if parameter.param_type_name == "option")
+
+
+def test_an_option_takes_the_same_kind_of_value_in_all_commands() -> None:
+    kinds: dict[str, set[str]] = {}
+    for _, option in options_of(get_command(app)):
+        kinds.setdefault(option.opts[0], set()).add("flag" if option.is_flag else "value")
+    assert {name: kind for name, kind in kinds.items() if len(kind) > 1} == {}
+    assert len(kinds) > 30
+
+
+def test_what_a_command_writes_goes_to_output_and_limits_of_time_name_what_they_limit() -> None:
+    names = {option.opts[0] for _, option in options_of(get_command(app))}
+    assert names.isdisjoint({"--results", "--folder", "--to", "--out", "--html", "--max-seconds", "--seconds"})
+    limits = {name for name in names if name.endswith("-seconds")}
+    assert limits == {"--solve-seconds", "--case-seconds", "--step-seconds", "--check-seconds"}

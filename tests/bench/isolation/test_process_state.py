@@ -1,0 +1,131 @@
+"""What code changes in the process that it shares is found, whatever it is."""
+
+import json
+import os
+import sys
+import threading
+import types
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.bench.isolation import pipe, process_tree
+from proxbench.bench.isolation.child import Assignment
+from proxbench.bench.isolation.process_state import ProcessState, replaced_names
+
+
+def test_a_process_in_which_nothing_happens_has_not_changed() -> None:
+    before = ProcessState.now()
+    assert (before.replaced(), before.changed(), before.changed_for_timing(), before.left()) == ([], [], [], [])
+    assert replaced_names(before) == ""
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value", "found"),
+    [
+        (pipe, "extra", 1, "isolation.pipe.extra"),
+        (Assignment, "extra", 1, "isolation.child.Assignment.extra"),
+        (process_tree, "send", len, "isolation.process_tree.send"),
+        (process_tree.send, "__code__", process_tree.describe_exit.__code__, "isolation.process_tree.send.__code__"),
+        (json, "dumps", str, "json.dumps"),
+        (np, "dot", np.add, "numpy.dot"),
+        (np.linalg, "norm", np.add, "numpy.linalg.norm"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_name_that_is_replaced_in_the_framework_or_added_to_it_is_found(
+    monkeypatch: pytest.MonkeyPatch, owner: Any, name: str, value: object, found: str
+) -> None:
+    before = ProcessState.now()
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, name, value, raising=False)
+        changed, sentence = before.replaced(), replaced_names(before)
+    assert changed[0].endswith(found)
+    assert sentence.startswith(f"it replaced {changed[0]}")
+    assert before.replaced() == []
+
+
+def test_a_name_that_is_removed_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = ProcessState.now()
+    monkeypatch.delattr(pipe, "is_readable")
+    assert before.replaced()[0].endswith("pipe.is_readable")
+
+
+def test_of_several_replaced_names_the_first_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = ProcessState.now()
+    monkeypatch.setattr(pipe, "is_readable", len)
+    monkeypatch.setattr(pipe, "read_message", len)
+    assert " and more; leave alone" in replaced_names(before)
+
+
+@pytest.fixture
+def new_module() -> Iterator[str]:
+    name = "proxbench.problems.loaded_later"
+    yield name
+    sys.modules.pop(name, None)
+
+
+def test_modules_that_are_loaded_later_are_no_change(new_module: str) -> None:
+    before = ProcessState.now()
+    module = types.ModuleType(new_module)
+    module.answer = 42  # type: ignore[attr-defined]
+    sys.modules[new_module] = module
+    assert before.replaced() == []
+
+
+def test_what_libraries_change_as_they_are_imported_is_accepted_only_with_an_import(new_module: str) -> None:
+    before, errors = ProcessState.now(), np.geterr()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ImportWarning)
+            assert before.after_imports().changed() == ["the warning filters"]
+            sys.modules[new_module] = types.ModuleType(new_module)
+            assert before.after_imports().changed() == []
+            np.seterr(over="ignore")
+            assert before.after_imports().changed() == ["numpy's error state"]
+    finally:
+        np.seterr(**errors)
+
+
+@pytest.mark.parametrize(
+    ("what", "change", "restore"),
+    [
+        ("the working folder", lambda: os.chdir("/"), lambda folder: os.chdir(folder)),
+        ("the environment", lambda: os.environ.update(EXTRA="1"), lambda _: os.environ.pop("EXTRA")),
+        ("the import path", lambda: sys.path.append("/extra"), lambda _: sys.path.remove("/extra")),
+        ("the recursion limit", lambda: sys.setrecursionlimit(2345), lambda _: sys.setrecursionlimit(1000)),
+        ("numpy's global random state", lambda: np.random.seed(1), lambda _: None),  # noqa: NPY002
+    ],
+)
+def test_what_a_process_has_one_of_is_named_where_it_has_changed(
+    what: str, change: Callable[[], Any], restore: Callable[[str], Any]
+) -> None:
+    folder = os.getcwd()
+    sys.setrecursionlimit(1000)
+    before = ProcessState.now()
+    change()
+    changed, timing = before.changed(), before.changed_for_timing()
+    restore(folder)
+    assert changed == [what]
+    assert timing == ([what] if what == "the recursion limit" else [])
+
+
+def test_threads_and_processes_that_are_left_are_counted() -> None:
+    before = ProcessState.now()
+    end = threading.Event()
+    threads = [threading.Thread(target=end.wait) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    process = os.fork()
+    if process == 0:
+        end.wait(60.0)
+        os._exit(0)
+    left = before.left()
+    os.kill(process, 9)
+    os.waitpid(process, 0)
+    end.set()
+    for thread in threads:
+        thread.join()
+    assert left == ["2 threads", "1 process"]

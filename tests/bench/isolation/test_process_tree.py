@@ -1,0 +1,125 @@
+"""Processes that come from one are found, timed, stopped and killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+
+import psutil
+import pytest
+from proxbench.bench.isolation.process_tree import (
+    descendants,
+    describe_exit,
+    memory_left,
+    processor_seconds,
+    running,
+    send,
+    writers,
+)
+
+PARENT = "import subprocess, sys; subprocess.Popen(['sleep', '60']); print(flush=True); sys.stdin.read()"
+
+
+@pytest.fixture
+def family() -> Iterator[psutil.Process]:
+    """A process with one child."""
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert parent.stdout is not None
+    parent.stdout.readline()
+    found = psutil.Process(parent.pid)
+    members = [found, *found.children()]
+    yield found
+    for member in members:
+        member.kill()
+    parent.communicate()
+
+
+def work(seconds: float) -> None:
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+
+def test_the_processor_time_of_a_process_is_finer_than_the_ticks_of_the_system() -> None:
+    """Between two readings of its own clock; that of its children, which ended, is counted in ticks."""
+    for _ in range(20):
+        work(1.3e-3)
+        times = os.times()
+        children = times.children_user + times.children_system
+        before = time.process_time()
+        found = processor_seconds(os.getpid()) - children
+        assert before - 1e-9 <= found <= time.process_time() + 1e-9
+
+
+def test_the_processor_time_of_a_process_that_is_gone_is_none() -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    assert processor_seconds(ended.pid) == 0.0
+
+
+def test_descendants_are_children_and_theirs_with_parents_first(family: psutil.Process) -> None:
+    (child,) = family.children()
+    assert descendants(family.pid) == [child.pid]
+    own = descendants(os.getpid())
+    assert own.index(family.pid) < own.index(child.pid)
+    assert descendants(child.pid) == []
+
+
+def test_a_process_that_has_ended_does_not_run_though_nobody_waited_for_it(family: psutil.Process) -> None:
+    ended = subprocess.Popen(["true"])
+    while psutil.Process(ended.pid).status() != psutil.STATUS_ZOMBIE:
+        time.sleep(1e-3)
+    assert running([ended.pid, family.pid]) == [family.pid]
+    ended.wait()
+    assert running([ended.pid, family.pid]) == [family.pid]
+
+
+def test_a_signal_reaches_those_that_live(family: psutil.Process) -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    send(signal.SIGKILL, [ended.pid, family.pid])
+    while family.status() != psutil.STATUS_ZOMBIE:
+        time.sleep(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("exit 7", "its process ended by itself with exit code 7"),
+        ("kill -KILL $$", "its process was killed by SIGKILL"),
+        ("kill -40 $$", "its process was killed by signal 40"),
+    ],
+)
+def test_the_end_of_a_process_is_told_from_its_wait_status(code: str, words: str) -> None:
+    process = os.spawnlp(os.P_NOWAIT, "sh", "sh", "-c", code)
+    _, status = os.waitpid(process, 0)
+    assert describe_exit(status) == words
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_who_prints_into_a_file_is_found(stream: str) -> None:
+    with tempfile.TemporaryFile() as file, tempfile.TemporaryFile() as other:
+        given = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: file}
+        printing = subprocess.Popen(["cat"], **given)  # type: ignore[call-overload]
+        found, none = writers(file.fileno()), writers(other.fileno())
+        printing.communicate()
+        assert (found, none) == ([printing.pid], [])
+        assert writers(file.fileno()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the address space of a process")
+def test_memory_is_left_up_to_the_limit_of_a_process() -> None:
+    code = "import resource, sys; resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)); print(flush=True)"
+    limited = subprocess.Popen(
+        [sys.executable, "-c", f"{code}; sys.stdin.read()"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert limited.stdout is not None
+    limited.stdout.readline()
+    left = memory_left(limited.pid)
+    limited.communicate()
+    assert left is not None
+    assert 2**30 < left < 2**31
+    assert memory_left(limited.pid) is None

@@ -1,0 +1,91 @@
+"""Of all answers the worst counts, under the model of the solver and under Coulomb's law; every claim is held."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from proxbench.bench.measure.contacts.answers import JudgedAnswers, confirmed, judge_answers
+from proxbench.bench.measure.contacts.control import FirstSolve
+from proxbench.bench.measure.contacts.timed_round import TimedRound
+from proxbench.bench.measure.contacts.verdicts import VerdictCache
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import Point
+from proxbench.problems import ContactProblem, Model, judge
+from proxbench.problems.contact.answer import Answer
+from proxbench.solvers import Status
+from stored_cases import measured_in, timed_round
+
+PROBLEM = ContactProblem.from_delassus(2.0 * np.eye(3), (-1.0, 3.0, 0.0), 0.5)
+SLIDES, ASSOCIATED = np.array([0.5, -0.25, 0.0]), np.array([1.0, -0.5, 0.0])
+"""The solution under Coulomb's law, and the one of the convex model, in which a contact that slides lifts off."""
+
+
+def judged(
+    *rows: np.ndarray, model: Model = Model.COULOMB, status: Status = Status.SOLVED, tolerance: float = 1e-6
+) -> JudgedAnswers:
+    return judge_answers(PROBLEM, model, tolerance, status, rows, VerdictCache())
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_worst_answer_counts_under_either_law(order: int) -> None:
+    found = judged(*(SLIDES, ASSOCIATED)[::order], model=Model.CONVEX)
+    assert max(judge(PROBLEM, SLIDES).residual, judge(PROBLEM, ASSOCIATED, Model.CONVEX).residual) <= 1e-15
+    assert found.own.residual == judge(PROBLEM, SLIDES, Model.CONVEX).residual > 0.1
+    assert found.coulomb.residual == judge(PROBLEM, ASSOCIATED).residual > 0.1
+    assert {one.unpacked(3).tobytes() for one in found.kept} == {SLIDES.tobytes(), ASSOCIATED.tobytes()}
+    assert found.outcome is Outcome.WRONG
+
+
+@pytest.mark.parametrize(
+    ("rows", "model", "status", "outcome"),
+    [
+        ([SLIDES, SLIDES], Model.COULOMB, Status.SOLVED, Outcome.SOLVED),
+        ([SLIDES, 2.0 * SLIDES, SLIDES], Model.COULOMB, Status.SOLVED, Outcome.WRONG),
+        ([2.0 * SLIDES, SLIDES], Model.COULOMB, Status.TIME_LIMIT, Outcome.WRONG),
+        ([SLIDES, 2.0 * SLIDES], Model.COULOMB, Status.TIME_LIMIT, Outcome.TIME_LIMIT),  # the last one claims nothing
+        ([ASSOCIATED], Model.CONVEX, Status.SOLVED, Outcome.RELAXED),
+        ([ASSOCIATED, ASSOCIATED], Model.CONVEX, Status.STALLED, Outcome.STALLED),
+    ],
+)
+def test_every_claim_is_held_to_the_model_of_its_solver(
+    rows: list[np.ndarray], model: Model, status: Status, outcome: Outcome
+) -> None:
+    found = judged(*rows, model=model, status=status)
+    assert found.outcome is outcome
+    assert len(found.different) == len({one.tobytes() for one in rows})
+
+
+def first(impulses: np.ndarray, status: Status = Status.SOLVED, seconds: float = 2.0, switches: int = 0) -> FirstSolve:
+    one = np.array([seconds])
+    return FirstSolve(TimedRound(status, 1, "", 0.0 * one, one, one, switches, 0, 0.0), impulses)
+
+
+def point_with(*firsts: FirstSolve) -> Point:
+    measured = measured_in([timed_round(0, 1.0)], residual=1e-7, model_residual=1e-8)
+    point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    return confirmed(PROBLEM, Model.COULOMB, measured, point, firsts)
+
+
+def test_right_first_solves_confirm_a_point_and_leave_their_times() -> None:
+    found = point_with(first(SLIDES), first(SLIDES, seconds=3.0), first(SLIDES, Status.TIME_LIMIT))
+    assert (found.outcome, found.status, found.reason) == (Outcome.SOLVED, "solved", "")
+    assert found.measured is not None
+    assert found.measured.first_seconds == [2.0, 3.0]
+    assert (found.measured.residual, found.measured.model_residual) == (1e-7, 1e-8)
+
+
+def test_a_first_solve_that_is_wrong_or_fails_decides() -> None:
+    wrong = point_with(first(SLIDES), first(2.0 * SLIDES))
+    assert wrong.outcome is Outcome.WRONG
+    assert wrong.reason.startswith("in a first solve in a fresh process, claimed 1e-06, the judge reads ")
+    assert wrong.measured is not None
+    assert wrong.measured.residual == wrong.measured.model_residual == judge(PROBLEM, 2.0 * SLIDES).residual
+    stalled = point_with(first(2.0 * SLIDES, Status.STALLED))
+    assert (stalled.outcome, stalled.status) == (Outcome.STALLED, "stalled")
+    assert stalled.reason == "in a first solve in a fresh process, it ends stalled"
+
+
+def test_the_largest_distance_to_known_impulses_counts() -> None:
+    assert judged(SLIDES).impulse_error(PROBLEM) is None
+    known = replace(PROBLEM, answer=Answer(impulses=(SLIDES,)))
+    assert judged(SLIDES, 0.9 * SLIDES, SLIDES).impulse_error(known) == known.answer.impulse_error(0.9 * SLIDES) > 0.0

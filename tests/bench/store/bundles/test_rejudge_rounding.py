@@ -1,0 +1,65 @@
+"""Judging again on another machine agrees up to rounding of its sums, however small a residual is, and no further."""
+
+from dataclasses import replace as with_changes
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from proxbench.bench.store.bundles.bundle import Bundle
+from proxbench.bench.store.bundles.rejudge import ROUNDING, rejudge
+from proxbench.bench.store.impulses import Impulses
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import Limits, PlanRecord
+from proxbench.bench.store.records import CaseRecord, Point, RunRecord
+from proxbench.problems import ContactProblem, judge
+from simulated_runs import MACHINE
+from stored_cases import case_record, measured_in, timed_round
+
+PROBLEM = ContactProblem.from_delassus(
+    np.array([[2.0, 0.1, 0.2], [0.1, 1.0, 0.3], [0.2, 0.3, 1.5]]), (-1.0, 0.7, 0.1), 2.0, name="stuck"
+)
+SOLUTION = -np.linalg.solve(PROBLEM.delassus().toarray(), PROBLEM.free_velocity)
+RUN = RunRecord(
+    run_id="run",
+    plan=PlanRecord(problems=["stuck"], solvers=["S"], tolerances=[1e-6], limits=Limits()),
+    machine=MACHINE,
+    plugins=[],
+)
+
+
+def bundle_that_says(judged: np.ndarray, sent: np.ndarray) -> Bundle:
+    """Return a bundle with some impulses, and with what the judge finds in others."""
+    verdict = judge(PROBLEM, judged)
+    measured = measured_in(
+        [timed_round(0, 1.0)],
+        residual=verdict.residual,
+        model_residual=verdict.residual,
+        verdict=verdict.numbers(),
+        impulses=[replace(Impulses.of(judged, verdict, verdict), packed=Impulses.of(sent, verdict, verdict).packed)],
+    )
+    point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    case: CaseRecord = case_record(problem="stuck", digest=PROBLEM.digest, points=[point])
+    return Bundle(Path("run.bundle"), RUN, [case], {"stuck": PROBLEM})
+
+
+def test_a_residual_of_rounding_agrees_with_another_one() -> None:
+    other = SOLUTION * (1.0 + 0.5 * ROUNDING * np.array([1.0, -1.0, -1.0]))
+    assert judge(PROBLEM, other).residual > 10.0 * judge(PROBLEM, SOLUTION).residual
+    assert rejudge(bundle_that_says(SOLUTION, SOLUTION)).n_identical == 2
+    found = rejudge(bundle_that_says(other, SOLUTION))
+    assert found.disagreements == []
+    assert (found.n_residuals, found.n_identical) == (2, 0)
+
+
+@pytest.mark.parametrize("part", [1e-9, 1e-6])
+def test_a_residual_that_is_less_by_more_than_rounding_is_found(part: float) -> None:
+    (sentence,) = rejudge(bundle_that_says(SOLUTION, SOLUTION * (1.0 + part))).disagreements
+    assert sentence.startswith("S on stuck: the bundle says residual ")
+
+
+def test_a_problem_with_other_numbers_is_found() -> None:
+    bundle = bundle_that_says(SOLUTION, SOLUTION)
+    other = with_changes(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
+    (sentence,) = rejudge(with_changes(bundle, carried={"stuck": other})).disagreements
+    assert "a problem with other numbers" in sentence

@@ -1,0 +1,220 @@
+"""Change the code in one small place after another, and see whether the daily tests notice.
+
+``nox -s mutants`` runs this in a copy of the repository that is installed in place. Cosmic Ray makes the changes: other
+operators and comparisons, numbers off by one, loops without iterations, exceptions that are not caught. Of what it
+makes, annotations, decorators and numbers outside functions are left out: no test can notice the first, and the last
+are mostly limits that were tuned. A change is noticed if a daily test fails or takes too long, those of the same name
+first, then those of the same folder, then those in ``WIDER``.
+
+Kernels run without numba's compiler, whose cache does not know that what a kernel calls has changed. The tests are run
+once without a change: those that fail or are slow in pure Python are left out.
+
+    python tests/mutants.py --sample 20 --seed 1 problems/contact bench/store
+"""
+
+import argparse
+import ast
+import json
+import os
+import random
+import re
+import shlex
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+ROOMS = (
+    "problems/contact",
+    "problems/motion/stepping",
+    "problems/motion/bodies",
+    "problems/motion/detection",
+    "solvers/sweeps",
+    "bench/store",
+    "bench/measure",
+    "bench/isolation",
+)
+"""What is changed where nothing else is asked for."""
+
+WIDER = {
+    "problems/contact": ("tests/problems/hard",),
+    "problems/motion/bodies": ("tests/problems/motion/scenes",),
+    "problems/motion/detection": ("tests/problems/motion/bodies",),
+    "problems/motion/stepping": ("tests/problems/motion/scenes",),
+    "solvers/sweeps": ("tests/solvers/prox", "tests/solvers/iteration"),
+    "solvers": ("tests/solvers",),
+    "bench/isolation": ("tests/bench/measure/contacts",),
+    "bench/measure": ("tests/bench/measure",),
+}
+"""Tests of other folders that know a folder."""
+
+LEFT_OUT = re.compile(
+    r"RemoveDecorator|BinaryOperator_BitOr|BinaryOperator_.*_(BitAnd|BitOr|BitXor|LShift|RShift|Mod)$"
+    r"|ComparisonOperator_(Lt|LtE|Gt|GtE|Eq|NotEq|In|NotIn)_(Is|IsNot|In|NotIn)$"
+)
+"""Operators without an effect, as unions of types, and those that are no mistake anybody makes with numbers."""
+
+TEST_SECONDS = 10
+"""Time limit of one test [s]; slower ones are left out."""
+
+RUN_SECONDS = 300
+"""Time limit of all tests of a change [s]."""
+
+RESULTS = Path("mutants.jsonl")
+"""What is known already, one change a line; what was noticed is not tried again. Delete it to begin anew."""
+
+
+def pytest_configure(config: Any) -> None:
+    """Let the judge's fused product, which numba makes a machine instruction, run in pure Python."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        from proxbench.problems.contact.matrices import accurate
+
+        accurate._fused = _fused_product
+
+
+def _fused_product(a: float, b: float, c: float) -> float:
+    """Return a b + c, rounded once."""
+    a, b, c = float(a), float(b), float(c)
+    if not (isfinite(a) and isfinite(b) and isfinite(c)):
+        return a * b + c
+    try:
+        return float(Fraction(a) * Fraction(b) + Fraction(c))
+    except OverflowError:
+        return a * b + c
+
+
+@dataclass(frozen=True)
+class Tests:
+    """The daily tests that know a folder.
+
+    Attributes:
+        folders: the mirrored folder, then wider ones.
+        is_compiled: whether numba may compile; not where a module has kernels of its own.
+    """
+
+    folders: tuple[str, ...]
+    is_compiled: bool
+
+    @staticmethod
+    def of(module: Path) -> "Tests":
+        """Return the tests of the folder of a module."""
+        folder = Path("tests") / module.parent
+        while not folder.is_dir():
+            folder = folder.parent
+        wider = [path for room, paths in WIDER.items() if module.is_relative_to(room) for path in paths]
+        return Tests(tuple(dict.fromkeys([str(folder), *wider])), "njit" not in module.read_text())
+
+    def command(self, *options: str) -> list[str]:
+        """Return the command that runs them."""
+        fixed = ("-q", "-p", "no:cacheprovider", "-p", "mutants", "-m", "not slow", f"--timeout={TEST_SECONDS}")
+        return [sys.executable, "-m", "pytest", *fixed, *options, *self.folders]
+
+    def environment(self) -> dict[str, str]:
+        """Return the environment in which they run."""
+        is_disabled = "0" if self.is_compiled else "1"
+        fixed = {"PYTHONPATH": "tests", "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_DISABLE_JIT": is_disabled}
+        return {**os.environ, **fixed}
+
+
+def left_out(tests: Tests) -> list[str]:
+    """Return the tests that fail or take too long without any change."""
+    report = Path("mutants.xml")
+    subprocess.run(tests.command(f"--junitxml={report}"), env=tests.environment(), stdout=subprocess.DEVNULL)
+    found = [
+        f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
+        for case in ElementTree.parse(report).iter("testcase")
+        if float(case.get("time", 0.0)) > TEST_SECONDS / 4
+        or any(case.find(tag) is not None for tag in ("failure", "error"))
+    ]
+    report.unlink()
+    return found
+
+
+def ineffective_lines(module: Path) -> set[int]:
+    """Return the lines of a module that are no code of a function or method: annotations, constants, decorators."""
+    tree = ast.parse(module.read_text())
+    lines = set(range(1, len(module.read_text().splitlines()) + 1))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            for statement in node.body:
+                lines -= set(range(statement.lineno, (statement.end_lineno or statement.lineno) + 1))
+    return lines
+
+
+def changes(room: str) -> Iterator[Any]:
+    """Yield the mutations of a folder or file that may have an effect."""
+    from cosmic_ray.commands.init import init
+    from cosmic_ray.work_db import WorkDB, use_db
+
+    files = [Path(room)] if room.endswith(".py") else sorted(Path(room).rglob("*.py"))
+    skipped = {path: ineffective_lines(path) for path in files}
+    with use_db(":memory:", WorkDB.Mode.create) as database:
+        init(files, database, {})
+        for item in database.work_items:
+            (mutation,) = item.mutations
+            is_effective = mutation.start_pos[0] not in skipped[mutation.module_path]
+            if is_effective and not LEFT_OUT.search(mutation.operator_name):
+                yield mutation
+
+
+def sampled(every: list[Any], sample: int | None, seed: int) -> list[Any]:
+    """Return one change of each of some places chosen at random, or all changes of all places."""
+    if sample is None:
+        return every
+    places: dict[tuple[Any, ...], list[Any]] = {}
+    for one in every:
+        places.setdefault((str(one.module_path), one.start_pos, one.operator_name.split("_")[0]), []).append(one)
+    chance = random.Random(seed)
+    return [chance.choice(places[place]) for place in chance.sample(sorted(places), min(sample, len(places)))]
+
+
+def is_noticed(mutation: Any, deselected: dict[Tests, list[str]]) -> tuple[bool, str]:
+    """Return whether the tests notice a change, and the change as a patch."""
+    from cosmic_ray.mutating import mutate_and_test
+
+    tests = Tests.of(mutation.module_path)
+    if tests not in deselected:
+        deselected[tests] = left_out(tests)
+        print(f"without {len(deselected[tests])} tests: {', '.join(tests.folders)}", flush=True)
+    nearest = map(str, Path(tests.folders[0]).rglob(f"test_{mutation.module_path.stem}*.py"))
+    arguments = Path("mutants.args")
+    arguments.write_text("\n".join([*nearest, *(f"--deselect={test}" for test in deselected[tests])]))
+    os.environ.update(tests.environment())
+    result = mutate_and_test([mutation], shlex.join(tests.command("-x", f"@{arguments}")), RUN_SECONDS)
+    return result.is_killed, result.diff or ""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try changes, print those that no test notices, and the share of those that are noticed by room."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rooms", nargs="*", default=ROOMS, help="folders or files to change")
+    parser.add_argument("--sample", type=int, default=None, help="places of each room, chosen at random; all without")
+    parser.add_argument("--seed", type=int, default=0, help="of the choice")
+    given = parser.parse_args(arguments)
+    known = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.exists() else []
+    found, deselected = {one["key"]: one for one in known}, dict[Tests, list[str]]()
+    counts = dict[str, list[bool]]()
+    for room in given.rooms:
+        chosen = sampled(list(changes(room)), given.sample, given.seed)
+        for mutation in sorted(chosen, key=lambda one: (str(one.module_path), one.start_pos)):
+            key = f"{mutation.module_path}:{mutation.start_pos[0]} {mutation.operator_name} {mutation.occurrence}"
+            if not found.get(key, {}).get("is_noticed"):  # others may have got a test since
+                noticed, diff = is_noticed(mutation, deselected)
+                found[key] = {"key": key, "is_noticed": noticed, "diff": diff}
+                with RESULTS.open("a") as file:
+                    file.write(json.dumps(found[key]) + "\n")
+            one = found[key]
+            counts.setdefault(room, []).append(one["is_noticed"])
+            print(f"noticed: {key}" if one["is_noticed"] else f"NOT NOTICED: {key}\n{one['diff']}", flush=True)
+    for room, noticed_ones in counts.items():
+        print(f"{room}: {sum(noticed_ones)} of {len(noticed_ones)} noticed")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,57 @@
+"""General mechanical systems: what their numbers may be, and which of their contacts overlap."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.bodies.system import MechanicalSystem
+
+
+def two_blocks(**changes: Any) -> MechanicalSystem:
+    """Two unit masses above one floor; q holds their heights."""
+    given: dict[str, Any] = {
+        "mass": lambda position: np.eye(2),
+        "force": lambda position, velocity: np.full(2, -10.0),
+        "gap": lambda position: position,
+        "directions": lambda position: np.eye(2),
+        "friction": [0.0, 0.0],
+        "restitution_normal": [0.5, 1.0],
+        "restitution_tangential": [0.0, 0.0],
+        "rows_per_contact": 1,
+    }
+    return MechanicalSystem(**(given | changes))
+
+
+@pytest.mark.parametrize("name", ["restitution_normal", "restitution_tangential"])
+@pytest.mark.parametrize("values", [[0.5, 1.01], [-0.01, 0.5], [0.5], [0.5, np.nan]])
+def test_a_coefficient_of_restitution_lies_between_0_and_1(name: str, values: list[float]) -> None:
+    two_blocks(**{name: [0.0, 1.0]})
+    with pytest.raises(ProblemError, match=f"{name} must be 2 numbers between 0 and 1"):
+        two_blocks(**{name: values})
+
+
+def test_only_overlaps_deeper_than_tolerated_are_reported_and_with_them_all() -> None:
+    system, position = two_blocks(), np.array([-0.2, -0.1])
+    assert system.overlaps(position, 0.2) is None
+    found = system.overlaps(position, 0.15)
+    assert found is not None
+    assert found.gap.tolist() == [-0.2, -0.1]
+    only_one = system.overlaps(np.array([0.1, -0.1]), 0.0)
+    assert only_one is not None
+    assert only_one.gap.tolist() == [-0.1]
+    assert only_one.normals.to_csc().toarray().tolist() == [[0.0], [1.0]]
+
+
+def test_gaps_below_a_limit_keep_the_keys_of_their_contacts() -> None:
+    keys, gaps = two_blocks().gaps_below(np.array([0.3, 0.1]), 0.2)
+    assert (keys.tolist(), gaps.tolist()) == ([1], [0.1])
+
+
+def test_a_step_has_the_contacts_that_are_closed_at_its_midpoint() -> None:
+    step = two_blocks().assemble(np.array([0.3, -0.1]), np.array([1.0, 2.0]), 0.1)
+    assert step.free_motion == pytest.approx([0.0, 1.0])
+    assert step.contacts is not None
+    assert step.contacts.keys.tolist() == [1]
+    assert step.contacts.restitution.tolist() == [1.0]
+    assert two_blocks().assemble(np.array([0.3, 0.0]), np.zeros(2), 0.1).contacts is None
