@@ -143,12 +143,12 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
             raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
     target = folder if folder is not None else cache_folder()
     made = (plugin_problem(name) for name in names if name in of_plugins)
-    for problem in chain(made, remade(name for name in names if name not in of_plugins)):
+    for problem in chain(made, remake_problems(name for name in names if name not in of_plugins)):
         save_problem(problem, target / f"{problem.name}{SUFFIX}")
     return [target / f"{name}{SUFFIX}" for name in names]
 
 
-def remade(names: Iterable[str]) -> Iterator[ContactProblem]:
+def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; those of one simulation share one run of it."""
     flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     pecks: dict[str, WoodpeckerRecipe] = {}
@@ -184,7 +184,7 @@ def _funnel_problems(
 
 
 def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
-    for problem in remade([recipe.of]):
+    for problem in remake_problems([recipe.of]):
         resisting = with_rolling_friction(problem, recipe.rolling_friction)
         yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
 

@@ -18,7 +18,7 @@ from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
 from ..report.layout.text import counted
 from .balls import BallRecorder
-from .simulation import SMALLEST, CoordinateRecorder, StepRecorder
+from .simulation import MIN_RESIDUAL, CoordinateRecorder, StepRecorder
 from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000
@@ -75,7 +75,7 @@ def record_stored(
     times = np.array([scene.start.time, *steps["time"]])
     numbers = np.searchsorted(times, [state.time for state in states])
     drawn = (
-        (int(number), step_to(scene.system, state, float(times[number] - times[number - 1]), impulse_seconds))
+        (int(number), step_ending_at(scene.system, state, float(times[number] - times[number - 1]), impulse_seconds))
         for number, state in zip(numbers[1:], states[1:], strict=True)
     )
     with scene_recorder(scene, file, len(steps), force) as recorder:
@@ -94,12 +94,12 @@ def _curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[st
     return {
         "step_size": np.array([np.nan, *np.log10(np.diff(times))]),
         "iterations": np.array([0.0, *steps["iterations"]]),
-        "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], SMALLEST))]),
+        "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], MIN_RESIDUAL))]),
         **energies,
     }
 
 
-def step_to(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
+def step_ending_at(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
     """Return the step of ``length`` [s] that led to ``state``, as far as the state says: contacts and their impulses.
 
     The contacts are those at its midpoint, q_E − u_E Δt/2. States of a variable step hold forces in place of impulses,

@@ -3,7 +3,7 @@
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
 steps            one row an accepted step, see ``step_row.StepRow``
 switches         one row a switching point, see ``trajectory.SWITCH``
-state_…          states, from the last of which the simulation goes on, see ``thinning``
+state_…          states, from the last of which the simulation goes on, see ``kept_states``
 closed, sticking keys of the contacts that are so after the last step, where the stepper looks at them
 
 Every write replaces the whole file, so whatever happens, the last complete one is there.
@@ -33,7 +33,7 @@ from ..store.records import PluginUse
 from ..store.store import refuse_links_out
 from .history import Failure, Segment, check_segments
 from .kept_states import kept_arrays, restore_kept
-from .outputs import beside_from
+from .outputs import read_outputs
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
 from .step_row import step_columns
 from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
@@ -65,7 +65,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
         wall_seconds: wall time of everything [s].
         failure: why a step failed, None if none did.
         beside: chart and recording, as seen from the folder of the file.
-        doublings: of the spacing of states, see ``thinning``.
+        doublings: of the spacing of states, see ``kept_states``.
     """
 
     version: str
@@ -75,7 +75,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
     statuses: list[str]
     wall_seconds: Number
     failure: Failure | None
-    beside: dict[str, str | None]
+    outputs: dict[str, str | None]
     doublings: Count
 
 
@@ -85,7 +85,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     Raises:
         BenchError: if the file cannot be written, or is a link out of its folder.
     """
-    simulation.thinning.offer(simulation.state)  # an interruption may have come between a step and this
+    simulation.kept_states.offer(simulation.state)  # an interruption may have come between a step and this
     plan = simulation.plan
     record = SimulationRecord(
         version=metadata.version("proxbench"),
@@ -95,8 +95,8 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         statuses=list(simulation.statuses),
         wall_seconds=simulation.wall_seconds,
         failure=simulation.failure,
-        beside=simulation.beside.document(path),
-        doublings=simulation.thinning.doublings,
+        outputs=simulation.outputs.document(path),
+        doublings=simulation.kept_states.doublings,
     )
     about = json.dumps({"kind": KIND, "format": FORMAT, **content_of(record)}, ensure_ascii=False)
     states = simulation.law_states or LawStates()
@@ -104,7 +104,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         ABOUT: np.frombuffer(about.encode(), dtype=np.uint8),
         "steps": simulation.steps,
         "switches": simulation.switches,
-        **kept_arrays(simulation.thinning),
+        **kept_arrays(simulation.kept_states),
         "closed": np.array(states.closed, dtype=np.int64),
         "sticking": np.array(states.sticking, dtype=np.int64),
     }
@@ -137,10 +137,10 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
             record.wall_seconds,
             path,
             record.failure,
-            beside_from(record.beside, path),
+            read_outputs(record.outputs, path),
         )
         _check_arrays(content, simulation)
-        restore_kept(simulation.thinning, content, record.doublings, content["steps"]["time"])
+        restore_kept(simulation.kept_states, content, record.doublings, content["steps"]["time"])
         states = LawStates(tuple(content["closed"].tolist()), tuple(content["sticking"].tolist()))
         check_segments(record.segments, len(content["steps"]))
         simulation.restore(content["steps"], simulation.states[-1], content["switches"], states, record.segments)

@@ -96,12 +96,12 @@ def resume_simulation(
             already.
         FailedSimulationError: as in ``simulate``.
     """
-    simulation = begun_simulation(file, given, duration, solver)
+    simulation = resumable_simulation(file, given, duration, solver)
     advance(simulation, on_step, on_progress, should_stop, checkpoint_seconds)
     return simulation
 
 
-def begun_simulation(
+def resumable_simulation(
     file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
 ) -> Simulation:
     """Return a stored simulation, to be continued; arguments and errors as in ``resume_simulation``."""

@@ -19,8 +19,8 @@ from ..report.layout.text import counted
 from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
 from .history import Failure, Segment, extended, planned_segment
-from .kept_states import Thinning
-from .outputs import Beside
+from .kept_states import KeptStates
+from .outputs import SimulationOutputs
 from .plan import SimulationPlan
 from .step_row import STATUSES, StepRow, step_columns
 
@@ -95,7 +95,7 @@ class Simulation:
         file: the result file, None if nothing is stored.
         failure: why the next step could not be taken, None if nothing failed since the simulation last went on.
         beside: where its chart and its recording are.
-        thinning: keeps states evenly over simulated time, and those at switching points.
+        kept_states: keeps states evenly over simulated time, and those at switching points.
     """
 
     plan: SimulationPlan
@@ -103,15 +103,15 @@ class Simulation:
     wall_seconds: float = 0.0
     file: Path | None = None
     failure: Failure | None = None
-    beside: Beside = field(default_factory=Beside)
-    thinning: Thinning = field(init=False, repr=False)
+    outputs: SimulationOutputs = field(default_factory=SimulationOutputs)
+    kept_states: KeptStates = field(init=False, repr=False)
     _rows: GrowingArray = field(init=False, repr=False)
     _switches: GrowingArray = field(init=False, repr=False)
     _progress: _Progress = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         scene = self.plan.scene
-        self.thinning = Thinning(self.plan.states, scene.start, self.plan.stepper.resolution(scene))
+        self.kept_states = KeptStates(self.plan.states, scene.start, self.plan.stepper.resolution(scene))
         self._rows, self._switches = (
             GrowingArray(np.zeros(0, dtype=step_columns(scene))),
             GrowingArray(np.zeros(0, dtype=SWITCH)),
@@ -152,7 +152,7 @@ class Simulation:
     @property
     def states(self) -> list[State]:
         """States from the first to the last, evenly over simulated time and at switching points."""
-        return self.thinning.states
+        return self.kept_states.states
 
     @property
     def times(self) -> FloatArray:
@@ -240,8 +240,8 @@ class Simulation:
         n_switches = progress.n_switches + len(taken.switches)
         self._progress = _Progress(progress.n_steps + 1, n_switches, taken.end, taken.states, segments)
         if taken.switches:
-            self.thinning.offer(taken.begin, True)
-        self.thinning.offer(taken.end, bool(taken.switches))
+            self.kept_states.offer(taken.begin, True)
+        self.kept_states.offer(taken.end, bool(taken.switches))
 
     def restore(
         self,
@@ -264,10 +264,10 @@ class Simulation:
         self._rows, self._switches = GrowingArray(steps), GrowingArray(known)
         made = ([planned_segment(self.plan, 0)] if len(steps) else []) if segments is None else segments
         self._progress = _Progress(len(steps), len(known), state, states if len(steps) else None, tuple(made))
-        self.thinning.offer(state)
+        self.kept_states.offer(state)
 
 
-def switching_words(found: Sequence[Incident]) -> str:
+def describe_switches(found: Sequence[Incident]) -> str:
     """Say how many switching points there are, one for each law that switches, and how many instants they share."""
     if not found:
         return "no switching points"

@@ -126,7 +126,7 @@ def stored_method(record: MethodRecord) -> Method:
     return make_method(record.name, record.values, record.tolerance, record.max_iterations, start=record.start)
 
 
-def neighbour(stepper: Stepper, factor: float, duration: float) -> Stepper:
+def scaled_stepper(stepper: Stepper, factor: float, duration: float) -> Stepper:
     """Return a stepper with ``factor`` on its tolerance, or on the number of steps in ``duration`` [s].
 
     A whole number of steps reaches the end exactly.

@@ -17,7 +17,7 @@ from ...store.plans import Limits, PlanRecord, TrajectoryRecord
 from ..plan import Plan
 from .defaults import added_methods, default_methods, default_reference
 from .methods import Method, make_method
-from .problems import LEAST_SEEDS
+from .problems import MIN_SEEDS
 
 LIMITS = Limits(solve_seconds=600.0, case_seconds=7200.0)
 """Limits of a study: one simulation may take ten minutes, and a curve two hours."""
@@ -100,8 +100,8 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
     if is_pour:
         first = int(options.pop("seed", made.options["seed"]))
         members = range(first, first + N_SEEDS) if members is None else members
-        if len(set(members)) < LEAST_SEEDS:
-            raise BenchError(f"a spread over seeds needs at least {LEAST_SEEDS} of them, got {len(set(members))}.")
+        if len(set(members)) < MIN_SEEDS:
+            raise BenchError(f"a spread over seeds needs at least {MIN_SEEDS} of them, got {len(set(members))}.")
     chosen = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
     wrong = next((one for one in chosen if not (0.0 <= one < math.inf and (is_pour or one))), None)
     if wrong is not None or not chosen:

@@ -15,7 +15,7 @@ from .case import simulated
 from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask
 
-LEAST_SEEDS = 2
+MIN_SEEDS = 2
 """Seeds that a standard error needs."""
 
 
@@ -40,7 +40,7 @@ def _limit_cycle(name: str) -> LimitCycle:
     return LimitCycle(scene.limit_cycle, len(scene.start.position))
 
 
-def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
+def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
     """Yield the record each time that a part of its reference is simulated, at last with all of it.
 
     Args:
@@ -63,7 +63,7 @@ def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryR
         except Fault as fault:
             raise BenchError(f"the reference of {record.name} cannot be simulated: {fault.reason}.") from None
     good = sum(not one.failure for one in record.known)
-    if record.error != "limit cycle" and good < (LEAST_SEEDS if record.error == "aggregates" else 1):
+    if record.error != "limit cycle" and good < (MIN_SEEDS if record.error == "aggregates" else 1):
         why = next(one.failure for one in record.known if one.failure)
         raise BenchError(f"the reference of {record.name} came to no end: {why}; choose a shorter duration.")
 

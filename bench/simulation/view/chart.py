@@ -20,7 +20,7 @@ from ....problems.motion.trajectories.limit_cycle import Incident
 from ...report.charts.drawing import stacked, write_drawing
 from ...report.charts.palette import PALETTE
 from ...report.layout.text import counted
-from ..trajectory import Simulation, switching_words
+from ..trajectory import Simulation, describe_switches
 
 POINTS = 500
 """Intervals of time that curves are gathered in, so that charts of any length stay light."""
@@ -99,7 +99,7 @@ def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Inc
     solved = f"steps solved to {tolerances}, {simulation.unsolved.sum()} missed, by {solvers}"
     if not plan.stepper.locates_switches:
         return f"{plan.stepper.name}, {solved}"
-    work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {switching_words(found)}"
+    work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {describe_switches(found)}"
     return f"{plan.stepper.name}, {work}; {solved}"
 
 

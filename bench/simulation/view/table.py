@@ -14,7 +14,7 @@ from ....problems.motion.scenes.scene import Observable
 from ...report.layout.text import counted, unsolved_words
 from ...store.conversion import content_of
 from ..history import Segment, planned_segment
-from ..trajectory import Ending, Simulation, switching_words
+from ..trajectory import Ending, Simulation, describe_switches
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 
 WINDOW_SECONDS = 0.1
@@ -158,7 +158,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     _print_windows(simulation, console)
     if plan.stepper.locates_switches:
         print_switches(simulation, console)
-        console.print(Text(switching_words(simulation.incidents)))
+        console.print(Text(describe_switches(simulation.incidents)))
     for line, style in (*period_lines(simulation), *_closing_lines(simulation)):
         console.print(Text(line, style=style))
 

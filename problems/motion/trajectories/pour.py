@@ -21,7 +21,7 @@ GRID = 400
 
 
 @dataclass
-class Watch:
+class MotionRecorder:
     """Notes the states of a scene as they come; ``aggregates`` averages them.
 
     Attributes:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..state import State
 from .limit_cycle import KnownCycle
-from .pour import Watch
+from .pour import MotionRecorder
 
 ERROR = "error"
 """What the error of a single trajectory is called among the quantities of a problem."""
@@ -55,8 +55,8 @@ class Measure(ABC):
         return vars(self)
 
     @abstractmethod
-    def values(self, watch: Watch, duration: float) -> Values:
-        """Return what a simulation of ``duration`` [s] came to, from what ``watch`` saw of it."""
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
+        """Return what a simulation of ``duration`` [s] came to, from what ``recorder`` saw of it."""
 
     @abstractmethod
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
@@ -98,10 +98,10 @@ class LimitCycle(_OfOneTrajectory):
         """None: the scene has them all."""
         return {}
 
-    def values(self, watch: Watch, duration: float) -> Values:
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
         """Return the last position and velocity, as q0, q1, …, u0, u1, … by name."""
-        velocity = {f"u{index}": float(value) for index, value in enumerate(watch.last.velocity)}
-        return {**_coordinates(watch), **velocity}
+        velocity = {f"u{index}": float(value) for index, value in enumerate(recorder.last.velocity)}
+        return {**_coordinates(recorder), **velocity}
 
     def error(self, values: Values) -> float:
         """Return the largest relative error in the section."""
@@ -128,9 +128,9 @@ class EndPosition(_OfOneTrajectory):
         """Those of the known position."""
         return self.known.keys()
 
-    def values(self, watch: Watch, duration: float) -> Values:
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
         """Return the last position, as q0, q1, … by name."""
-        return _coordinates(watch)
+        return _coordinates(recorder)
 
     def error(self, values: Values) -> float:
         """Return the largest difference of a coordinate, relative to ``scale``."""
@@ -139,7 +139,7 @@ class EndPosition(_OfOneTrajectory):
 
 @dataclass(frozen=True)
 class Aggregates(Measure):
-    """A pour by its flow rate, mean height and energy lost, against a simulation with a finer step; see ``Watch``.
+    """A pour by its flow rate, mean height and energy lost, against a simulation with a finer step.
 
     Attributes:
         reference: values of the reference by seed.
@@ -152,9 +152,9 @@ class Aggregates(Measure):
         """Those of the reference."""
         return next(iter(self.reference.values()), {}).keys()
 
-    def values(self, watch: Watch, duration: float) -> Values:
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
         """Return the aggregates."""
-        return watch.aggregates(duration)
+        return recorder.aggregates(duration)
 
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
         """Return how far the mean of each aggregate is from the reference's, with the standard error of that.
@@ -222,5 +222,5 @@ def standard_error(values: Sequence[float]) -> float:
     return stdev(values) / math.sqrt(len(values))
 
 
-def _coordinates(watch: Watch) -> Values:
-    return {f"q{index}": float(value) for index, value in enumerate(watch.last.position)}
+def _coordinates(recorder: MotionRecorder) -> Values:
+    return {f"q{index}": float(value) for index, value in enumerate(recorder.last.position)}

@@ -9,7 +9,7 @@ import pytest
 from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
-from proxbench.bench.simulation.run import advance, begun_simulation, simulate
+from proxbench.bench.simulation.run import advance, resumable_simulation, simulate
 from proxbench.problems import ContactProblem, Model
 from proxbench.problems.contact.solver import Prepared
 from proxbench.problems.motion.scenes.woodpecker import PERIOD, potential_energy
@@ -81,7 +81,7 @@ def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_p
     file = tmp_path / "toy.npz"
     part = simulate(plan(), file, should_stop=iter([False] * 30 + [True]).__next__)
     assert part.n_steps == 30
-    again = begun_simulation(file)
+    again = resumable_simulation(file)
     advance(again)
     assert again.is_finished
     assert again.trajectory[-1] == pytest.approx(whole.trajectory[-1], rel=2e-3, abs=2e-3)
@@ -119,7 +119,7 @@ def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_anothe
     assert kept.n_steps > 0
     assert kept.failure is not None
     assert kept.failure.time == kept.state.time
-    again = begun_simulation(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
+    again = resumable_simulation(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
     advance(again)
     assert again.is_finished
     assert again.steps["time"][kept.n_steps - 1] == kept.state.time
@@ -128,13 +128,13 @@ def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_anothe
 def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     simulate(plan(0.01), file)
-    longer = begun_simulation(file, duration=0.02)
+    longer = resumable_simulation(file, duration=0.02)
     advance(longer)
     assert longer.steps["time"][-1] == pytest.approx(0.02)
     with pytest.raises(BenchError, match="scene funnel contradicts"):
-        begun_simulation(file, {"scene": "funnel"})
+        resumable_simulation(file, {"scene": "funnel"})
     with pytest.raises(BenchError, match="has come to"):
-        begun_simulation(file, duration=0.005)
+        resumable_simulation(file, duration=0.005)
 
 
 def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...
     start = plan.scene.start
     places = [start.position + 0.5 + motion * number for number in range(10)]
     states = [State(time, place, 0.0 * start.velocity) for time, place in zip(steps["time"], places, strict=True)]
-    simulation.thinning.restore(states, [True] * 10, 0)
+    simulation.kept_states.restore(states, [True] * 10, 0)
     rows = np.zeros(len(switches), dtype=SWITCH)
     rows["begin"] = rows["end"] = [time for time, _ in switches]
     rows["law"] = [law for _, law in switches]

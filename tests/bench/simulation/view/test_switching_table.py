@@ -29,7 +29,7 @@ def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[
     steps["time"], steps["length"] = [*(row[0] for row in rows), simulation.plan.until], 1e-3
     steps["residual"][0] = residual
     states = [State(time, np.array([-DESCENT / PERIOD * time, 0.0, 0.0]), np.zeros(3)) for time in steps["time"]]
-    simulation.thinning.restore(states, [True] * len(states), 0)
+    simulation.kept_states.restore(states, [True] * len(states), 0)
     simulation.restore(steps, states[-1], np.array(rows, dtype=SWITCH), LawStates())
     return simulation
 
