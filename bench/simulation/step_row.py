@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -72,8 +72,11 @@ class StepRow:
     @property
     def values(self) -> tuple[float, ...]:
         """The values in the order of ``step_columns``."""
-        *own, observed = astuple(self)
-        return (*own, *observed)
+        return (*map(self.__dict__.__getitem__, _OWN_COLUMNS), *self.observed)
+
+
+_OWN_COLUMNS = {one.name: one.metadata["type"] for one in fields(StepRow) if "type" in one.metadata}
+"""Types of the columns of every scene, by name."""
 
 
 def step_columns(scene: Scene) -> np.dtype[np.void]:
@@ -82,12 +85,13 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
     Raises:
         BenchError: if two columns have the same name.
     """
-    own = [(one.name, one.metadata["type"]) for one in fields(StepRow) if "type" in one.metadata]
     names = [one.name for one in scene.observables]
     for name in names:
-        if name in dict(own) or names.count(name) > 1 or not name:
+        if name in _OWN_COLUMNS or names.count(name) > 1 or not name:
             raise BenchError(f"the scene {scene.name!r} has an observable {name!r}, a name that is taken; rename it.")
-    return np.dtype([*own, *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)])
+    return np.dtype(
+        [*_OWN_COLUMNS.items(), *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)]
+    )
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,7 @@ def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: S
         error=taken.error,
         solves=taken.solves,
         rejected=taken.rejected,
-        contacts=0 if contacts is None else int(contacts.is_contact.sum()),
+        contacts=0 if contacts is None else contacts.n_contacts,
         iterations=sum(step.iterations for step in solved),
         residual=max(residuals, default=0.0),
         local_residual=max(map(_local_residual, solves), default=0.0),
@@ -185,8 +189,8 @@ def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
     """
     depth, impact = 0.0, 0.0
     for solve in solves:
-        is_contact = solve.contacts.is_contact
-        gap, normal = solve.contacts.gap[is_contact], solve.approach[solve.contacts.first_rows[is_contact]]
+        contacts, normal = solve.contacts, solve.contacts.normals(solve.approach)
+        gap = contacts.gap if contacts.row_counts is None else contacts.gap[contacts.is_contact]
         depth = max(depth, -float((gap - 0.5 * solve.length * normal).min(initial=0.0)))
         impact = max(impact, -float(gap.min(initial=0.0)))
     return depth, impact

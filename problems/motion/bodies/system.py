@@ -61,6 +61,15 @@ class ActiveContacts:
         first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
         return self.laws.is_unilateral[first_laws]
 
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts, joints left out."""
+        return len(self.keys) if self.row_counts is None else int(self.is_contact.sum())
+
+    def normals(self, rows: FloatArray) -> FloatArray:
+        """Return the first row of each contact, joints left out, of a vector over rows, shape (n_contacts,)."""
+        return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
+
     def lanes(self, rows: FloatArray) -> FloatArray:
         """Return a vector over rows padded with zeros, shape (n_contacts, width)."""
         if self.row_counts is None:

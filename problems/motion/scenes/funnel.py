@@ -110,18 +110,16 @@ class Funnel:
     def ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
         """Return how a pour ends: all balls are through, or those left have rested for ``JAM_SECONDS``."""
         last = steps[-1]
-        seconds = f"{last['time']:.4g} s"
-        left = self.n_balls - int(last["balls_through"])
+        left, seconds = self.n_balls - int(last["balls_through"]), float(last["time"])
         if not left:
-            return SceneEnding(
-                "emptied", f"emptied: all {self.n_balls} balls are through the outlet after {seconds}", True
-            )
-        if last["agitation"] > JAM_AGITATION or steps["time"][0] > last["time"] - JAM_SECONDS:
+            sentence = f"emptied: all {self.n_balls} balls are through the outlet after {seconds:.4g} s"
+            return SceneEnding("emptied", sentence, True)
+        if last["agitation"] > JAM_AGITATION or steps["time"][0] > seconds - JAM_SECONDS:
             return None
         has_rested = (steps["agitation"][1:] <= JAM_AGITATION).all()
         if not has_rested or steps["balls_through"][1] != last["balls_through"]:
             return None
-        sentence = f"jammed at {seconds}: {left} of {self.n_balls} balls rest above the outlet and none passes"
+        sentence = f"jammed at {seconds:.4g} s: {left} of {self.n_balls} balls rest above the outlet and none passes"
         return SceneEnding("jammed", sentence, False)
 
     def potential_energy(self, position: FloatArray) -> float:

@@ -178,7 +178,9 @@ def contact_lanes(problem: ContactProblem, impulses: FloatArray, contacts: Activ
     """Return the contacts of a step that solves ``problem`` with ``impulses``."""
     layout = problem.layout
     velocity = problem.relative_velocity(impulses)
-    padded = [layout.pad(rows)[:, : 1 + layout.sliding] for rows in (impulses, velocity, problem.delassus_diagonal)]
+    padded = [layout.pad(rows) for rows in (impulses, velocity, problem.delassus_diagonal)]
+    if layout.rolling:
+        padded = [values[:, : 1 + layout.sliding] for values in padded]
     bounds = [layout.friction_coefficient, layout.fixed_bound]
     keys = contacts.keys
     if contacts.row_counts is not None:  # a joint has a block for each of its rows
