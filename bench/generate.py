@@ -28,7 +28,8 @@ from ..problems.motion.bodies.mixed_friction import MixedFriction
 from ..problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from ..problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
 from ..problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
-from ..problems.motion.stepping.moreau import Moreau, Step
+from ..problems.motion.stepping.midpoint import MidpointRule
+from ..problems.motion.stepping.step import Step
 from ..solvers.registry import create
 from .plugins.describing import plugin_problem
 
@@ -142,12 +143,12 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
             raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
     target = folder if folder is not None else cache_folder()
     made = (plugin_problem(name) for name in names if name in of_plugins)
-    for problem in chain(made, remade(name for name in names if name not in of_plugins)):
+    for problem in chain(made, remake_problems(name for name in names if name not in of_plugins)):
         save_problem(problem, target / f"{problem.name}{SUFFIX}")
     return [target / f"{name}{SUFFIX}" for name in names]
 
 
-def remade(names: Iterable[str]) -> Iterator[ContactProblem]:
+def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; those of one simulation share one run of it."""
     flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     pecks: dict[str, WoodpeckerRecipe] = {}
@@ -175,7 +176,7 @@ def _funnel_problems(
     wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
     balls = scene.system()
     system = balls if mixed is None else MixedFriction(balls, *mixed, scene.seed)
-    stepper = Moreau(system, _solver(), stop, TIME_STEP)
+    stepper = MidpointRule(system, _solver(), stop, TIME_STEP)
     for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
         for name in members:
             if wanted[name] == number:
@@ -183,14 +184,14 @@ def _funnel_problems(
 
 
 def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
-    for problem in remade([recipe.of]):
+    for problem in remake_problems([recipe.of]):
         resisting = with_rolling_friction(problem, recipe.rolling_friction)
         yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
 
 
 def _woodpecker_problems(members: dict[str, WoodpeckerRecipe]) -> Iterator[ContactProblem]:
     time_step = PERIOD / WOODPECKER_STEPS
-    stepper = Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
+    stepper = MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
     waiting = dict(members)
     for number, step in enumerate(stepper.steps(section_start(), 2 * WOODPECKER_STEPS)):
         if step.contacts is None:

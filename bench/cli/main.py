@@ -81,7 +81,7 @@ def run_command(arguments: list[str]) -> int:
 def _user_error(error: Exception) -> tuple[str, int]:
     """Return the message and exit code of an error that a user can cause; raise any other one again."""
     from ...problems.errors import ProxbenchError
-    from ...problems.motion.stepping.moreau import StepError
+    from ...problems.motion.stepping.step import StepError
     from ..errors import FailedSimulationError, InterruptedWorkError
 
     if not isinstance(error, ProxbenchError):

@@ -68,7 +68,7 @@ def plot(name: str, origin: str, legend: bool = True, heights: tuple[float, floa
     return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=shown, axis_y=axis)
 
 
-def set_heights(view: rrb.TimeSeriesView, heights: tuple[float, float]) -> None:
+def set_axis_range(view: rrb.TimeSeriesView, heights: tuple[float, float]) -> None:
     """Let a plot show the values between two ``heights``."""
     view.properties["ScalarAxis"] = rrb.ScalarAxis(range=heights)
 

@@ -1,7 +1,7 @@
 """Recordings of simulations that are stored: bodies and impulses at the states that were kept, curves of all steps."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
+from ...problems.errors import suggestion
 from ...problems.motion.bodies.system import System
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step, step_problem
+from ...problems.motion.stepping.midpoint import step_problem
+from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
 from ..report.layout.text import counted
 from .balls import BallRecorder
-from .simulation import SMALLEST, CoordinateRecorder, StepRecorder
+from .simulation import MIN_RESIDUAL, CoordinateRecorder, StepRecorder
 from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000
 """Pictures of one recording: half a minute of film, and less than 100 MB with a thousand balls."""
+
+
+VIEWS: dict[str, Callable[[Path, bool, int], StepRecorder]] = {"woodpecker": WoodpeckerRecorder}
+"""Recordings that draw the bodies of a scene, by the name of its ``view``."""
 
 
 def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) -> StepRecorder:
@@ -30,15 +36,15 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
         BenchError: if the file cannot be written.
     """
     every = max(1, math.ceil(n_steps / FRAMES))
-    if scene.name == "woodpecker":
-        return WoodpeckerRecorder(file, force, every)
+    if scene.view is not None:
+        if scene.view not in VIEWS:
+            raise BenchError(f"the scene {scene.name!r} has no view {scene.view!r}{suggestion(scene.view, VIEWS)}")
+        return VIEWS[scene.view](file, force, every)
     if scene.balls is not None:
         title = f"{scene.name}, {counted(scene.n_balls, 'disc' if scene.balls.dimension == 2 else 'ball')}"
         weight: Any = scene.options.get("gravity")
         gravity = float(weight) if isinstance(weight, int | float) else 0.0
-        return BallRecorder(
-            scene.balls, file, title, gravity, force, every, scene.balls_through, scene.potential_energy
-        )
+        return BallRecorder(scene.balls, file, title, gravity, force, every, scene.observables, scene.potential_energy)
     return CoordinateRecorder(scene, file, force, every)
 
 
@@ -69,7 +75,7 @@ def record_stored(
     times = np.array([scene.start.time, *steps["time"]])
     numbers = np.searchsorted(times, [state.time for state in states])
     drawn = (
-        (int(number), step_to(scene.system, state, float(times[number] - times[number - 1]), impulse_seconds))
+        (int(number), step_ending_at(scene.system, state, float(times[number] - times[number - 1]), impulse_seconds))
         for number, state in zip(numbers[1:], states[1:], strict=True)
     )
     with scene_recorder(scene, file, len(steps), force) as recorder:
@@ -88,12 +94,12 @@ def _curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[st
     return {
         "step_size": np.array([np.nan, *np.log10(np.diff(times))]),
         "iterations": np.array([0.0, *steps["iterations"]]),
-        "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], SMALLEST))]),
+        "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], MIN_RESIDUAL))]),
         **energies,
     }
 
 
-def step_to(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
+def step_ending_at(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
     """Return the step of ``length`` [s] that led to ``state``, as far as the state says: contacts and their impulses.
 
     The contacts are those at its midpoint, q_E − u_E Δt/2. States of a variable step hold forces in place of impulses,
@@ -104,7 +110,7 @@ def step_to(system: System, state: State, length: float, impulse_seconds: float 
     contacts = assembly.contacts
     if contacts is None or not len(state.keys):
         return Step(state, None, np.zeros(0), None, None, 0)
-    held = np.zeros((len(contacts.keys), contacts.rows_per_contact))
+    held = np.zeros((len(contacts.keys), contacts.width))
     _, ours, theirs = np.intersect1d(contacts.keys, state.keys, assume_unique=True, return_indices=True)
     held[ours] = state.impulses[theirs] * (1.0 if impulse_seconds is None else impulse_seconds)
-    return Step(state, step_problem(assembly, contacts, state.velocity), held.ravel(), contacts, None, 0)
+    return Step(state, step_problem(assembly, contacts, state.velocity), contacts.rows(held), contacts, None, 0)

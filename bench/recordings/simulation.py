@@ -17,14 +17,14 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.residual import Residual
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
 from ..report.charts.palette import PALETTE, rgb
-from .blueprints import STEP, TIME, plot, set_heights, simulation_blueprint
+from .blueprints import STEP, TIME, plot, set_axis_range, simulation_blueprint
 from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
 from .file import RecordingFile, write_curve
 
-SMALLEST = 1e-16
+MIN_RESIDUAL = 1e-16
 """Residuals below are drawn here: the curve is a logarithm."""
 
 BODIES, IMPULSES = "scene/bodies", "scene/impulses"
@@ -32,7 +32,7 @@ BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 
 NO_IMPULSES = rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3)))
 
-MOST_COORDINATES = 12
+MAX_COORDINATES = 12
 """Coordinates that are drawn, the first ones of scenes that name none."""
 
 COORDINATES = "coordinates"
@@ -47,10 +47,10 @@ COLOURS = {
 }
 """Of curves; others have ``PALETTE[5]``."""
 
-SMALLEST_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
+MIN_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
 """Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade of logarithms."""
 
-SMALLEST_RATIO = 1e-6
+MIN_SPAN_RATIO = 1e-6
 """Least span of an axis over its largest value: what varies less is drawn as a level line, not as its rounding."""
 
 Entities = Iterable[tuple[str, rr.AsComponents]]
@@ -119,7 +119,7 @@ class StepRecorder(ABC):
         values = {
             "step_size": np.log10(step.state.time - self._last.time),
             "iterations": float(step.iterations),
-            "residual": np.log10(max(_residual(step), SMALLEST)),
+            "residual": np.log10(max(_residual(step), MIN_RESIDUAL)),
         }
         self._note(values | self._energy_curves(step.state))
         self._take(step, is_drawn=self._count % self._every == 0)
@@ -193,9 +193,9 @@ class StepRecorder(ABC):
         plots, is_framed = self._plots(), False
         for view in plots:
             group = str(view.origin).rpartition("/")[2]
-            span = SMALLEST_SPANS.get(group)  # counts have none
-            if span is not None and (heights := heights_of(self._values(group), span)) is not None:
-                set_heights(view, heights)
+            span = MIN_SPANS.get(group)  # counts have none
+            if span is not None and (heights := axis_range(self._values(group), span)) is not None:
+                set_axis_range(view, heights)
                 is_framed = True
         if is_framed:
             blueprint = simulation_blueprint(self._views(self._first), plots, self._every)
@@ -247,12 +247,12 @@ class StepRecorder(ABC):
         return ()
 
 
-def heights_of(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
+def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
     """Return between what to plot values that hardly vary; None where they need no more than what they span."""
     if not values:
         return None
     low, high = min(values), max(values)
-    span = max(smallest_span, SMALLEST_RATIO * max(abs(low), abs(high)))
+    span = max(smallest_span, MIN_SPAN_RATIO * max(abs(low), abs(high)))
     middle = round((low + high) / 2.0 / span) * span
     return (middle - span, middle + span) if high - low < span else None
 
@@ -312,7 +312,7 @@ class CoordinateRecorder(StepRecorder):
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         about = f"**{scene.name}**\n\nThe bodies of this scene are not known; its coordinates are drawn over time."
         super().__init__(file, scene.name, about, force, every)
-        count = min(len(scene.start.position), MOST_COORDINATES)
+        count = min(len(scene.start.position), MAX_COORDINATES)
         self._scene = scene
         self._names = scene.coordinates or {f"q{index}": index for index in range(count)}
 

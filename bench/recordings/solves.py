@@ -26,10 +26,10 @@ from .contact_states import STATE_COLOURS, ContactState, contact_states, write_s
 from .file import SUFFIX, RecordingFile, write_curve
 from .traces import Trace, trace_solve
 
-SMALLEST = 1e-16
+MIN_RESIDUAL = 1e-16
 """Curves are logarithms; what is below this is drawn here."""
 
-LARGEST_GROWTH = 1e2
+MAX_GROWTH = 1e2
 """Curves of a solver that diverges stay at this multiple of the largest value that any solver begins with."""
 
 FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
@@ -38,7 +38,7 @@ FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
 ARROW_SIZES = 3.0
 """Length of a large arrow in body sizes; it stands for the impulse that one closed contact in ten exceeds."""
 
-LONGEST_ARROW = 3.0
+MAX_ARROW_LENGTH = 3.0
 """Arrows are cut at this multiple of it, so that a solver that diverges does not hide the others."""
 
 GLASS = (150, 170, 200, 60)
@@ -175,7 +175,7 @@ def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings
     for name, first in FIRST_POINTS.items():
         at = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
         values = np.asarray(getattr(trace, name)[first:])
-        known = np.clip(np.where(np.isnan(values), np.inf, values), SMALLEST, ceilings[name])
+        known = np.clip(np.where(np.isnan(values), np.inf, values), MIN_RESIDUAL, ceilings[name])
         write_curve(stream, f"curves/{name}/{index}", trace.solver, colour, at, np.log10(known))
     at = [rr.TimeColumn(ITERATION, sequence=trace.iterations)]
     counts = np.asarray(trace.state_counts, dtype=np.float64)
@@ -190,7 +190,7 @@ def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:
     for name, first in FIRST_POINTS.items():
         heads = [value for trace in traces for value in getattr(trace, name)[first : first + 2]]
         largest = max((value for value in heads if np.isfinite(value)), default=1.0)
-        ceilings[name] = max(LARGEST_GROWTH * largest, SMALLEST)
+        ceilings[name] = max(MAX_GROWTH * largest, MIN_RESIDUAL)
     return ceilings
 
 
@@ -199,7 +199,7 @@ def _residual_heights(traces: Sequence[Trace], ceiling: float) -> tuple[float, f
     seen = [value for trace in traces for value in trace.residual if np.isfinite(value)]
     if not seen:
         return None
-    low, high = np.log10(np.clip([min(seen), max(seen)], SMALLEST, ceiling))
+    low, high = np.log10(np.clip([min(seen), max(seen)], MIN_RESIDUAL, ceiling))
     span = max(float(high - low), 1.0)
     return float(low) - 0.05 * span, float(high) + (0.15 + 0.12 * len(traces)) * span
 
@@ -247,10 +247,10 @@ def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> No
 
 
 def _arrows(places: Places, lanes: FloatArray, scale: float) -> FloatArray:
-    """Return arrows in space, shape (n_contacts, 3), cut at ``LONGEST_ARROW``; nothing for what is not finite."""
+    """Return arrows in space, shape (n_contacts, 3), cut at ``MAX_ARROW_LENGTH``; nothing for what is not finite."""
     vectors = scale * places.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
     lengths = np.linalg.norm(vectors, axis=1)
-    longest = LONGEST_ARROW * ARROW_SIZES * places.size
+    longest = MAX_ARROW_LENGTH * ARROW_SIZES * places.size
     cut: FloatArray = vectors * (longest / np.maximum(lengths, longest))[:, None]
     return cut
 

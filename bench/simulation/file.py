@@ -1,9 +1,9 @@
 """Result files of simulations: uncompressed arrays without pickle, and JSON that describes them.
 
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
-steps            one row an accepted step, see ``trajectory.STEP``
+steps            one row an accepted step, see ``step_row.StepRow``
 switches         one row a switching point, see ``trajectory.SWITCH``
-state_…          states, from the last of which the simulation goes on, see ``thinning``
+state_…          states, from the last of which the simulation goes on, see ``kept_states``
 closed, sticking keys of the contacts that are so after the last step, where the stepper looks at them
 
 Every write replaces the whole file, so whatever happens, the last complete one is there.
@@ -24,18 +24,19 @@ from ...problems.contact.solver import Solver
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.archive import ArchiveError, read_arrays
 from ...problems.exchange.atomic_file import replacing
-from ...problems.motion.stepping.contact_states import LawStates
+from ...problems.motion.stepping.step import LawStates
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
 from ..store.records import PluginUse
 from ..store.store import refuse_links_out
-from .beside import beside_from
 from .history import Failure, Segment, check_segments
+from .kept_states import kept_arrays, restore_kept
+from .outputs import read_outputs
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
-from .thinning import kept_arrays, restore_kept
-from .trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
+from .step_row import step_columns
+from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 
 SUFFIX = ".npz"
 
@@ -45,7 +46,7 @@ ABOUT = "about"
 KIND = "proxbench simulation"
 """What a file says it is."""
 
-FORMAT = 5
+FORMAT = 6
 """Version of the content."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
@@ -64,7 +65,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
         wall_seconds: wall time of everything [s].
         failure: why a step failed, None if none did.
         beside: chart and recording, as seen from the folder of the file.
-        doublings: of the spacing of states, see ``thinning``.
+        doublings: of the spacing of states, see ``kept_states``.
     """
 
     version: str
@@ -74,7 +75,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
     statuses: list[str]
     wall_seconds: Number
     failure: Failure | None
-    beside: dict[str, str | None]
+    outputs: dict[str, str | None]
     doublings: Count
 
 
@@ -84,7 +85,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     Raises:
         BenchError: if the file cannot be written, or is a link out of its folder.
     """
-    simulation.thinning.offer(simulation.state)  # an interruption may have come between a step and this
+    simulation.kept_states.offer(simulation.state)  # an interruption may have come between a step and this
     plan = simulation.plan
     record = SimulationRecord(
         version=metadata.version("proxbench"),
@@ -94,8 +95,8 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         statuses=list(simulation.statuses),
         wall_seconds=simulation.wall_seconds,
         failure=simulation.failure,
-        beside=simulation.beside.document(path),
-        doublings=simulation.thinning.doublings,
+        outputs=simulation.outputs.document(path),
+        doublings=simulation.kept_states.doublings,
     )
     about = json.dumps({"kind": KIND, "format": FORMAT, **content_of(record)}, ensure_ascii=False)
     states = simulation.law_states or LawStates()
@@ -103,7 +104,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         ABOUT: np.frombuffer(about.encode(), dtype=np.uint8),
         "steps": simulation.steps,
         "switches": simulation.switches,
-        **kept_arrays(simulation.thinning),
+        **kept_arrays(simulation.kept_states),
         "closed": np.array(states.closed, dtype=np.int64),
         "sticking": np.array(states.sticking, dtype=np.int64),
     }
@@ -136,10 +137,10 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
             record.wall_seconds,
             path,
             record.failure,
-            beside_from(record.beside, path),
+            read_outputs(record.outputs, path),
         )
-        _check_arrays(content, len(simulation.statuses))
-        restore_kept(simulation.thinning, content, record.doublings, content["steps"]["time"])
+        _check_arrays(content, simulation)
+        restore_kept(simulation.kept_states, content, record.doublings, content["steps"]["time"])
         states = LawStates(tuple(content["closed"].tolist()), tuple(content["sticking"].tolist()))
         check_segments(record.segments, len(content["steps"]))
         simulation.restore(content["steps"], simulation.states[-1], content["switches"], states, record.segments)
@@ -171,12 +172,13 @@ def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:
     return make_simulation_plan(**{**msgspec.structs.asdict(stored), "solver": solver or stored.solver})
 
 
-def _check_arrays(content: Mapping[str, NDArray[Any]], n_statuses: int) -> None:
+def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -> None:
     """Raise an error if an array has another type than rows of it have, or an index in it leads nowhere."""
-    for name, dtype in {"steps": STEP, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
+    steps = step_columns(simulation.plan.scene)
+    for name, dtype in {"steps": steps, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
         if content[name].dtype != dtype or content[name].ndim != 1:
             raise ValueError(f"these are no {name}")
-    most = {"status": n_statuses, "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
+    most = {"status": len(simulation.statuses), "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
     for name, number in most.items():
         if (content["steps" if name == "status" else "switches"][name] >= number).any():
             raise ValueError(f"there is no such {name}")

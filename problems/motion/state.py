@@ -16,7 +16,7 @@ class State:
         position: q, shape (n_coordinates,).
         velocity: u, shape (n_dofs,).
         keys: contacts of the last step, ascending, shape (n_contacts,).
-        impulses: their Λ [N s], shape (n_contacts, rows per contact).
+        impulses: their Λ [N s], padded with zeros to as many rows as a contact may have, shape (n_contacts, width).
     """
 
     time: float

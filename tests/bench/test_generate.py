@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench.generate import RECIPES, RollingRecipe, generate, remade
+from proxbench.bench.generate import RECIPES, RollingRecipe, generate, remake_problems
 from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.exchange.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
@@ -42,7 +42,7 @@ def test_the_pile_that_resists_rolling_is_the_frozen_pile_with_another_law() -> 
 
 def test_a_recipe_that_adds_a_law_remakes_what_it_is_added_to(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(RECIPES, "rolling", RollingRecipe("funnel-30-early", 0.002))
-    plain, resisting = remade(["funnel-30-early"]), remade(["rolling"])
+    plain, resisting = remake_problems(["funnel-30-early"]), remake_problems(["rolling"])
     for one, other in zip(plain, resisting, strict=True):
         assert (other.name, other.provenance["rolling_friction"]) == ("rolling", 0.002)
         assert other.digest == with_rolling_friction(one, 0.002).digest
@@ -51,7 +51,7 @@ def test_a_recipe_that_adds_a_law_remakes_what_it_is_added_to(monkeypatch: pytes
 @pytest.mark.slow
 def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:
     """Steps are solved to 1e-12; impacts amplify the rounding of another machine or solver, but not beyond 1e-6 yet."""
-    for problem in remade(SMALL):
+    for problem in remake_problems(SMALL):
         assert difference(problem, load(problem.name)) <= 1e-6
 
 
@@ -72,7 +72,7 @@ def test_two_fresh_processes_generate_equal_digests(tmp_path: Path) -> None:
 def test_problems_of_one_simulation_are_captured_at_their_own_steps(tmp_path: Path) -> None:
     files = generate(SMALL[:2], tmp_path)
     assert [file.name for file in files] == ["funnel-30-early.npz", "funnel-30.npz"]
-    early, dense = remade(SMALL[:2])
+    early, dense = remake_problems(SMALL[:2])
     assert early.provenance["step"] < dense.provenance["step"]  # type: ignore[operator]
 
 

@@ -16,7 +16,7 @@ from known_solvers import Known
 from numba import njit
 from proxbench.bench.isolation.worker import Worker
 from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
-from proxbench.bench.plugins.describing import contestant
+from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.plans import Limits
 from proxbench.problems.exchange.storage import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop
@@ -39,7 +39,7 @@ def start() -> Iterator[Start]:
     data, workers = problem_bytes(funnel_step("funnel-1000")), []
 
     def started(solver: Solver) -> Worker:
-        workers.append(Worker(MeasuringTask(data, contestant(solver)), LIMITS.case_seconds, LIMITS.memory_bytes))
+        workers.append(Worker(MeasuringTask(data, solver_spec(solver)), LIMITS.case_seconds, LIMITS.memory_bytes))
         workers[-1].ask("warm_up", STOP)
         return workers[-1]
 

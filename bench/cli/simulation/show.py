@@ -12,13 +12,13 @@ from rich.console import Console
 from ...errors import FailedSimulationError, InterruptedSimulationError, UnwritableError
 from ...report.layout.output_file import drawn, output_file
 from ...report.layout.text import output_width, print_json
-from ...simulation.beside import Beside, chosen_beside, recorded
 from ...simulation.file import SUFFIX, read_simulation, write_simulation
-from ...simulation.live import LiveSummary
+from ...simulation.outputs import SimulationOutputs, choose_outputs, write_recording
 from ...simulation.plan import make_simulation_plan
-from ...simulation.run import advance, begun_simulation
-from ...simulation.table import document, print_simulation
+from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
+from ...simulation.view.live import LiveSummary
+from ...simulation.view.table import document, print_simulation
 from .. import options
 from .interrupts import deferred_interrupts
 
@@ -117,7 +117,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     """
     simulation = read_simulation(file)
     if not charts:
-        simulation.beside = replace(simulation.beside, chart=None)
+        simulation.outputs = replace(simulation.outputs, chart=None)
     try:
         return show_simulation(simulation, as_json, quiet)
     except UnwritableError as error:
@@ -139,33 +139,35 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
 def _begun(request: Request) -> Simulation:
     if request.resume is not None:
         given = {**({"scene": request.scene} if request.scene else {}), **request.numbers}
-        simulation = begun_simulation(request.resume, given, request.duration)
-        own = simulation.beside
-        simulation.beside = chosen_beside(own, request.chart, request.record, request.force)
-        if simulation.beside != own:  # nothing else would be written where no step is left
+        simulation = resumable_simulation(request.resume, given, request.duration)
+        own = simulation.outputs
+        simulation.outputs = choose_outputs(own, request.chart, request.record, request.force)
+        if simulation.outputs != own:  # nothing else would be written where no step is left
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
         return simulation
     plan = make_simulation_plan(request.scene, duration=request.duration, **request.numbers)
-    beside = chosen_beside(Beside(), request.chart, request.record, request.force)
+    outputs = choose_outputs(SimulationOutputs(), request.chart, request.record, request.force)
     file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
-    if beside.chart is None and plan.scene.coordinates:  # coordinates say more than any table
-        beside = chosen_beside(replace(beside, chart=None), file.with_suffix(".svg"), beside.recording, request.force)
-    return Simulation(plan, file=file, beside=beside)
+    if outputs.chart is None and plan.scene.coordinates:  # coordinates say more than any table
+        outputs = choose_outputs(
+            replace(outputs, chart=None), file.with_suffix(".svg"), outputs.recording, request.force
+        )
+    return Simulation(plan, file=file, outputs=outputs)
 
 
 def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path]]:
     """Yield what the files of a simulation are; its chart and its recording are made when everything is printed."""
     yield "result", file
-    chart, recording = simulation.beside.chart, simulation.beside.recording
+    chart, recording = simulation.outputs.chart, simulation.outputs.recording
     if simulation.n_steps and chart is not None:
-        from ...simulation.chart import write_chart  # altair and pandas take a second to import
+        from ...simulation.view.chart import write_chart  # altair and pandas take a second to import
 
         for path in drawn(lambda: write_chart(simulation, chart), file):
             yield "chart", path
     if simulation.n_steps:
-        for path in recorded(lambda path: _record(simulation, path, force=True), recording, file):
+        for path in write_recording(lambda path: _record(simulation, path, force=True), recording, file):
             yield "watch", f"rerun {path}"
 
 

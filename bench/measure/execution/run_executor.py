@@ -13,7 +13,7 @@ from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
 from ..trajectories.methods import Method
-from ..trajectories.problems import referenced, trajectory_of
+from ..trajectories.problems import simulate_references, trajectory_of
 from ..trajectories.workload import compute_workload
 from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted
 
@@ -102,7 +102,7 @@ class RunExecutor(ABC):
         """Generate the problems that are neither stored nor available, and simulate missing references."""
         record, plan = self._record, self._record.plan
         for index, trajectory in enumerate(plan.trajectories):
-            for known in referenced(trajectory, plan.limits):
+            for known in simulate_references(trajectory, plan.limits):
                 plan = replace(plan, trajectories=[*plan.trajectories[:index], known, *plan.trajectories[index + 1 :]])
                 self._write_run(replace(record, plan=plan))
             self._on_event(ReferenceSimulated(plan.trajectories[index]))

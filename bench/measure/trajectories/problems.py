@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from ....problems.contact.solver import Status
+from ....problems.motion.scenes.registry import make_scene
 from ....problems.motion.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
@@ -14,7 +15,7 @@ from .case import simulated
 from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask
 
-LEAST_SEEDS = 2
+MIN_SEEDS = 2
 """Seeds that a standard error needs."""
 
 
@@ -22,16 +23,24 @@ def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
     """Return the problem of a run, its members those that the reference has."""
     known = {one.member: one.values for one in record.known if not one.failure}
     members = tuple(record.members)
-    measure: Measure = LimitCycle()
-    if record.error == "aggregates":
+    if record.error == "limit cycle":
+        measure: Measure = _limit_cycle(record.name)
+    elif record.error == "aggregates":
         measure = Aggregates(known)
         members = tuple(member for member in members if member in known) or members
-    elif record.error == "end position":
+    else:
         measure = EndPosition(next(iter(known.values()), {}), record.scale)
     return TrajectoryProblem(record.name, record.duration, members, measure)
 
 
-def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
+def _limit_cycle(name: str) -> LimitCycle:
+    scene = make_scene(name)
+    if scene.limit_cycle is None:
+        raise BenchError(f"the scene {name} has no limit cycle; run the study again.")
+    return LimitCycle(scene.limit_cycle, len(scene.start.position))
+
+
+def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
     """Yield the record each time that a part of its reference is simulated, at last with all of it.
 
     Args:
@@ -54,7 +63,7 @@ def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryR
         except Fault as fault:
             raise BenchError(f"the reference of {record.name} cannot be simulated: {fault.reason}.") from None
     good = sum(not one.failure for one in record.known)
-    if record.error != "limit cycle" and good < (LEAST_SEEDS if record.error == "aggregates" else 1):
+    if record.error != "limit cycle" and good < (MIN_SEEDS if record.error == "aggregates" else 1):
         why = next(one.failure for one in record.known if one.failure)
         raise BenchError(f"the reference of {record.name} came to no end: {why}; choose a shorter duration.")
 

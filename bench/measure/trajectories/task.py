@@ -12,17 +12,17 @@ from ....problems.errors import ProxbenchError
 from ....problems.exchange.plugin_scenes import build_plugin_scene, plugin_scene
 from ....problems.motion.scenes.registry import make_scene, read_scene
 from ....problems.motion.scenes.scene import Scene
-from ....problems.motion.stepping.accepted_step import AcceptedStep
-from ....problems.motion.trajectories.pour import Watch
+from ....problems.motion.stepping.step import AcceptedStep
+from ....problems.motion.trajectories.pour import MotionRecorder
 from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
 from ...simulation.starts.step_solver import UnsupportedStepError
 from ...simulation.trajectory import Simulation
-from .methods import Method, neighbour
+from .methods import Method, scaled_stepper
 
-MOST_SOLVES = 10_000
+MAX_SOLVES = 10_000
 """One-step solves after which a variable step is given up: where its solver is too coarse, its laws flicker."""
 
 
@@ -33,7 +33,7 @@ class TrajectoryTask:
     problem: TrajectoryProblem
     method: Method
     seconds: float
-    most_solves: int = MOST_SOLVES
+    most_solves: int = MAX_SOLVES
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request: a simulation of a member at a value of the ladder, timed or to warm up, or the exact end.
@@ -54,12 +54,12 @@ class TrajectoryTask:
     def _known(self) -> dict[str, Any]:
         """Return the exact end of the motion, empty where the scene does not know it; its start; and its length."""
         scene, measure, duration = self._scene(self.problem.members[0]), self.problem.measure, self.problem.duration
-        watch = Watch(scene)
-        start = measure.values(watch, duration)
+        recorder = MotionRecorder(scene)
+        start = measure.values(recorder, duration)
         if scene.exact is None:
             return {"values": {}, "start": start, "length": scene.length}
-        watch.note(scene.exact(scene.start.time + duration))
-        return {"values": measure.values(watch, duration), "start": start, "length": scene.length}
+        recorder.note(scene.exact(scene.start.time + duration))
+        return {"values": measure.values(recorder, duration), "start": start, "length": scene.length}
 
     def _scene(self, member: float) -> Scene:
         name, options = read_scene(self.problem.name)
@@ -69,9 +69,9 @@ class TrajectoryTask:
 
     def _plan(self, value: float, member: float) -> SimulationPlan:
         scene, (stepper, tolerance) = self._scene(member), self.method.setting(value)
-        stepper = stepper.fitted(scene)
+        stepper = stepper.with_defaults_of(scene)
         if not self.problem.varies_seeds:
-            stepper = neighbour(stepper, member, self.problem.duration)
+            stepper = scaled_stepper(stepper, member, self.problem.duration)
         return SimulationPlan(
             scene,
             stepper,
@@ -85,14 +85,14 @@ class TrajectoryTask:
 
     def _simulated(self, value: float, member: float) -> dict[str, Any]:
         plan = self._plan(value, member)
-        simulation, watch, solves = Simulation(plan), Watch(plan.scene), 0
+        simulation, recorder, solves = Simulation(plan), MotionRecorder(plan.scene), 0
         most = self.most_solves if plan.stepper.locates_switches else math.inf
         end = time.monotonic() + self.seconds
 
         def note(number: int, taken: AcceptedStep) -> None:
             nonlocal solves
             solves += taken.solves
-            watch.note(taken.end)
+            recorder.note(taken.end)
 
         status, reason = Status.SOLVED, ""
         try:
@@ -100,7 +100,7 @@ class TrajectoryTask:
         except FailedSimulationError as failure:
             status, reason = Status.STALLED, _reason(failure)
         at = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"
-        values = self.problem.measure.values(watch, self.problem.duration)
+        values = self.problem.measure.values(recorder, self.problem.duration)
         if status is Status.SOLVED and not simulation.is_finished:
             status, reason = Status.TIME_LIMIT, f"given up after {self.seconds:g} s, {at}"
             if solves > most:

@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ....problems.motion.stepping.registry import Moreau
+from ....problems.motion.stepping.moreau import Moreau
 from ...report.layout.text import counted
 from ...store.plans import TrajectoryRecord
-from .methods import Method, neighbour
+from .methods import Method, scaled_stepper
 
 
 @dataclass(frozen=True)
@@ -50,5 +50,5 @@ def _fixed_steps(method: Method, value: float, trajectory: TrajectoryRecord) -> 
         return 0
     are_factors = trajectory.error != "aggregates"
     factors = trajectory.members if are_factors else [1.0] * len(trajectory.members)
-    made = (neighbour(stepper, factor, trajectory.duration) for factor in factors)
+    made = (scaled_stepper(stepper, factor, trajectory.duration) for factor in factors)
     return sum(round(trajectory.duration / one.step) for one in made if isinstance(one, Moreau) and one.step)

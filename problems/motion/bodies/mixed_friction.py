@@ -63,7 +63,7 @@ class MixedFriction:
         contacts = assembly.contacts
         if contacts is None:
             return assembly
-        laws = Laws.contacts(self.coefficients(contacts.keys), contacts.rows_per_contact, len(contacts.keys))
+        laws = Laws.contacts(self.coefficients(contacts.keys), contacts.width, len(contacts.keys))
         return replace(assembly, contacts=replace(contacts, laws=laws))
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:

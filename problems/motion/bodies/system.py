@@ -4,11 +4,13 @@ M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws betwee
 (Studer & Glocker 2005, [1–6]). A stepper needs of a system one ``StepAssembly`` per step.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import FloatArray, IntArray
@@ -20,23 +22,86 @@ from ...errors import ProblemError
 
 @dataclass(frozen=True, eq=False)
 class ActiveContacts:
-    """The contacts of one step, those with g(q_M) < 0.
+    """The contacts of one step, those with g(q_M) < 0, and the joints, which are always active.
+
+    Rows stand contact by contact, joints among them. A vector over rows can be padded to ``width`` lanes a contact,
+    which states hold from step to step.
 
     Attributes:
         keys: identity of each contact, ascending, shape (n_contacts,); a contact keeps its key from step to step.
-        gap: g(q_M) [m], shape (n_contacts,).
-        laws: their force laws, ``rows_per_contact`` rows each.
-        directions: W at the midpoint, shape (n_dofs, n_rows), in pieces, one block a contact.
+        gap: g(q_M) [m], 0 for joints, shape (n_contacts,).
+        laws: their force laws.
+        directions: W at the midpoint, shape (n_dofs, n_rows): in pieces, one block a contact, where all contacts have
+            ``width`` rows, else scipy CSC.
         restitution: ε of each row, shape (n_rows,).
-        rows_per_contact: 1, 2 or 3.
+        width: largest number of rows of a contact of the system.
+        row_counts: rows of each contact, shape (n_contacts,); None where all have ``width``.
     """
 
     keys: IntArray
     gap: FloatArray
     laws: Laws
-    directions: Pieces
+    directions: Pieces | sp.csc_array[Any]
     restitution: FloatArray
-    rows_per_contact: int
+    width: int
+    row_counts: IntArray | None = None
+
+    @cached_property
+    def first_rows(self) -> IntArray:
+        """First row of each contact, shape (n_contacts,)."""
+        if self.row_counts is None:
+            return np.arange(len(self.keys)) * self.width
+        return np.cumsum(self.row_counts) - self.row_counts
+
+    @cached_property
+    def is_contact(self) -> NDArray[np.bool_]:
+        """Whether it is a contact and no joint, shape (n_contacts,)."""
+        if self.row_counts is None:
+            return np.ones(len(self.keys), dtype=np.bool_)
+        first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
+        return self.laws.is_unilateral[first_laws]
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts, joints left out."""
+        return len(self.keys) if self.row_counts is None else int(self.is_contact.sum())
+
+    def normals(self, rows: FloatArray) -> FloatArray:
+        """Return the first row of each contact, joints left out, of a vector over rows, shape (n_contacts,)."""
+        return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
+
+    def lanes(self, rows: FloatArray) -> FloatArray:
+        """Return a vector over rows padded with zeros, shape (n_contacts, width)."""
+        if self.row_counts is None:
+            return rows.reshape(len(self.keys), self.width)
+        padded = np.zeros((len(self.keys), self.width))
+        padded[self._is_lane] = rows
+        return padded
+
+    def rows(self, lanes: FloatArray) -> FloatArray:
+        """Return the vector over rows of one that is padded, shape (n_rows,)."""
+        return lanes.ravel() if self.row_counts is None else lanes[self._is_lane]
+
+    def for_rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return a value for each row, shape (n_rows,), from one for each contact."""
+        return np.repeat(values, self.width if self.row_counts is None else self.row_counts)
+
+    def times(self, impulses: FloatArray) -> FloatArray:
+        """Return W Λ, shape (n_dofs,)."""
+        given = self.directions
+        product: FloatArray = given.times(impulses) if isinstance(given, Pieces) else given @ impulses
+        return product
+
+    def transposed_times(self, velocity: FloatArray) -> FloatArray:
+        """Return Wᵀ u [m/s], shape (n_rows,)."""
+        given = self.directions
+        product: FloatArray = given.transposed_times(velocity) if isinstance(given, Pieces) else given.T @ velocity
+        return product
+
+    @cached_property
+    def _is_lane(self) -> NDArray[np.bool_]:
+        assert self.row_counts is not None
+        return np.arange(self.width) < self.row_counts[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,21 +158,27 @@ class System(Protocol):
 class MechanicalSystem:
     """A general system, given by the functions of its equations of motion.
 
+    Contacts may have different numbers of rows, and joints are rows with ξ = 0 beside them. Joints hold on velocities,
+    as contacts do: the positions drift by the error of the step.
+
     Attributes:
         mass: q ↦ M, shape (n_dofs, n_dofs), symmetric positive definite; its inverse is kept for as long as the
             function returns the same array.
         force: (q, u) ↦ h, shape (n_dofs,).
         gap: q ↦ g [m], shape (n_contacts,).
-        directions: q ↦ W, shape (n_dofs, rows_per_contact · n_contacts), contact by contact in the order N, T1, T2.
+        directions: q ↦ W, shape (n_dofs, n_rows), contact by contact in the order N, T1, T2, then joint by joint.
         friction: μ of each contact, shape (n_contacts,).
         restitution_normal: ε_N of each contact, shape (n_contacts,).
         restitution_tangential: ε_T of each contact, shape (n_contacts,).
-        rows_per_contact: 1, 2 or 3.
+        rows_per_contact: 1, 2 or 3, one number for all contacts or one for each.
+        joint_rows: rows of each joint, shape (n_joints,).
+        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), for EventDriven; None where W does not depend on
+            q.
         is_reversible: whether M and W are constant and h depends on q alone. The midpoint rule is symmetric then, and
             its error in smooth phases has even powers of Δt only, which extrapolation makes use of.
 
     Raises:
-        ProblemError: for restitution outside [0, 1], or arrays of unequal length.
+        ProblemError: for restitution outside [0, 1], arrays of unequal length, or a number of rows out of range.
     """
 
     mass: Callable[[FloatArray], FloatArray]
@@ -117,20 +188,36 @@ class MechanicalSystem:
     friction: ArrayLike
     restitution_normal: ArrayLike
     restitution_tangential: ArrayLike
-    rows_per_contact: int = 2
+    rows_per_contact: int | Sequence[int] = 2
+    joint_rows: Sequence[int] = ()
+    direction_rates: Callable[[FloatArray, FloatArray], FloatArray] | None = None
     is_reversible: bool = False
     _inverse: tuple[FloatArray, FloatArray, InverseMass] | None = field(default=None, init=False, repr=False)
-    _laws: dict[bytes, tuple[IntArray, IntArray, Laws, FloatArray]] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    _active: dict[bytes, tuple[IntArray, ActiveContacts]] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
+        """Check the numbers; ``width`` becomes the largest number of rows of a contact or joint."""
         self.friction = np.atleast_1d(np.asarray(self.friction, dtype=np.float64))
         for name in ("restitution_normal", "restitution_tangential"):
             values = np.atleast_1d(np.asarray(getattr(self, name), dtype=np.float64))
             if values.shape != self.friction.shape or not ((values >= 0) & (values <= 1)).all():
                 raise ProblemError(f"{name} must be {len(self.friction)} numbers between 0 and 1, got {values}.")
             setattr(self, name, values)
+        n_contacts = len(self.friction)
+        contacts, joints = np.array(self.rows_per_contact, dtype=np.int64), np.array(self.joint_rows, dtype=np.int64)
+        if contacts.shape not in ((), (n_contacts,)) or not np.isin(contacts, (1, 2, 3)).all():
+            raise ProblemError(f"rows_per_contact must be 1, 2 or 3, for all or each of {n_contacts} contacts.")
+        if joints.ndim != 1 or (joints < 1).any():
+            raise ProblemError(f"joint_rows must be positive whole numbers, one a joint, got {self.joint_rows}.")
+        self._contact_rows, self._n_joints = np.broadcast_to(contacts, (n_contacts,)), len(joints)
+        self._row_counts = np.concatenate([self._contact_rows, joints])
+        self._starts = np.append(0, np.cumsum(self._row_counts))
+        self.width = int(self._row_counts.max(initial=1))
+
+    @cached_property
+    def has_equal_rows(self) -> bool:
+        """Whether all contacts have equally many rows, and there are no joints."""
+        return self._n_joints == 0 and bool((self._contact_rows == self.width).all())
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q + u · seconds."""
@@ -147,12 +234,13 @@ class MechanicalSystem:
         free_motion = velocity + inverse @ self._force(midpoint, velocity) * seconds
         gap = self._gaps(midpoint)
         active = gap < 0.0
-        if not active.any():
+        if not active.any() and not self._n_joints:
             return StepAssembly(free_motion, sparse_inverse, None)
-        keys, rows, laws, restitution = self._active_laws(active)
-        directions = _one_chunk(self._directions(midpoint)[:, rows], self.rows_per_contact)
-        contacts = ActiveContacts(keys, gap[active], laws, directions, restitution, self.rows_per_contact)
-        return StepAssembly(free_motion, sparse_inverse, contacts)
+        rows, known = self._active_contacts(active)
+        columns = self._directions(midpoint)[:, rows]
+        directions = _one_chunk(columns, self.width) if self.has_equal_rows else sp.csc_array(columns)
+        gaps = np.append(gap[active], np.zeros(self._n_joints))
+        return StepAssembly(free_motion, sparse_inverse, replace(known, gap=gaps, directions=directions))
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``."""
@@ -169,7 +257,7 @@ class MechanicalSystem:
         gap = self._gaps(position)
         if not (gap < -tolerated).any():
             return None
-        columns = self._directions(position)[:, :: self.rows_per_contact]
+        columns = self._directions(position)[:, self._starts[: len(gap)]]
         closed = gap < 0.0
         return Overlaps(gap[closed], _one_chunk(columns[:, closed], 1), self._inverse_mass(position)[1])
 
@@ -193,8 +281,8 @@ class MechanicalSystem:
         return _of_shape("gaps g(q)", self.gap(position), shape, "one for each contact")
 
     def _directions(self, position: FloatArray) -> FloatArray:
-        shape = (len(position), self.rows_per_contact * len(np.asarray(self.friction)))
-        why = f"one row for each velocity, and {self.rows_per_contact} columns for each contact"
+        shape = (len(position), int(self._starts[-1]))
+        why = "one row for each velocity, and one column for each row of contacts and joints"
         return _of_shape("directions W(q)", self.directions(position), shape, why)
 
     def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, InverseMass]:
@@ -210,18 +298,41 @@ class MechanicalSystem:
             self._inverse = (mass, inverse, InverseMass.create(inverse))
         return self._inverse[1], self._inverse[2]
 
-    def _active_laws(self, active: NDArray[np.bool_]) -> tuple[IntArray, IntArray, Laws, FloatArray]:
-        """Keys, rows, laws and restitution of a set of active contacts; few sets recur, so each is kept."""
+    def _active_contacts(self, active: NDArray[np.bool_]) -> tuple[IntArray, ActiveContacts]:
+        """Rows and contacts of a set of active contacts, without numbers of q; few sets recur, so each is kept."""
         pattern = active.tobytes()
-        if pattern not in self._laws:
-            width = self.rows_per_contact
-            keys = np.flatnonzero(active).astype(np.int64)
-            rows = (width * keys[:, None] + np.arange(width)).ravel()
-            laws = Laws.contacts(np.asarray(self.friction)[active], width, len(keys))
-            restitution = np.repeat(np.asarray(self.restitution_tangential)[active], width)
-            restitution[::width] = np.asarray(self.restitution_normal)[active]
-            self._laws[pattern] = (keys, rows, laws, restitution)
-        return self._laws[pattern]
+        if pattern not in self._active:
+            contacts = np.flatnonzero(active).astype(np.int64)
+            keys = np.append(contacts, len(active) + np.arange(self._n_joints))
+            counts = self._row_counts[keys]
+            is_row = np.zeros(int(self._starts[-1]), dtype=np.bool_)
+            restitution = np.zeros(len(is_row))
+            for key in keys.tolist():
+                part = slice(self._starts[key], self._starts[key + 1])
+                is_row[part] = True
+                if key < len(active):
+                    restitution[part] = np.asarray(self.restitution_tangential)[key]
+                    restitution[part.start] = np.asarray(self.restitution_normal)[key]
+            found = ActiveContacts(
+                keys,
+                np.zeros(len(keys)),
+                self._laws(contacts),
+                _one_chunk(np.zeros((1, 0)), 1),
+                restitution[is_row],
+                self.width,
+                None if self.has_equal_rows else counts,
+            )
+            self._active[pattern] = (np.flatnonzero(is_row), found)
+        return self._active[pattern]
+
+    def _laws(self, contacts: IntArray) -> Laws:
+        """Return the laws of some contacts and of all joints."""
+        friction = np.asarray(self.friction)[contacts]
+        if self.has_equal_rows:
+            return Laws.contacts(friction, self.width, len(contacts))
+        counts = self._contact_rows[contacts].tolist()
+        parts = [Laws.contacts([mu], count, 1) for mu, count in zip(friction.tolist(), counts, strict=True)]
+        return Laws.together([*parts, Laws.joints(int(self._row_counts[len(self._contact_rows) :].sum()))])
 
 
 def _of_shape(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:

@@ -18,10 +18,10 @@ from numba import njit
 from ...arrays import FloatArray
 from ..bodies.system import Overlaps, System
 
-MOST_PASSES = 3
+MAX_PASSES = 3
 """Most searches and moves at the end of one step. What is left over is met again in the next step."""
 
-LARGEST_SWEEPS = 50
+MAX_SWEEPS = 50
 """Most sweeps of one pass."""
 
 ACCURACY = 0.1
@@ -43,7 +43,7 @@ def projected(system: System, position: FloatArray, depth: float) -> FloatArray:
     tolerated = (1.0 + ACCURACY) * depth
     overlaps = system.overlaps(position, tolerated)
     best, best_gap = position, -np.inf
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         if overlaps is None:
             return position
         if overlaps.gap.min() > best_gap:
@@ -73,7 +73,7 @@ def _project(starts, chunks, values, gap, depth, moved):  # type: ignore[no-unty
         for p in range(starts[i], starts[i + 1]):
             for k in range(length):
                 diagonal[i] += values[p, 0, k] ** 2
-    for _ in range(LARGEST_SWEEPS):
+    for _ in range(MAX_SWEEPS):
         deepest = 0.0
         for i in range(n_contacts):
             space = gap[i] + depth

@@ -16,8 +16,8 @@ from statistics import fmean, median, stdev
 import numpy as np
 
 from ..state import State
-from .limit_cycle import section_error
-from .pour import Watch
+from .limit_cycle import KnownCycle
+from .pour import MotionRecorder
 
 ERROR = "error"
 """What the error of a single trajectory is called among the quantities of a problem."""
@@ -49,9 +49,14 @@ class Measure(ABC):
     def names(self) -> Collection[str]:
         """Names of the values that the error is computed of; none before the reference is known."""
 
+    @property
+    def numbers(self) -> dict[str, object]:
+        """The numbers that the digest of a problem is made of."""
+        return vars(self)
+
     @abstractmethod
-    def values(self, watch: Watch, duration: float) -> Values:
-        """Return what a simulation of ``duration`` [s] came to, from what ``watch`` saw of it."""
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
+        """Return what a simulation of ``duration`` [s] came to, from what ``recorder`` saw of it."""
 
     @abstractmethod
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
@@ -73,19 +78,35 @@ class _OfOneTrajectory(Measure):
 
 @dataclass(frozen=True)
 class LimitCycle(_OfOneTrajectory):
-    """The woodpecker after one period from the section of its limit cycle; see ``section_error``."""
+    """The state after one period from the section of a known limit cycle, whose name the scene has.
 
-    names = tuple(f"{name}{index}" for name in "qu" for index in range(3))
+    Attributes:
+        known: the limit cycle.
+        n_coordinates: number of coordinates, and of velocities.
+    """
 
-    def values(self, watch: Watch, duration: float) -> Values:
+    known: KnownCycle
+    n_coordinates: int
+
+    @property
+    def names(self) -> Collection[str]:
+        """Names of q and u: q0, q1, … and u0, u1, … by number."""
+        return [f"{name}{index}" for name in "qu" for index in range(self.n_coordinates)]
+
+    @property
+    def numbers(self) -> dict[str, object]:
+        """None: the scene has them all."""
+        return {}
+
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
         """Return the last position and velocity, as q0, q1, …, u0, u1, … by name."""
-        velocity = {f"u{index}": float(value) for index, value in enumerate(watch.last.velocity)}
-        return {**_coordinates(watch), **velocity}
+        velocity = {f"u{index}": float(value) for index, value in enumerate(recorder.last.velocity)}
+        return {**_coordinates(recorder), **velocity}
 
     def error(self, values: Values) -> float:
         """Return the largest relative error in the section."""
         numbers = np.array([values[name] for name in self.names])
-        return section_error(State(0.0, numbers[:3], numbers[3:]))
+        return self.known.section_error(State(0.0, *np.split(numbers, 2)))
 
 
 @dataclass(frozen=True)
@@ -107,9 +128,9 @@ class EndPosition(_OfOneTrajectory):
         """Those of the known position."""
         return self.known.keys()
 
-    def values(self, watch: Watch, duration: float) -> Values:
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
         """Return the last position, as q0, q1, … by name."""
-        return _coordinates(watch)
+        return _coordinates(recorder)
 
     def error(self, values: Values) -> float:
         """Return the largest difference of a coordinate, relative to ``scale``."""
@@ -118,7 +139,7 @@ class EndPosition(_OfOneTrajectory):
 
 @dataclass(frozen=True)
 class Aggregates(Measure):
-    """A pour by its flow rate, mean height and energy lost, against a simulation with a finer step; see ``Watch``.
+    """A pour by its flow rate, mean height and energy lost, against a simulation with a finer step.
 
     Attributes:
         reference: values of the reference by seed.
@@ -131,9 +152,9 @@ class Aggregates(Measure):
         """Those of the reference."""
         return next(iter(self.reference.values()), {}).keys()
 
-    def values(self, watch: Watch, duration: float) -> Values:
+    def values(self, recorder: MotionRecorder, duration: float) -> Values:
         """Return the aggregates."""
-        return watch.aggregates(duration)
+        return recorder.aggregates(duration)
 
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
         """Return how far the mean of each aggregate is from the reference's, with the standard error of that.
@@ -191,7 +212,7 @@ class TrajectoryProblem:
     @property
     def digest(self) -> str:
         """SHA-256 of its name and its numbers; results of problems with different digests do not compare."""
-        measure = [type(self.measure).__name__, vars(self.measure)]
+        measure = [type(self.measure).__name__, self.measure.numbers]
         numbers = [self.name, float(self.duration), [*map(float, self.members)], measure]
         return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 
@@ -201,5 +222,5 @@ def standard_error(values: Sequence[float]) -> float:
     return stdev(values) / math.sqrt(len(values))
 
 
-def _coordinates(watch: Watch) -> Values:
-    return {f"q{index}": float(value) for index, value in enumerate(watch.last.position)}
+def _coordinates(recorder: MotionRecorder) -> Values:
+    return {f"q{index}": float(value) for index, value in enumerate(recorder.last.position)}

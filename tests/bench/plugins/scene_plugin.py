@@ -70,6 +70,27 @@ def block(mass: float = 1.0) -> tuple[MechanicalSystem, State]:
     return system, State(0.0, np.array([0.0, 0.05]), np.array([1.0, 0.0]))
 
 
+def coupled() -> tuple[MechanicalSystem, State]:
+    """Two blocks on a slope, one behind the other on a rod; only the first has friction."""
+    masses, columns = (
+        np.diag([1.0, 1.0, 3.0, 3.0]),
+        np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [1, 0, -1, 0]]).T,
+    )
+    weight = 9.81 * np.diag(masses) * np.tile([0.56, -0.83], 2)
+    system = MechanicalSystem(
+        mass=lambda position: masses,
+        force=lambda position, velocity: weight,
+        gap=lambda position: position[1::2],
+        directions=lambda position: columns,
+        friction=[0.5, 0.0],
+        restitution_normal=[0.0, 0.0],
+        restitution_tangential=[0.0, 0.0],
+        rows_per_contact=[2, 1],
+        joint_rows=[1],
+    )
+    return system, State(0.0, np.array([1.0, -1e-9, 0.0, -1e-9]), np.zeros(4))
+
+
 def twin(balls: int = 20) -> Scene:
     return make_scene("funnel", {"balls": balls})
 
@@ -90,6 +111,7 @@ SCENES = {
     "tower": tower,
     "faulty": faulty,
     "block": block,
+    "coupled": coupled,
     "twin": twin,
     "bouncing": bouncing,
     "needy": needy,

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.recordings.replay import scene_recorder
-from proxbench.bench.recordings.simulation import heights_of
+from proxbench.bench.recordings.simulation import axis_range
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 
@@ -20,7 +20,7 @@ def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path) -> None:
     states = [scene.start]
     with scene_recorder(scene, file, 10) as recorder:
         recorder.start(scene.start)
-        for step in Moreau(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
+        for step in MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
             recorder(step)
             states.append(step.state)
     drawn: dict[str, list[float]] = {}
@@ -37,7 +37,7 @@ def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path) -> None:
     "values", [[-1e-9, 0.0], [0.5, 0.5000000000000001], [-3.0, -3.0 - 4e-16], [1e9, 1e9 + 1e-6], [-1.0000000000000002]]
 )
 def test_curves_that_are_level_but_for_rounding_get_an_axis_of_few_digits(values: list[float]) -> None:
-    heights = heights_of(values, 1e-6)
+    heights = axis_range(values, 1e-6)
     assert heights is not None
     low, high = heights
     assert low < min(values) <= max(values) < high
@@ -46,14 +46,14 @@ def test_curves_that_are_level_but_for_rounding_get_an_axis_of_few_digits(values
 
 @pytest.mark.parametrize("values", [[], [0.0, 1e-3], [5.0, 5.1], [1e-6, -1e-6]])
 def test_curves_that_move_keep_the_axis_that_they_need(values: list[float]) -> None:
-    assert heights_of(values, 1e-6) is None
+    assert axis_range(values, 1e-6) is None
 
 
 def test_a_recording_of_a_block_at_rest_opens_with_such_axes(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     scene, file = make_scene("block_on_incline(speed=0.0)"), tmp_path / "block.rrd"
     with scene_recorder(scene, file, 10) as recorder:
         recorder.start(scene.start)
-        for step in Moreau(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
+        for step in MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
             recorder(step)
     ranges = [value for value in read_back(file).blueprint if isinstance(value, list) and np.shape(value) == (1, 2)]
     spans = {round(float(high - low), 9) for ((low, high),) in ranges}

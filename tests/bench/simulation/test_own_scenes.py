@@ -10,16 +10,16 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.remote_scene import local_or_remote_scene
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.view.chart import simulation_chart
 from proxbench.problems.exchange.plugin_files import PluginFile
 from proxbench.problems.exchange.plugins import forget
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import Drag, Force, Friction, Gravity, Spring, ball_system
 from proxbench.problems.motion.scenes.funnel import Funnel
 from proxbench.problems.motion.scenes.scene import GROUND
-from proxbench.problems.motion.trajectories.pour import ENERGY, Watch
+from proxbench.problems.motion.trajectories.pour import ENERGY, MotionRecorder
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 
@@ -73,8 +73,8 @@ def test_a_scene_that_does_not_know_its_potential_energy_shows_no_energy(
     text = json.dumps(simulation_chart(simulation).to_dict())
     assert '"kinetic"' in text
     assert '"total"' not in text
-    watch = Watch(simulation.plan.scene)
-    assert ENERGY not in (watch.aggregates(0.02) if watch.scene.n_balls else {})
+    recorder = MotionRecorder(simulation.plan.scene)
+    assert ENERGY not in (recorder.aggregates(0.02) if recorder.scene.n_balls else {})
 
 
 def test_balls_of_a_remote_scene_have_its_radii_masses_and_surfaces() -> None:

@@ -1,23 +1,29 @@
 """A scene of a plugin moves as the same scene would here, in a process of its own, and its faults cost one step."""
 
+import runpy
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.bench.cli.listing import listing_rows
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, FailedSimulationError
+from proxbench.bench.isolation.worker import RenewedWorker
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.remote_scene import RemoteSystem, local_or_remote_scene
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.bench.simulation.step_row import step_columns
 from proxbench.problems import ProblemError
 from proxbench.problems.exchange.plugin_files import PluginFile
 from proxbench.problems.exchange.plugins import forget
 from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 
@@ -46,9 +52,29 @@ def test_a_scene_says_of_itself_what_the_same_scene_says_here() -> None:
         assert getattr(remote, name) == getattr(here, name)
     q, u = here.start.position, here.start.velocity
     assert (remote.kinetic_energy(u), remote.potential_energy(q)) == (here.kinetic_energy(u), here.potential_energy(q))
-    assert remote.balls_through is not None
-    assert here.balls_through is not None
-    assert remote.balls_through(-q) == here.balls_through(-q) == 5
+    for there, own in zip(remote.observables, here.observables, strict=True):
+        assert (there.name, there.is_count, there.label, there.rate) == (own.name, own.is_count, own.label, own.rate)
+        fallen = State(0.0, -q, u)
+        assert there.compute(fallen) == own.compute(fallen)
+    assert remote.observables[0].compute(State(0.0, -q, u)) == 5
+
+
+def test_a_scene_of_a_plugin_ends_as_the_same_scene_does_here() -> None:
+    remote, here = local_or_remote_scene("twin(balls=5)"), make_scene("funnel(balls=5)")
+    steps = np.zeros(2, dtype=step_columns(here))
+    for through, name in ((5, "emptied"), (3, "jammed")):
+        steps["balls_through"], steps["time"] = through, (0.0, 1.0)
+        endings = [scene.ending.find(steps) for scene in (remote, here) if scene.ending is not None]
+        assert endings[0] == endings[1]
+        assert endings[0] is not None
+        assert endings[0].name == name
+    steps["agitation"] = 1.0
+    assert remote.ending is not None
+    assert remote.ending.find(steps) is None
+
+
+def test_an_exact_motion_is_not_offered_by_a_scene_without_one() -> None:
+    remote = local_or_remote_scene("twin(balls=5)")
     assert remote.exact is None
 
 
@@ -66,6 +92,35 @@ def test_a_block_given_by_functions_falls_bounces_and_is_stopped_by_friction() -
     fall = np.sqrt(2.0 * 9.81 * 0.05)
     assert reached.state.velocity[0] == pytest.approx(1.0 - 0.5 * 1.5 * fall, abs=1e-3)
     assert reached.steps["kinetic_energy"][0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_stored(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    plan = make_simulation_plan("coupled", stepper="Moreau(step=1e-3)", duration=0.02)
+    simulate(plan, file, should_stop=iter([False] * 10 + [True]).__next__)
+    reached = resume_simulation(file)
+    system, state = runpy.run_path(str(PLUGIN))["coupled"]()
+    for step in MidpointRule(system, plan.step_solver, plan.stop, 1e-3).steps(state, 20):
+        state = step.state
+    for name in ("position", "velocity", "keys", "impulses"):
+        assert getattr(reached.state, name).tobytes() == getattr(state, name).tobytes(), name
+    assert set(reached.steps["contacts"]) == {2}
+    assert not reached.unsolved.any()
+
+
+def test_a_simulation_asks_its_process_once_a_step_whatever_the_step_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    ask = RenewedWorker.ask
+
+    def counted(worker: RenewedWorker, request: str, *arguments: Any, **options: Any) -> Any:
+        asked.append(request)
+        return ask(worker, request, *arguments, **options)
+
+    plan = make_simulation_plan("block", stepper="Extrapolated(tolerance=1e-4, min_step=1e-6)", duration=0.12)
+    monkeypatch.setattr(RenewedWorker, "ask", counted)
+    reached = simulate(plan)
+    assert len(reached.switches) == 2  # it hits the ground, and leaves it
+    assert asked == ["begin", *["step"] * reached.n_steps]
 
 
 def test_no_code_of_the_scene_runs_here() -> None:

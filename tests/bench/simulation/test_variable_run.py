@@ -9,14 +9,13 @@ import pytest
 from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
-from proxbench.bench.simulation.run import advance, begun_simulation, simulate
+from proxbench.bench.simulation.run import advance, resumable_simulation, simulate
 from proxbench.problems import ContactProblem, Model
 from proxbench.problems.contact.solver import Prepared
 from proxbench.problems.motion.scenes.woodpecker import PERIOD, potential_energy
-from proxbench.problems.motion.stepping import variable_step as adaptive
-from proxbench.problems.motion.stepping.accepted_step import AcceptedStep
-from proxbench.problems.motion.stepping.extrapolation import OneStep
-from proxbench.problems.motion.stepping.moreau import Step
+from proxbench.problems.motion.stepping import variable_stepper
+from proxbench.problems.motion.stepping.sequences import StepCounter
+from proxbench.problems.motion.stepping.step import AcceptedStep, Step
 from proxbench.solvers import create
 
 QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
@@ -46,14 +45,14 @@ def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPat
 
     A step is known to last only after the next one was tried, and what a search takes back has cost time as well.
     """
-    now, take = [0.0], OneStep.take
+    now, take = [0.0], StepCounter.take
 
     def timed(*arguments: Any, **options: Any) -> Step:
         now[0] += 1.0
         return take(*arguments, **options)
 
-    monkeypatch.setattr(OneStep, "take", timed)
-    monkeypatch.setattr(adaptive, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(StepCounter, "take", timed)
+    monkeypatch.setattr(variable_stepper, "perf_counter", lambda: now[0])
     steps = simulate(plan()).steps
     assert len(set(steps["solves"])) > 3  # of equal rows, one could have the time of another
     assert (steps["rejected"] > 0).any()
@@ -82,7 +81,7 @@ def test_a_stopped_simulation_goes_on_to_the_same_end_within_its_tolerance(tmp_p
     file = tmp_path / "toy.npz"
     part = simulate(plan(), file, should_stop=iter([False] * 30 + [True]).__next__)
     assert part.n_steps == 30
-    again = begun_simulation(file)
+    again = resumable_simulation(file)
     advance(again)
     assert again.is_finished
     assert again.trajectory[-1] == pytest.approx(whole.trajectory[-1], rel=2e-3, abs=2e-3)
@@ -120,7 +119,7 @@ def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_anothe
     assert kept.n_steps > 0
     assert kept.failure is not None
     assert kept.failure.time == kept.state.time
-    again = begun_simulation(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
+    again = resumable_simulation(file, {"solver": "SORprox(relaxation=0.9)", "max_iterations": 100_000})
     advance(again)
     assert again.is_finished
     assert again.steps["time"][kept.n_steps - 1] == kept.state.time
@@ -129,13 +128,13 @@ def test_a_simulation_whose_solver_fails_keeps_its_steps_and_goes_on_with_anothe
 def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     simulate(plan(0.01), file)
-    longer = begun_simulation(file, duration=0.02)
+    longer = resumable_simulation(file, duration=0.02)
     advance(longer)
     assert longer.steps["time"][-1] == pytest.approx(0.02)
     with pytest.raises(BenchError, match="scene funnel contradicts"):
-        begun_simulation(file, {"scene": "funnel"})
+        resumable_simulation(file, {"scene": "funnel"})
     with pytest.raises(BenchError, match="has come to"):
-        begun_simulation(file, duration=0.005)
+        resumable_simulation(file, duration=0.005)
 
 
 def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:

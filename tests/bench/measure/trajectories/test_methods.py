@@ -1,9 +1,12 @@
 """Methods are known by one name, which leads back to them, and say what varies over their ladder."""
 
 import pytest
-from proxbench.bench.measure.trajectories.methods import make_method, neighbour, stored_method
+from proxbench.bench.measure.trajectories.methods import make_method, scaled_stepper, stored_method
 from proxbench.problems import ProxbenchError
-from proxbench.problems.motion.stepping.registry import EventDriven, Extrapolated, Moreau, StepDoubling
+from proxbench.problems.motion.stepping.event_driven.event_driven import EventDriven
+from proxbench.problems.motion.stepping.extrapolated import Extrapolated
+from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.step_doubling import StepDoubling
 
 NAMES = (
     "Moreau with SORprox(relaxation=1.5)",
@@ -40,11 +43,11 @@ def test_a_ladder_goes_from_coarse_to_fine_and_has_each_value_once() -> None:
 
 @pytest.mark.parametrize(("factor", "steps"), [(0.98, 98), (1.0, 100), (1.017, 102)])
 def test_neighbours_of_a_fixed_step_have_whole_numbers_of_steps(factor: float, steps: int) -> None:
-    assert neighbour(Moreau(step=5e-3), factor, 0.5) == Moreau(step=0.5 / steps)
+    assert scaled_stepper(Moreau(step=5e-3), factor, 0.5) == Moreau(step=0.5 / steps)
 
 
 def test_neighbours_of_a_variable_step_have_neighbouring_tolerances() -> None:
-    assert neighbour(Extrapolated(tolerance=1e-5), 1.02, 0.5) == Extrapolated(tolerance=1.02e-5)
+    assert scaled_stepper(Extrapolated(tolerance=1e-5), 1.02, 0.5) == Extrapolated(tolerance=1.02e-5)
 
 
 @pytest.mark.parametrize(

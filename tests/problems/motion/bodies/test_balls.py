@@ -98,7 +98,7 @@ def test_overlaps_are_the_gaps_and_normal_columns_of_a_step_at_the_same_place(
     assert contacts is not None
     assert overlaps is not None
     assert np.array_equal(overlaps.gap, contacts.gap)
-    columns = contacts.directions.to_csc().toarray()[:, :: contacts.rows_per_contact]
+    columns = contacts.directions.to_csc().toarray()[:, :: contacts.width]
     assert np.array_equal(overlaps.normals.to_csc().toarray(), columns)
 
 

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, section_start
+from proxbench.problems.motion.scenes.woodpecker import DESCENT, LIMIT_CYCLE, PERIOD, section_error, section_start
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.trajectories.limit_cycle import section_error
-from proxbench.problems.motion.trajectories.pour import HEIGHT, Watch
+from proxbench.problems.motion.trajectories.pour import HEIGHT, MotionRecorder
 from proxbench.problems.motion.trajectories.problem import (
     ERROR,
     Aggregates,
@@ -37,17 +36,17 @@ def test_the_section_error_is_the_largest_of_the_three_over_its_range() -> None:
 
 
 def test_the_error_of_neighbours_is_their_median_from_the_least_to_the_largest() -> None:
-    measure, members = LimitCycle(), {}
+    measure, members = LimitCycle(LIMIT_CYCLE, 3), {}
     for factor, error in ((0.9, 1e-3), (1.0, 1e-5), (1.1, 1e-4)):
-        watch = Watch(make_scene("woodpecker"))
-        watch.note(after_a_period(0.47 * error))
-        members[factor] = measure.values(watch, PERIOD)
+        recorder = MotionRecorder(make_scene("woodpecker"))
+        recorder.note(after_a_period(0.47 * error))
+        members[factor] = measure.values(recorder, PERIOD)
     found = measure.estimates(members)[ERROR]
     assert (found.error, found.low, found.high) == pytest.approx((1e-4, 1e-5, 1e-3), rel=1e-9)
 
 
 def test_no_member_has_no_error() -> None:
-    assert LimitCycle().estimates({}) == {}
+    assert LimitCycle(LIMIT_CYCLE, 3).estimates({}) == {}
 
 
 def test_the_error_of_an_end_is_the_largest_difference_over_the_way() -> None:

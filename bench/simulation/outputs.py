@@ -1,4 +1,4 @@
-"""The files that are made of a result: its chart and its recording, which are made anew as it goes on."""
+"""The files that are made from a result, its chart and its recording, which are written again as it goes on."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -10,8 +10,8 @@ from ..report.layout.output_file import drawn, picture_files, refuse_pictures, r
 
 
 @dataclass(frozen=True)
-class Beside:
-    """Where they are.
+class SimulationOutputs:
+    """Where chart and recording of a simulation are.
 
     Attributes:
         chart: the chart, None if there is none.
@@ -22,13 +22,13 @@ class Beside:
     recording: Path | None = None
 
     def document(self, result: Path) -> dict[str, str | None]:
-        """Return the paths, seen from the folder of the result, from which ``beside_from`` makes them again."""
+        """Return the paths, seen from the folder of the result, from which ``read_outputs`` makes them again."""
         folder = result.absolute().parent
         paths = {"chart": self.chart, "recording": self.recording}
         return {name: None if path is None else os.path.relpath(path, folder) for name, path in paths.items()}
 
 
-def beside_from(stored: Mapping[str, Any], result: Path) -> Beside:
+def read_outputs(stored: Mapping[str, Any], result: Path) -> SimulationOutputs:
     """Return what was stored with ``result``; paths that lead out of its folder are left out.
 
     A result may come from elsewhere: opening it must not replace files wherever it says.
@@ -36,7 +36,7 @@ def beside_from(stored: Mapping[str, Any], result: Path) -> Beside:
     Raises:
         TypeError, KeyError: if it is no such document.
     """
-    return Beside(_inside(stored["chart"], result), _inside(stored["recording"], result))
+    return SimulationOutputs(_inside(stored["chart"], result), _inside(stored["recording"], result))
 
 
 def _inside(stored: str | None, result: Path) -> Path | None:
@@ -48,7 +48,9 @@ def _inside(stored: str | None, result: Path) -> Path | None:
     return path if path.resolve().is_relative_to(folder.resolve()) else None
 
 
-def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force: bool) -> Beside:
+def choose_outputs(
+    own: SimulationOutputs, chart: Path | None, recording: Path | None, force: bool
+) -> SimulationOutputs:
     """Return where chart and recording will be: where they are wanted, or else where they were.
 
     Args:
@@ -60,7 +62,7 @@ def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force
     Raises:
         BenchError: if one cannot be written, or exists, is another one, and ``force`` is not given.
     """
-    chosen = Beside(chart or own.chart, recording or own.recording)
+    chosen = SimulationOutputs(chart or own.chart, recording or own.recording)
     if chosen.chart is not None:
         is_own = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
         refuse_pictures(chosen.chart, force or is_own)
@@ -73,7 +75,7 @@ def chosen_beside(own: Beside, chart: Path | None, recording: Path | None, force
     return chosen
 
 
-def recorded(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
+def write_recording(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
     """Make the recording of what is stored in ``result``, if it shall have one; return its file.
 
     Raises:

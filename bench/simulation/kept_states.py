@@ -43,7 +43,7 @@ class KeptState:
     is_marked: bool = False
 
 
-class Thinning:
+class KeptStates:
     """Keeps states that are offered one after the other in the order of time.
 
     Steps as long as the base spacing leave every 2^k-th state; of steps up to a third of the present spacing, the
@@ -94,14 +94,14 @@ class Thinning:
         self._firsts += is_first
         while self._firsts > self._most:
             doublings += 1
-            held = _thinned(held, doublings)
+            held = _kept(held, doublings)
             self._hold(doublings, held)
 
     def restore(self, states: Sequence[State], marks: Sequence[bool], doublings: int) -> None:
         """Put what another one of the same arguments has kept in place of everything."""
         self._last = states[-1]
         kept = [self._in_cell(state, is_marked) for state, is_marked in zip(states, marks, strict=True)]
-        self._hold(doublings, _thinned(kept, doublings))
+        self._hold(doublings, _kept(kept, doublings))
 
     def _hold(self, doublings: int, held: list[KeptState]) -> None:
         self._held = (doublings, held)
@@ -111,15 +111,15 @@ class Thinning:
         return KeptState(state, math.floor((state.time - self._begin) / self._spacing + 0.5), is_marked)
 
 
-def _thinned(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
+def _kept(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
     """Return the first state of each cell of 2^doublings base spacings, and the marked ones."""
     stay = [one.is_marked or before.cell >> doublings < one.cell >> doublings for before, one in pairwise(kept)]
     return [kept[0], *compress(kept[1:], stay)]
 
 
-def kept_arrays(thinning: Thinning) -> dict[str, NDArray[Any]]:
+def kept_arrays(kept_states: KeptStates) -> dict[str, NDArray[Any]]:
     """Return what ``restore_kept`` reads."""
-    kept = thinning.kept
+    kept = kept_states.kept
     states = [one.state for one in kept]
     width = max(state.impulses.shape[1] for state in states)
     # states without contacts may have impulses of another width, and no number in them
@@ -135,11 +135,13 @@ def kept_arrays(thinning: Thinning) -> dict[str, NDArray[Any]]:
     }
 
 
-def restore_kept(thinning: Thinning, content: Mapping[str, NDArray[Any]], doublings: int, times: NDArray[Any]) -> None:
-    """Put stored states into ``thinning``, which is new.
+def restore_kept(
+    kept_states: KeptStates, content: Mapping[str, NDArray[Any]], doublings: int, times: NDArray[Any]
+) -> None:
+    """Put stored states into ``kept_states``, which is new.
 
     Args:
-        thinning: made of what the stored one was made of.
+        kept_states: made of what the stored one was made of.
         content: the arrays of ``kept_arrays``.
         doublings: of the stored one.
         times: of all states that were offered after the first [s].
@@ -149,7 +151,7 @@ def restore_kept(thinning: Thinning, content: Mapping[str, NDArray[Any]], doubli
     """
     names = ("times", "marks", "positions", "velocities", "contacts", "keys", "impulses")
     time, marks, positions, velocities, contacts, keys, impulses = (content[f"state_{name}"] for name in names)
-    start = thinning.states[0]
+    start = kept_states.states[0]
     shapes = {
         "times": (time, np.float64, time.shape[:1]),
         "marks": (marks, np.bool_, time.shape),
@@ -170,4 +172,4 @@ def restore_kept(thinning: Thinning, content: Mapping[str, NDArray[Any]], doubli
     borders = np.cumsum(contacts)[:-1]
     parts = zip(time, positions, velocities, np.split(keys, borders), np.split(impulses, borders), strict=True)
     states = [State(float(t), *arrays) for t, *arrays in parts]
-    thinning.restore(states, marks.tolist(), doublings)
+    kept_states.restore(states, marks.tolist(), doublings)

@@ -3,21 +3,21 @@
 from pathlib import Path
 
 import pytest
-from proxbench.bench.simulation.beside import Beside, beside_from
+from proxbench.bench.simulation.outputs import SimulationOutputs, read_outputs
 
 
 @pytest.mark.parametrize("place", ["/etc/chart.svg", "../chart.svg", "a/../../chart.svg"])
 def test_a_path_that_leads_out_of_the_folder_of_the_result_is_left_out(place: str, tmp_path: Path) -> None:
-    assert beside_from({"chart": place, "recording": None}, tmp_path / "a.npz") == Beside()
+    assert read_outputs({"chart": place, "recording": None}, tmp_path / "a.npz") == SimulationOutputs()
 
 
 def test_a_path_through_a_link_out_of_the_folder_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "out").symlink_to(tmp_path)
     stored = {"chart": None, "recording": "out/film.rrd"}
-    assert beside_from(stored, tmp_path / "results" / "a.npz") == Beside()
+    assert read_outputs(stored, tmp_path / "results" / "a.npz") == SimulationOutputs()
 
 
 def test_paths_beside_the_result_come_back(tmp_path: Path) -> None:
-    beside, result = Beside(tmp_path / "a.svg", tmp_path / "films" / "a.rrd"), tmp_path / "a.npz"
-    assert beside_from(beside.document(result), result) == beside
+    outputs, result = SimulationOutputs(tmp_path / "a.svg", tmp_path / "films" / "a.rrd"), tmp_path / "a.npz"
+    assert read_outputs(outputs.document(result), result) == outputs

@@ -1,0 +1,128 @@
+"""What a system says of one step, as named arrays: written in its process, and checked where they are read."""
+
+import io
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...problems.arrays import FloatArray, IntArray
+from ...problems.contact.factors import InverseMass
+from ...problems.contact.laws import Laws
+from ...problems.contact.matrices.pieces import Pieces
+from ...problems.errors import ProxbenchError
+from ...problems.exchange.archive import read_arrays
+from ...problems.motion.bodies.system import ActiveContacts
+
+Arrays = dict[str, NDArray[Any]]
+
+UNFIT = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
+"""Exceptions that reading a malformed answer raises."""
+
+LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
+"""Arrays that laws are sent as."""
+
+
+def mass_arrays(inverse: InverseMass) -> Arrays:
+    """Return M⁻¹ as arrays."""
+    return {f"mass_{part}": getattr(inverse.matrix, part) for part in ("data", "indices", "indptr")}
+
+
+def piece_arrays(pieces: Pieces) -> Arrays:
+    """Return pieces as arrays."""
+    starts, chunks = pieces.starts.astype(np.int64), pieces.chunks.astype(np.int64)
+    return {"starts": starts, "chunks": chunks, "values": pieces.values}
+
+
+def contact_arrays(contacts: ActiveContacts) -> Arrays:
+    """Return contacts and joints as arrays."""
+    laws = contacts.laws
+    arrays = {
+        "keys": contacts.keys.astype(np.int64),
+        "gap": contacts.gap,
+        "restitution": contacts.restitution,
+        "width": np.array([contacts.width]),
+        **{name: getattr(laws, name) for name in LAW_FIELDS},
+    }
+    if isinstance(contacts.directions, Pieces):
+        return arrays | piece_arrays(contacts.directions)
+    parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
+    return {**arrays, "row_counts": contacts.row_counts, **parts}
+
+
+def packed(arrays: Arrays) -> bytes:
+    """Return arrays as bytes, none as no bytes."""
+    if not arrays:
+        return b""
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def unpacked(content: bytes) -> Arrays:
+    """Return the arrays that ``packed`` wrote."""
+    return read_arrays(io.BytesIO(content)) if content else {}
+
+
+def checked_array(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
+    """Return an array, or raise ``ValueError`` if it has another shape or type."""
+    if values.dtype != np.float64 or values.shape != shape:
+        raise ValueError("no numbers of this shape")
+    return values
+
+
+def finite_numbers(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
+    """Return an array as ``checked_array`` does, whose numbers must be finite."""
+    if not np.isfinite(checked_array(values, shape)).all():
+        raise ValueError("no finite numbers")
+    return values
+
+
+def checked_keys(values: NDArray[Any]) -> IntArray:
+    """Return keys, or raise ``ValueError`` if they do not ascend."""
+    if values.dtype != np.int64 or values.ndim != 1 or (np.diff(values) <= 0).any():
+        raise ValueError("no keys")
+    return values
+
+
+def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
+    """Return M⁻¹; errors are those in ``UNFIT``."""
+    parts = tuple(arrays[f"mass_{part}"] for part in ("data", "indices", "indptr"))
+    matrix = sp.csr_array(parts, shape=(n_dofs, n_dofs))
+    matrix.check_format(full_check=True)
+    return InverseMass.create(matrix)
+
+
+def read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
+    """Return pieces whose indices compiled code may believe."""
+    starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
+    if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
+        raise ValueError("no pieces")
+    n_chunks, rest = divmod(n_dofs, values.shape[2])
+    fits = starts[0] == 0 and starts[-1] == len(chunks) and (np.diff(starts) >= 0).all() and not rest
+    if not fits or (chunks < 0).any() or (chunks > n_chunks).any() or values[chunks == n_chunks].any():
+        raise ValueError("no pieces of this system")
+    return Pieces(starts, chunks, finite_numbers(values, (len(chunks), *values.shape[1:])), n_chunks)
+
+
+def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
+    """Return contacts and joints, whose indices compiled code may believe; errors are those in ``UNFIT``."""
+    keys, laws = checked_keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
+    count, (width,) = len(keys), arrays["width"].tolist()
+    gap, restitution = finite_numbers(arrays["gap"], (count,)), finite_numbers(arrays["restitution"], (laws.n_rows,))
+    if "row_counts" not in arrays:
+        pieces = read_pieces(arrays, n_dofs)
+        if pieces.n_blocks != count or pieces.width != width or laws.n_rows != count * width:
+            raise ValueError("no direction for each contact")
+        return ActiveContacts(keys, gap, laws, pieces, restitution, width)
+    counts = arrays["row_counts"]
+    if counts.dtype != np.int64 or counts.shape != (count,) or (counts < 1).any() or (counts > width).any():
+        raise ValueError("no rows of contacts")
+    data, indices, indptr = (arrays[f"directions_{part}"] for part in ("data", "indices", "indptr"))
+    directions = sp.csc_array((data, indices, indptr), shape=(n_dofs, laws.n_rows))
+    directions.check_format(full_check=True)
+    finite_numbers(directions.data, directions.data.shape)
+    if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():
+        raise ValueError("no rows of contacts")
+    return ActiveContacts(keys, gap, laws, directions, restitution, width, counts)
