@@ -54,6 +54,15 @@ def peers(session: nox.Session) -> None:
 
 
 @nox.session
+def coverage(session: nox.Session) -> None:
+    """Measure which lines the daily tests run, compiled kernels apart, and write a report into build/coverage."""
+    session.install(".[test,dask]", "pytest-cov>=5")
+    _keep_compiled_kernels(session)
+    report = ("--cov", "--cov-report=term:skip-covered", "--cov-report=html:build/coverage")
+    session.run("pytest", "-n", "auto", "-m", "not slow", *report, *session.posargs)
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Measure the quick suite, print the tables, and write them and a page of charts into results/."""
     session.install(".")

@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .runs import Run, bundle, compare, load, merge, rejudge, resume, run, study
+    from .runs import Run, bundle, compare, load, merge, plot_convergence, rejudge, resume, run, study
 
-__all__ = ["Run", "bundle", "compare", "load", "merge", "rejudge", "resume", "run", "study"]
+__all__ = ["Run", "bundle", "compare", "load", "merge", "plot_convergence", "rejudge", "resume", "run", "study"]
 
 
 def __getattr__(name: str) -> Any:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from ..problems.errors import ProxbenchError
-from ..problems.spelling import either
 
 
 class BenchError(ProxbenchError):
@@ -30,10 +29,9 @@ class InterruptedRunError(InterruptedWorkError):
     """
 
     def __init__(self, run_dir: Path) -> None:
-        again = either(f"proxbench run --resume {run_dir}", f"proxbench.bench.resume({str(run_dir)!r})")
         measured = any((run_dir / "cases").glob("*.json"))
         kept = "; what is measured is kept;" if measured else " before anything was measured;"
-        super().__init__(f"interrupted{kept} resume with: {again}")
+        super().__init__(f"interrupted{kept} resume with: proxbench run --resume {run_dir}")
         self.run_dir = run_dir
 
 
@@ -45,6 +43,5 @@ class InterruptedSimulationError(InterruptedWorkError):
     """
 
     def __init__(self, file: Path) -> None:
-        again = either(f"proxbench simulate --resume {file}", f"resume_simulation({str(file)!r})")
-        super().__init__(f"interrupted; the steps taken are kept; resume with: {again}")
+        super().__init__(f"interrupted; the steps taken are kept; resume with: proxbench simulate --resume {file}")
         self.file = file

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -13,7 +14,6 @@ import msgspec
 
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
-from ..problems.spelling import option, switch
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
@@ -24,15 +24,13 @@ from .plugins.problems import problem_of
 from .report.comparison.comparison import SLOWDOWN, Comparison, compared
 from .report.making import Report, make_report
 from .simulation.starts.registry import DEFAULT_START
-from .store.bundles.bundle import SUFFIX, bundle_of_run, read_bundle, write_bundle
 from .store.bundles.merge import merge as merge_sources
-from .store.bundles.rejudge import Rejudged
-from .store.bundles.rejudge import rejudge as judge_again
+from .store.bundles.packing import OnCase
+from .store.bundles.packing import bundle as bundle
+from .store.bundles.packing import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
 from .store.plans import Limits, RunSettings
 from .store.store import UNFIT_NAME, Store, plain_name
-
-OnCase = Callable[[int, int], None]
 
 
 def _ignore(*shown: object) -> None:
@@ -43,17 +41,8 @@ def _ignore(*shown: object) -> None:
 class Run(RunFrames, os.PathLike[str]):
     """A stored run as it was when it was loaded; usable as the path of its folder.
 
-    Attributes:
-        folder: where it is stored.
-        cases: one row a case: problem, family, solver, model, digest, sizes, outcome, reason, wall time [s], peak
-            memory [bytes], and what a failed one left.
-        points: one row a ladder point: tolerance, outcome, judged residual, iterations, median times [s] with their
-            quartiles, the other numbers of the verdict.
-        rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``.
-        iterations: the convergence curves: problem, solver, iteration, residual.
-        errors: those of trajectories: problem, solver, tolerance, quantity, error, low, high.
-        info: plan, machine, plugins, and sessions.
-        damaged: one sentence for each case file that could not be read.
+    Its attributes are those of ``RunFrames``: the frames cases, points, rounds, iterations and errors, the record info,
+    and the sentences damaged.
     """
 
     def __fspath__(self) -> str:
@@ -86,28 +75,25 @@ class Run(RunFrames, os.PathLike[str]):
     ) -> Report:
         """Write tables and charts into the folder of the run, as ``proxbench report`` does, and return them.
 
-        Files that cannot be written cost nothing but themselves: ``unwritten`` of what is returned says why.
-
         Args:
             charts: draw charts.
-            residual: what "reached" is judged by: the "judged" residual, or the "local" one, which relates a violation
-                to what surrounds its contact and has its files in a folder of its own; what the run goes by if None.
-            baseline: the solver that charts give speed-ups against; the one that solves most if empty.
+            residual: "judged", or "local" (relative to the surroundings of each contact); that of the run if None.
+            baseline: the solver that speed-ups are against; the one that solves most if empty.
             page: write the page too, unless the run has none; see ``page``.
             profiles: problems that charts of profiles are over: "common" to all solvers, or "all".
 
+        Returns:
+            The tables and files; ``unwritten`` gives the reason why files are missing.
+
         Raises:
-            BenchError: if a link in the folder of the run leads out of it, where files would be written, or the run has
-                no such residuals, or no such solver.
+            BenchError: if the run has no such residual or solver, or a link in its folder leads out of it.
         """
         return make_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
         """Write one offline HTML page into the folder of the run, as ``proxbench report --page`` does; return its file.
 
-        Args:
-            residual: as in ``report``.
-            baseline: the solver that speed-ups are against at first; the one that solves most if empty.
+        The arguments are those of ``report``.
 
         Raises:
             BenchError: if the run has no case, is over trajectories, or has no such residuals or no such solver.
@@ -116,6 +102,31 @@ class Run(RunFrames, os.PathLike[str]):
         from .report.page.assembly import write_page
 
         return write_page(self.judged_by(residual or self.residual), baseline)
+
+    def plot(self, problem: str) -> Any:
+        """Return a chart of altair of one problem: what accuracy costs, and how the solvers converge.
+
+        Raises:
+            BenchError: if the run has no such problem, or no solver has a finite residual on it.
+        """
+        from .report.charts.plots import plot_problem
+
+        return plot_problem(self, problem)
+
+    def plot_profile(self, kind: str = "performance", baseline: str = "", profiles: str = "common") -> Any:
+        """Return a chart of altair of one kind of profile over the problems of the run.
+
+        Args:
+            kind: "performance", "data", "accuracy", "speedup" or "families".
+            baseline: the solver that speed-ups are against; the one that solves most if empty.
+            profiles: "common" for the problems that all solvers support, or "all".
+
+        Raises:
+            BenchError: if there is no such profile or solver, or the run has no case or is over trajectories.
+        """
+        from .report.charts.plots import plot_profile
+
+        return plot_profile(self, kind, baseline, profiles)
 
     def resume(
         self,
@@ -206,6 +217,30 @@ def run(
     return load(folder)
 
 
+def plot_convergence(
+    problem: str | Path | ContactProblem,
+    solvers: Sequence[str | Solver] | str | Solver | None = None,
+    tolerance: float = 1e-8,
+    solve_seconds: float = 5.0,
+) -> Any:
+    """Solve a problem with each solver and return a chart of altair of the judged residual over iterations.
+
+    Args:
+        problem: a name, a problem file, or a problem.
+        solvers: names with options, or solvers, or one of them; the default variants if None.
+        tolerance: judged residual to reach.
+        solve_seconds: time limit of one solve [s].
+
+    Raises:
+        ProxbenchError: if the problem or a solver is unknown, or no solver has iterates.
+    """
+    from .report.charts.plots import plot_curves
+
+    with tempfile.TemporaryDirectory() as folder:
+        frames = run(problem, solvers, results=folder, tolerances=tolerance, solve_seconds=solve_seconds, passes=1)
+    return plot_curves(frames, frames.info.plan.problems[0])
+
+
 def study(
     scene: str,
     solvers: Sequence[str | Solver] | str | Solver = (),
@@ -231,9 +266,8 @@ def study(
         limits: of each case, whose solves are simulations; ten minutes for one and two hours for all if None.
         on_event: called as the run goes on.
         plugins: plugin files whose solvers and scenes can be named, or one of them.
-        methods: ladders of steppers with solvers by name, ``{"Moreau with NSGS": (1e-3, 5e-4)}`` over the step [s], or
-            ``{"NSGS in Moreau(step=1e-3)": (1e-2, 1e-4)}`` over the solver's tolerance; some that suit the scene if
-            None.
+        methods: ladders by name, ``{"Moreau with NSGS": (1e-3, 5e-4)}`` over the step [s], or
+            ``{"NSGS in Moreau(step=1e-3)": (1e-2, 1e-4)}`` over the tolerance; those of the scene if None.
         tolerance: judged residual that solvers of ``methods`` shall reach where it is not what varies.
         duration: simulated time [s]; one that suits the scene if None.
         members: seeds of a scene of balls, else factors on steps and tolerances, over which errors are taken.
@@ -266,7 +300,7 @@ def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Pa
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
         return next(folder for folder in itertools.chain([first], numbered) if not folder.exists())
     if run_id != plain_name(run_id):
-        raise BenchError(f"{option('run_id')} {run_id!r} {UNFIT_NAME}")
+        raise BenchError(f"`run_id` {run_id!r} {UNFIT_NAME}")
     return Path(results) / run_id
 
 
@@ -310,42 +344,6 @@ def load(run_dir: os.PathLike[str] | str) -> Run:
     return Run(**vars(read_frames(Path(run_dir))))
 
 
-def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None = None, *, force: bool = False) -> Path:
-    """Pack a run into one file, as a whole or not at all; return the file.
-
-    It holds plan, machines, cases, the impulses of the finest point of each, and the problems that the package does not
-    hold. Equal runs give equal files.
-
-    Args:
-        run_dir: the folder of the run, or the run.
-        file: where to; the name of the run with ``.bundle``, in the current folder, if None.
-        force: replace a file that exists.
-
-    Raises:
-        BenchError: if the folder is no run or has a damaged file, nothing is measured, it is a study or of an earlier
-            version that kept no impulses, or the file exists or cannot be written.
-    """
-    packed, folder = bundle_of_run(Path(run_dir)), Path(run_dir).resolve()
-    path = Path(f"{folder.name}{SUFFIX}") if file is None else Path(file)
-    if path.exists() and not force:
-        raise BenchError(f"{path} exists already; name another file, or replace it with {switch('force')}.")
-    write_bundle(packed, path)
-    return path
-
-
-def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _ignore) -> Rejudged:
-    """Judge a bundle again, from its problems and impulses; no code of it runs, and nothing is written.
-
-    Args:
-        file: the bundle.
-        on_case: called with the number of cases that are done, and of all.
-
-    Raises:
-        BenchError: if it is no bundle, damaged, of another version, or does not hold together.
-    """
-    return judge_again(read_bundle(Path(file)), on_case)
-
-
 def merge(
     sources: Iterable[os.PathLike[str] | str] | os.PathLike[str] | str,
     results: Path | str = "results",
@@ -365,8 +363,8 @@ def merge(
         on_missing: called with a sentence for each shard that is missing.
 
     Raises:
-        BenchError: if a source cannot be read or is not as it says, sources contradict each other or were measured on
-            different terms, a problem has cases of several machines, or the folder exists or cannot be written.
+        BenchError: if a source cannot be read or fails its judgement, sources contradict each other, a problem has
+            cases of several machines, or the folder exists or cannot be written.
     """
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     folder = _new_folder(results, run_id)
@@ -375,16 +373,15 @@ def merge(
 
 
 def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowdown: float = SLOWDOWN) -> Comparison:
-    """Compare two stored runs: what became faster, slower, solved and unsolved.
+    """Compare two stored runs: find what is faster, slower, newly solved and no longer solved.
 
     Args:
         before: the run to compare with, or its folder.
         after: the run that may be slower, or its folder.
-        slowdown: the part by which a solver must be slower or faster for the verdict to name it, 0.1 for 10 %.
+        slowdown: relative change of time from which the verdict names a solver, 0.1 for 10 %.
 
     Raises:
-        BenchError: if a folder is no run or a run without cases, one is a study, they were judged by different versions
-            of the judge, or have nothing in common.
+        BenchError: if a folder holds no run, a run has no cases or is a study, or the runs have nothing in common.
     """
     return compared(read_frames(Path(before)), read_frames(Path(after)), slowdown)
 

@@ -10,7 +10,7 @@ project = "Proxbench"
 author = "The Proxbench developers"
 release = metadata.version("proxbench")
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "command_help",
@@ -29,6 +29,10 @@ html_css_files = ["proxbench.css"]
 html_copy_source = False
 html_show_copyright = False
 exclude_patterns = ["build"]
+nb_execution_mode = "auto"  # notebooks are stored without outputs
+nb_execution_timeout = 600
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"
 autodoc_typehints_format = "short"

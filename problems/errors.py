@@ -3,23 +3,13 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from .spelling import for_python
-
 
 class ProxbenchError(Exception):
     """A mistake of the user; its text says what is wrong, where, and what to do.
 
-    Attributes:
-        sentence: the text with both spellings of its options, see ``spelling``; ``str()`` has those of Python.
+    It names options as Python has them, between backticks: ```run_id```, ```force=True```. The command line prints
+    ``--run-id`` and ``--force`` instead.
     """
-
-    @property
-    def sentence(self) -> str:
-        """Text with both spellings."""
-        return super().__str__()
-
-    def __str__(self) -> str:
-        return for_python(self.sentence)
 
 
 class ProblemError(ProxbenchError, ValueError):

@@ -1,4 +1,4 @@
-"""How problems are solved: one interface, and one file for each method."""
+"""Solvers of contact problems: one interface, and one file per method."""
 
 from ..problems.contact.model import Model
 from ..problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates

@@ -1,7 +1,7 @@
-"""The list of solvers, those of plugins included, and how a name with options becomes one."""
+"""The list of solvers, including those of plugins, and their creation from names with options."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,98 +16,102 @@ from . import contract
 
 BUILT_IN = {
     "Robust": "composite.robust",
-    "Jprox": "prox.jprox",
+    "Jprox": "prox.jorprox",
     "JORprox": "prox.jorprox",
     "SORprox": "prox.sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
-    "AdaptiveSORprox": "prox.adaptive_sorprox",
-    "NesterovSORprox": "prox.nesterov_sorprox",
-    "AndersonSORprox": "prox.anderson_sorprox",
+    "AdaptiveSORprox": "prox.accelerated_sorprox",
+    "NesterovSORprox": "prox.accelerated_sorprox",
+    "AndersonSORprox": "prox.accelerated_sorprox",
     "NSGS": "prox.nsgs",
     "SemismoothNewton": "newton.semismooth_newton",
     "ProximalADMM": "prox.proximal_admm",
-    "FBF": "prox.fbf",
-    "TrescaFixedPoint": "prox.tresca_fixed_point",
     "APGD": "prox.apgd",
     "SAP": "newton.sap",
-    "ProximalPoint": "newton.proximal_point",
     "InteriorPoint": "interior.interior_point",
     "CentralPath": "interior.central_path",
-    "HybridNewton": "composite.hybrid_newton",
-    "InteriorNewton": "composite.interior_newton",
-    "MomentumFallback": "composite.momentum_fallback",
+    "MomentumFallback": "composite.fallback",
     "ClarabelSOCP": "conic.clarabel_socp",
     "ClarabelCoulomb": "conic.clarabel_coulomb",
-    "CvxpySOCP": "conic.cvxpy_solvers",
-    "CvxpyCoulomb": "conic.cvxpy_solvers",
-    "CvxpyQP": "conic.cvxpy_solvers",
+    "CvxpyCoulomb": "conic.cvxpy_coulomb",
     "Lemke": "lcp.lemke",
     "PyramidPGS": "lcp.projected_gauss_seidel",
     "Enumeration": "lcp.enumeration",
 }
 """Module of each built-in solver, imported when the solver is created."""
 
+PARTS = {
+    "InteriorNewton": "composite.interior_newton",
+    "HybridNewton": "composite.hybrid_newton",
+    "ProximalPoint": "newton.proximal_point",
+}
+"""Module of each solver that is mainly a part of ``Robust``, and listed apart."""
+
 PEERS = {"PinocchioADMM": "peers.pinocchio_admm", "PinocchioPGS": "peers.pinocchio_pgs"}
-"""The same of solvers of others, whose libraries are installed apart."""
+"""Module of each outside solver, whose library is an optional dependency."""
 
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}
-"""The same of solvers that are made of those named as their parts."""
+"""Module of each solver that is made of other solvers."""
 
-_OWN = {**BUILT_IN, **_COMPOSITES, **PEERS}
-"""Names that no plugin can take."""
+_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS}
+"""Names that plugins cannot use."""
 
 _EXAMPLES = {"Refined": "Refined(ClarabelCoulomb)", "Fallback": "Fallback(SORprox, NSGS)"}
 
 
 def available() -> list[str]:
-    """Return the names of built-in solvers, then of those of plugins, which are not imported yet."""
-    return [*BUILT_IN, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
+    """Return the names of built-in solvers, of parts of ``Robust``, and of plugins, which are not imported."""
+    return [*BUILT_IN, *PARTS, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
+
+
+def parts() -> list[str]:
+    """Return the names of solvers that are mainly parts of ``Robust``."""
+    return list(PARTS)
 
 
 def peers() -> list[str]:
-    """Return the names of the solvers of others, which ``create`` knows; whether their libraries are there it says."""
+    """Return the names of outside solvers; ``create`` raises if the library of one is not installed."""
     return list(PEERS)
 
 
 def composites() -> dict[str, str]:
-    """Return an example of each built-in solver that is made of others, by its name."""
+    """Return an example of each built-in solver that is made of other solvers, by its name."""
     return dict(_EXAMPLES)
 
 
 def plugin_solvers() -> list[Offer]:
-    """Return what plugins offer as solvers, the refused ones with their reason."""
+    """Return the solvers that plugins offer, refused offers with their reason."""
     return offers("solver", _OWN)
 
 
 def create(name: str, **options: Any) -> Solver:
     """Return a solver: ``create("SORprox", relaxation=1.5)`` or ``create("SORprox(relaxation=1.5)")``.
 
-    A solver that is made of others names them first: ``create("Fallback(SORprox(relaxation=1.5), NSGS)")``.
+    The parts of a composite solver come first: ``create("Fallback(SORprox(relaxation=1.5), NSGS)")``.
 
     Raises:
-        SolverError: for an unknown name or option (with the nearest known one), an option out of range, or parts that
-            do not fit.
-        PluginError: if a plugin offers the name but does not import, or its solver breaks the contract.
+        SolverError: for an unknown name or option (the message suggests the nearest one), an option out of range, or
+            unsuitable parts.
+        PluginError: if the plugin that offers the name cannot be imported, or its solver breaks the contract.
     """
     written = parse(name)
-    return _made(Name(written.plain, {**written.options, **options}, written.parts))
+    return _make(Name(written.plain, {**written.options, **options}, written.parts))
 
 
-def _made(written: Name) -> Solver:
+def _make(written: Name) -> Solver:
     plain, options = written.plain, written.options
-    parts = [_made(part) for part in written.parts]
+    parts = [_make(part) for part in written.parts]
     if plain in _COMPOSITES:
-        return _composed(plain, parts, options)
+        return _make_composite(plain, parts, options)
     offer = None if plain in _OWN else _offer(plain)
     if parts:
-        raise SolverError(f"{plain} is not made of other solvers; write its options by name, not {written}.")
-    make = _built_in(plain) if offer is None else _plugin_factory(offer)
+        raise SolverError(f"{plain} has no parts; give its options by name, not as in {written}.")
+    make: Callable[..., Solver] = _built_in(plain) if offer is None else _plugin_factory(offer)
     check_options(plain, options, inspect.signature(make).parameters, SolverError)
-    solver: Solver = make(**options) if offer is None else contract.made(plain, offer.source, make, dict(options))
-    return solver
+    return make(**options) if offer is None else contract.make_solver(plain, offer.source, make, dict(options))
 
 
-def _composed(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> Solver:
+def _make_composite(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> Solver:
     make = _built_in(plain)
     signature = inspect.signature(make)
     known = [name for name, one in signature.parameters.items() if one.kind is one.KEYWORD_ONLY]
@@ -117,33 +121,32 @@ def _composed(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> So
     except TypeError:
         parts = []
     if not parts:
-        raise SolverError(f"{plain} is made of other solvers; name them as in {_EXAMPLES[plain]}.")
-    solver: Solver = make(*parts, **options)
-    return solver
+        raise SolverError(f"{plain} needs other solvers as its parts; name them as in {_EXAMPLES[plain]}.")
+    return make(*parts, **options)
 
 
 def factory(name: str) -> Any:
     """Return the class of a solver by its plain name.
 
     Raises:
-        SolverError: for an unknown name, with the nearest one.
-        PluginError: if a plugin offers the name but does not import.
+        SolverError: for an unknown name; the message suggests the nearest one.
+        PluginError: if the plugin that offers the name cannot be imported.
     """
     return _built_in(name) if name in _OWN else _plugin_factory(_offer(name))
 
 
-def find(name: str) -> Offer | None:
-    """Return what a plugin offers of the solver ``name``, itself or a part of it; None if all of it is built in.
+def find_offer(name: str) -> Offer | None:
+    """Return the plugin's offer of the solver ``name`` or of its first part from a plugin; None if all are built in.
 
     Raises:
-        SolverError: for an unknown name, with the nearest one.
+        SolverError: for an unknown name; the message suggests the nearest one.
     """
     found = [_offer(plain) for plain in plain_names(name) if plain not in _OWN]
     return found[0] if found else None
 
 
 def plain_names(name: str) -> list[str]:
-    """Return the plain names of a solver and of its parts, in the order in which they are written.
+    """Return the plain names of a solver and of its parts, in order.
 
     Raises:
         SolverError: if the text is not a name.
@@ -155,8 +158,9 @@ def plain_names(name: str) -> list[str]:
     return names(parse(name))
 
 
-def _built_in(name: str) -> Any:
-    return getattr(import_module(f".{_OWN[name]}", __package__), name)
+def _built_in(name: str) -> Callable[..., Solver]:
+    make: Callable[..., Solver] = getattr(import_module(f".{_OWN[name]}", __package__), name)
+    return make
 
 
 def _offer(name: str) -> Offer:
@@ -175,7 +179,7 @@ def _plugin_factory(offer: Offer) -> Any:
 
 
 def parse(text: str) -> Name:
-    """Return the name that ``"SORprox(relaxation=1.5)"`` writes; values are Python literals.
+    """Parse a name such as ``"SORprox(relaxation=1.5)"``; values are Python literals.
 
     Raises:
         SolverError: if the text is not a name, or a name with keyword options.
@@ -189,19 +193,19 @@ def solve(
     """Solve one problem: ``solve(problem, tolerance=1e-6)``, or ``solve(problem, "SORprox")``.
 
     Args:
-        problem: the contact problem, or what ``load`` takes: its name, or the path of its file.
-        solver: a solver, or its name; ``Robust`` sweeps while that is fast, and goes on with other methods.
+        problem: the contact problem, its name, or the path of its file.
+        solver: a solver, or its name; ``Robust`` sweeps while that is fast, and continues with other methods.
         tolerance: the judge's residual to reach.
         limits: max_iterations, max_seconds.
 
     Raises:
-        SolverError: for an unknown solver or option, or what is no problem.
+        SolverError: for an unknown solver or option, or if ``problem`` is not a problem.
         ProblemError: from ``load``.
     """
     if isinstance(problem, str | Path):
         problem = load(problem)
     if not isinstance(problem, ContactProblem):
-        raise SolverError(f"a problem is a ContactProblem or its name, not {type(problem).__name__}.")
+        raise SolverError(f"problem must be a ContactProblem, a name or a path, not {type(problem).__name__}.")
     method = create(solver) if isinstance(solver, str) else solver
     reason = method.supports(problem)
     if reason:

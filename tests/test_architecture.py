@@ -36,6 +36,7 @@ MOST_ARROWS = 40
 AT_HOME = {
     "altair": {
         "bench/report/charts/drawing.py",
+        "bench/report/charts/plots.py",
         "bench/report/charts/problems.py",
         "bench/report/charts/profiles.py",
         "bench/report/charts/summary.py",
@@ -47,7 +48,7 @@ AT_HOME = {
     "pandas": {
         "bench/report/charts/drawing.py",
         "bench/store/frames.py",
-        "bench/store/certainty.py",
+        "bench/store/ratios.py",
         "bench/runs.py",
         "bench/report/studies.py",
         "bench/report/accuracy.py",

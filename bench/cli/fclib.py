@@ -155,7 +155,6 @@ def _apply(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[l
     """
     from ...problems.errors import ProblemError
     from ...problems.exchange.fclib.survey import fclib_files
-    from ...problems.spelling import for_command_line
 
     found, broken = [], []
     for source in sources:
@@ -165,7 +164,7 @@ def _apply(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[l
             except ProblemError as error:
                 if file == source:
                     raise
-                broken.append(for_command_line(error.sentence))
+                broken.append(options.spell_options(str(error)))
     return found, broken
 
 

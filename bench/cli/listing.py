@@ -13,7 +13,7 @@ from ...problems.exchange.families import family_of
 from ...problems.exchange.plugin_scenes import plugin_scenes
 from ...problems.exchange.plugins import Offer
 from ...problems.motion.scenes.registry import SCENES
-from ...solvers.registry import available, composites, create, peers, plugin_solvers
+from ...solvers.registry import available, composites, create, parts, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
@@ -71,7 +71,12 @@ def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
             _print_rows([(family, counted(len(members), "problem")) for family, members in families.items()])
         else:
             texts = {"solvers": _solver_text, "suites": _suite_text, "scenes": _scene_text}
-            _print_rows([(row["name"], texts[kind](row)) for row in rows])
+            apart = parts() if kind == "solvers" else []
+            _print_rows([(row["name"], texts[kind](row)) for row in rows if row["name"] not in apart])
+            parts_of_robust = [(row["name"], texts[kind](row)) for row in rows if row["name"] in apart]
+            if parts_of_robust:
+                print("\nparts of Robust")
+                _print_rows(parts_of_robust)
         print()
     if "suites" in names or len(names) > 1:
         print("members of a suite: proxbench list problems --suite NAME")

@@ -80,13 +80,12 @@ def _user_error(error: Exception) -> tuple[str, int]:
     """Return the message and exit code of an error that a user can cause; raise any other one again."""
     from ...problems.errors import ProxbenchError
     from ...problems.motion.stepping.step import StepError
-    from ...problems.spelling import for_command_line
     from ..errors import FailedSimulationError, InterruptedWorkError
 
     if not isinstance(error, ProxbenchError):
         raise error
     failed = isinstance(error, FailedSimulationError | StepError)
-    return for_command_line(error.sentence), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
+    return options.spell_options(str(error)), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
 
 
 def _print_error(message: str, code: int) -> int:

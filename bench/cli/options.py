@@ -1,5 +1,6 @@
 """Options that commands share: plugin files, what is printed, and which solvers."""
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -28,9 +29,18 @@ def given(context: typer.Context) -> set[str]:
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
+_OTHER_NAMES = {"results": "output", "plugins": "plugin"}
+"""Names of parameters in Python whose option has another name."""
+
+
 def spelled(name: str) -> str:
     """Return how the command line spells an option: ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
+
+
+def spell_options(message: str) -> str:
+    """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:

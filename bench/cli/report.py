@@ -111,7 +111,6 @@ def report_run(
     """
     from rich.console import Console
 
-    from ...problems.spelling import for_command_line
     from ..errors import BenchError
     from ..report.layout.text import output_width, print_json
     from ..report.profiles import baseline_of
@@ -121,7 +120,7 @@ def report_run(
     frames, console = run.judged_by(residual), Console(width=output_width())
     if baseline:
         baseline_of(frames, baseline)
-    left_out = [for_command_line(sentence) for sentence in run.info.plan.left_out]
+    left_out = [options.spell_options(sentence) for sentence in run.info.plan.left_out]
     for sentence in left_out:
         print(f"proxbench: {sentence}", file=sys.stderr)
     _print_damage(run)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from ...problems.contact.judge import JUDGE
 from ...problems.motion.scenes.registry import read_scene
-from ...problems.spelling import either
 from ..errors import BenchError
 from ..plugins.describing import solver_spec
 from ..plugins.files import check_again, sources, use_plugin_files
@@ -94,7 +93,7 @@ def resume_measuring(
     if changed and not mix:
         raise BenchError(
             f"{folder} was begun with another machine or source ({'; '.join(changed)}), whose times do not compare; "
-            f"begin a new run, or mix them with {either('--mix', 'mix=True')}."
+            f"begin a new run, or mix them with `mix=True`."
         )
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)

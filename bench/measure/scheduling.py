@@ -5,9 +5,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..store.certainty import SLOWER, standings, times_by_point
 from ..store.frames import points_frame, rounds_frame
 from ..store.plans import PlanRecord
+from ..store.ratios import SLOWER, standings, times_by_point
 from ..store.records import CaseRecord
 
 WIDE = 0.05

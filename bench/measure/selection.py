@@ -14,7 +14,6 @@ from ...problems.errors import ProblemError, ProxbenchError
 from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
 from ...problems.exchange.families import family_of, sampled
 from ...problems.exchange.folder import Member, list_folder
-from ...problems.spelling import option
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolved
 
@@ -66,7 +65,7 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
         try:
             taken[one.name] = _read(one.source) if isinstance(one.source, Member) else one.source
         except ProxbenchError as error:
-            left_out.append(error.sentence)
+            left_out.append(str(error))
     if not taken:
         raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
     families = {one.name: one.family for one in candidates if one.name in taken}
@@ -82,7 +81,7 @@ def select_shard(selection: Selection, shard: str) -> Selection:
     number, count = parse_shard(shard)
     problems = selection.problems[number - 1 :: count]
     if not problems:
-        raise BenchError(f"{option('shard')} {shard} has no problem, there are {len(selection.problems)}; divide less.")
+        raise BenchError(f"`shard` {shard} has no problem, there are {len(selection.problems)}; divide less.")
     names = set(map(problem_name, problems))
     families = {name: family for name, family in selection.families.items() if name in names}
     return replace(selection, problems=problems, families=families)
@@ -97,7 +96,7 @@ def parse_shard(shard: str) -> tuple[int, int]:
     found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
     number, count = map(int, found.groups()) if found else (0, 0)
     if not 1 <= number <= count:
-        raise BenchError(f"{option('shard')} must be i/n with 1 ≤ i ≤ n, as 2/8 is, got {shard!r}.")
+        raise BenchError(f"`shard` must be i/n with 1 ≤ i ≤ n, as 2/8 is, got {shard!r}.")
     return number, count
 
 

@@ -36,7 +36,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
         BenchError: if an object breaks the contract, or cannot be sent to another process.
     """
     if isinstance(solver, str):
-        return built_in(solver) if registry.find(solver) is None else _described(solver, b"", PluginError)
+        return built_in(solver) if registry.find_offer(solver) is None else _described(solver, b"", PluginError)
     if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
@@ -138,7 +138,7 @@ class Describing:
                 return {"options": _scene_options(*arguments)}, b""
             return {}, problem_bytes(load(*arguments))
         except ProxbenchError as error:
-            return {"refused": error.sentence}, b""
+            return {"refused": str(error)}, b""
 
 
 def _offers(file: PluginFile) -> dict[str, list[str]]:
@@ -158,7 +158,7 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
     if pickled:
         return _form(_unpickled(pickled), "", [])
-    solver, offer = registry.create(name), registry.find(name)
+    solver, offer = registry.create(name), registry.find_offer(name)
     source = offer.source if offer is not None else ""
     return _form(solver, source, option_texts(registry.parse(name).plain))
 

@@ -7,7 +7,6 @@ from ...problems.contact.solver import SolverError
 from ...problems.errors import PluginError
 from ...problems.exchange.plugin_files import PluginFile
 from ...problems.exchange.plugins import forget, register, registered
-from ...problems.spelling import either
 from ...solvers import registry
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
@@ -84,16 +83,12 @@ def check_again(recorded: Iterable[PluginUse]) -> None:
         if path not in used and not Path(path).is_file():
             raise BenchError(f"the results need the plugin file {path}, which is gone; put it back.")
         if path not in used:
-            raise BenchError(f"the results need the plugin file {path}; {_named(path)}.")
+            raise BenchError(f"the results need the plugin file {path}; name it with `plugins`.")
         if used[path].sha256 != sha256:
             raise BenchError(
                 f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
                 "new run."
             )
-
-
-def _named(path: str) -> str:
-    return either(f"add --plugin {path}", f"give plugins=[{path!r}]")
 
 
 def _plain_names(solver: str) -> list[str]:

@@ -18,7 +18,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Status, Stop
 from ...problems.exchange.storage import problem_bytes, read_problem
-from ...solvers.contract import MOST_ITERATIONS, prepared_fault, reason_fault, solution_fault
+from ...solvers.contract import MAX_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
@@ -172,7 +172,7 @@ class RemotePrepared:
 def answer_fault(answer: dict[str, Any]) -> str | None:
     """Say why an answer cannot be that to a solve, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
-    is_count = type(iterations) is int and 0 <= iterations <= MOST_ITERATIONS
+    is_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):
         return NO_ANSWER
     return None
@@ -180,7 +180,7 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
 
 def are_iterations(shown: Any) -> bool:
     """Whether these are numbers of iterations as an observer is given them."""
-    return isinstance(shown, list) and all(type(one) is int and 0 <= one <= MOST_ITERATIONS for one in shown)
+    return isinstance(shown, list) and all(type(one) is int and 0 <= one <= MAX_ITERATIONS for one in shown)
 
 
 @dataclass

@@ -10,7 +10,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 
-from ...problems.spelling import switch
 from ..errors import BenchError, UnwritableError
 from ..store.store import refuse_links_out
 
@@ -95,4 +94,4 @@ def refuse_bad_path(path: Path, force: bool) -> None:
     if path.is_dir():
         raise BenchError(f"cannot record into {path}: it is a folder; name a file.")
     if path.exists() and not force:
-        raise BenchError(f"{path} exists; choose another name, or replace it with {switch('force')}.")
+        raise BenchError(f"{path} exists; choose another name, or replace it with `force=True`.")

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from ...problems.arrays import FloatArray
-from ..store.certainty import STANDINGS, reaching, standings, times_by_point
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
+from ..store.ratios import STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals that tables give the time to, if the run has more tolerances than these."""
@@ -152,7 +152,7 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     excluded = {level: excluded_cases(points, level, limit) for level in levels}
     compared = {level: common - {problem for problem, _ in excluded[level]} for level in levels}
     seconds = {level: times[level].to_dict() for level in levels}
-    claimed = {level: _claimed(points, level) for level in levels}
+    claimed = {level: claimed_cases(points, level) for level in levels}
     rows = []
     for solver in frames.info.plan.solvers:
         own = cases[cases["solver"] == solver]
@@ -278,7 +278,7 @@ def _keys(accuracy: float) -> list[str]:
     return [f"{kind}_{accuracy_tag(accuracy)}" for kind in OF_ACCURACIES]
 
 
-def _claimed(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:
-    """Return the problems and solvers of the cases whose solver says that it solved to ``accuracy``."""
+def claimed_cases(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:
+    """Return problem and solver of the cases whose solver claims to solve to ``accuracy``."""
     finer = points[(points["tolerance"] <= accuracy * (1.0 + 1e-9)) & (points["status"] == Outcome.SOLVED)]
     return set(zip(finer["problem"], finer["solver"], strict=True))

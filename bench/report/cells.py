@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..store.certainty import EXCLUDED
 from ..store.condition import EXCLUDED_MARK
+from ..store.ratios import EXCLUDED
 from .accuracy import accuracy_tag, shown_means
 
 TIME = "time_to_"

@@ -6,7 +6,6 @@ from pathlib import Path
 import pandas as pd
 
 from ...problems.representation import counted, html_table
-from ...problems.spelling import option
 from ..errors import BenchError, UnwritableError
 from ..store.frames import JUDGED, RunFrames
 from ..store.store import refuse_links_out
@@ -68,7 +67,7 @@ def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fal
     tables, drawn, written, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
     if baseline and not has_profiles:
-        raise BenchError(f"{frames.folder} has no speed-ups; leave {option('baseline')} out.")
+        raise BenchError(f"{frames.folder} has no speed-ups; leave `baseline` out.")
     against = baseline_of(frames, baseline) if has_profiles else ""
     for place in ("tables", "charts"):
         refuse_links_out(folder / place, frames.folder)
@@ -79,7 +78,7 @@ def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fal
         if page and has_profiles:
             written = _write_page(frames, against)
     except UnwritableError as error:
-        unwritten = error.sentence
+        unwritten = str(error)
     summary = points_table(frames) if frames.is_study else summary_table(frames)
     return Report(results_table(frames), summary, tables, drawn, written, unwritten)
 

@@ -11,7 +11,7 @@ from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.catalog import load
 from ...problems.hard import CASE_GROUPS
-from ..store.outcome import BAD_OUTCOMES, FAULTS, Cell, Outcome
+from ..store.outcome import BAD_OUTCOMES, Cell, Outcome
 from .layout.text import inline, markdown_table
 
 MARKS = {
@@ -49,7 +49,7 @@ _PAGE = """\
 
 ## Reasons
 
-Numbers in a reason are those of the first cell that it applies to.
+Every outcome but solved and infeasible has a reason. Numbers in a reason are from the first such cell.
 
 {reasons}"""
 
@@ -116,15 +116,20 @@ def count_bad(cells: Sequence[Cell]) -> int:
 
 
 def _summary(found: pd.DataFrame) -> str:
-    outcomes = found["outcome"]
-    counted = {str(outcome): outcomes == outcome for outcome in MARKS if (outcomes == outcome).any()}
-    bad = {"wrong": outcomes == Outcome.WRONG, "not finite": ~found["is_finite"], "faults": outcomes.isin(FAULTS)}
-    counted |= {name: cells for name, cells in bad.items() if cells.any()}
-    counts = pd.DataFrame(counted).groupby(found["solver"], sort=False).sum()
-    table = markdown_table(["solver", *counts], [[f"`{solver}`", *row] for solver, *row in counts.itertuples()])
-    return (
-        table if any(cells.any() for cells in bad.values()) else f"{table}\nNo cell is wrong, not finite or at fault.\n"
-    )
+    rows = []
+    for solver, own in found.groupby("solver", sort=False):
+        counts = own["outcome"].value_counts()
+        others = [
+            f"{counts[outcome]} {outcome}"
+            for outcome in Outcome
+            if outcome in counts.index and outcome != Outcome.SOLVED
+        ]
+        n_infinite = int((~own["is_finite"]).sum())
+        others += [f"{n_infinite} not finite"] if n_infinite else []
+        rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
+    table = markdown_table(["solver", "solved", "other outcomes"], rows)
+    is_bad = found["outcome"].isin(BAD_OUTCOMES).any() or not found["is_finite"].all()
+    return table if is_bad else f"{table}\nNo cell is wrong, not finite or at fault.\n"
 
 
 def _family_counts(found: pd.DataFrame) -> str:
@@ -202,14 +207,19 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
 
 
 def _reasons(found: pd.DataFrame) -> str:
-    failed = found[found["outcome"] != Outcome.SOLVED]
+    failed = found[~found["outcome"].isin([Outcome.SOLVED, Outcome.INFEASIBLE])]
     alike = failed["reason"].str.replace(r"[0-9][0-9.e+-]*", "…", regex=True)
+    groups = [own for _, own in failed.groupby([failed["outcome"], alike], sort=False)]
+    groups.sort(key=lambda own: (str(own["outcome"].iloc[0]), -len(own)))
     rows = [
-        [ended, len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
-        for (ended, _), own in failed.groupby([failed["outcome"], alike], sort=False)
+        [own["outcome"].iloc[0], len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
+        for own in groups
     ]
-    rows.sort(key=lambda row: (str(row[0]), -row[1]))
-    return markdown_table(["ended", "cells", "reason", "solvers"], rows) if rows else "Every cell is solved.\n"
+    return (
+        markdown_table(["ended", "cells", "reason", "solvers"], rows)
+        if rows
+        else "Every cell is solved or infeasible.\n"
+    )
 
 
 def _shortened(reason: str) -> str:

@@ -18,8 +18,8 @@ import pandas as pd
 
 from ...problems.errors import suggestion
 from ..errors import BenchError
-from ..store.certainty import reaching
 from ..store.frames import RunFrames
+from ..store.ratios import reaching
 from .accuracy import common_problems, counted_cases, excluded_cases, families, summary_accuracies, within
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)

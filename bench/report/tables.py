@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.text import Text
 
 from ...problems.contact.solver import Status
-from ...problems.spelling import either, for_command_line
 from ..store.condition import basis, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome, claim_reason
@@ -42,7 +41,7 @@ from .cells import (
 )
 from .layout.fitting import hanging, narrowest, print_table
 from .layout.output_file import write_file
-from .layout.text import counted, csv_content, inline, markdown_table
+from .layout.text import counted, csv_content, inline, latex_table, markdown_table
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
@@ -89,10 +88,10 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
-    """Write all tables as CSV, Parquet and Markdown, and the matrix of solvers and problems; return the files.
+    """Write all tables as CSV, Parquet, Markdown and LaTeX, and the matrix of solvers and problems; return the files.
 
-    A run over trajectories has results and a table of its points. The matrix is of claims, which are
-    of judged residuals, and written with those alone.
+    A run over trajectories has results and a table of its points. The matrix shows claims, which are about judged
+    residuals, so it is written with judged residuals only.
 
     Raises:
         UnwritableError: if they cannot be written.
@@ -103,7 +102,12 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
         parquet = io.BytesIO()
         frame.to_parquet(parquet, index=False)
         page = _markdown_head(frames) + _markdown(shown(frame)) + note
-        contents = {"csv": csv_content(frame), "parquet": parquet.getvalue(), "md": page.encode()}
+        contents = {
+            "csv": csv_content(frame),
+            "parquet": parquet.getvalue(),
+            "md": page.encode(),
+            "tex": latex_table(shown(frame)).encode(),
+        }
         files += [write_file(folder / f"{name}.{kind}", content) for kind, content in contents.items()]
     if not frames.is_study and frames.residual == JUDGED:
         files.append(write_file(folder / "matrix.md", matrix_of_run(frames).encode()))
@@ -145,7 +149,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     row for each, and faults alone are spelled out.
     """
     for warning in warnings(frames):
-        console.print(Text(for_command_line(warning), style="bold yellow"))
+        console.print(Text(warning, style="bold yellow"))
     for sentence in (*basis(frames), steadiness(frames)):
         console.print(Text(sentence, style="dim"))
     console.print()
@@ -199,9 +203,7 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
         note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
         console.print(Text(hanging(note, console.width), style="dim"))
-    in_python = f"proxbench.bench.load({str(frames.folder)!r}).points"
-    one = either(f"proxbench report {frames.folder} --problem NAME", in_python)
-    console.print(Text(f"one of them: {one}", style="dim"))
+    console.print(Text(f"one of them: proxbench report {frames.folder} --problem NAME", style="dim"))
     console.print()
 
 
@@ -304,7 +306,7 @@ def _summary_legend(summary: pd.DataFrame) -> str:
 
 def _markdown_head(frames: RunFrames) -> str:
     """Return the state of a run as paragraphs above a table."""
-    return "".join(f"{inline(for_command_line(sentence))}\n\n" for sentence in run_state(frames))
+    return "".join(f"{inline(sentence)}\n\n" for sentence in run_state(frames))
 
 
 def _markdown(shown: pd.DataFrame) -> str:

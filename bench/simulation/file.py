@@ -145,7 +145,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         check_segments(record.segments, len(content["steps"]))
         simulation.restore(content["steps"], simulation.states[-1], content["switches"], states, record.segments)
     except ProxbenchError as error:
-        raise BenchError(f"cannot read {path}: {error.sentence}") from None
+        raise BenchError(f"cannot read {path}: {error}") from None
     except _UNREADABLE:
         raise _damaged(path) from None
     return simulation

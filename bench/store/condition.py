@@ -6,7 +6,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...problems.contact.solver import Status
-from ...problems.spelling import either
 from ..errors import BenchError
 from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
@@ -135,7 +134,7 @@ def require_comparable(frames: RunFrames) -> None:
 
 
 def _resuming(frames: RunFrames) -> str:
-    return either(f"proxbench run --resume {frames.folder}", f"proxbench.bench.resume({str(frames.folder)!r})")
+    return f"proxbench run --resume {frames.folder}"
 
 
 def warnings(frames: RunFrames) -> list[str]:

@@ -7,7 +7,6 @@ import msgspec
 from msgspec import Meta, Struct
 
 from ...problems.exchange.families import family_of
-from ...problems.spelling import option
 from ..errors import BenchError
 from .fields import LARGEST, Count, Number, Positive, Record, Tolerance
 
@@ -85,9 +84,9 @@ class RunSettings(Record, frozen=True, kw_only=True):
             if not 0.0 < tolerance < 1.0:
                 raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
         if not 1 <= passes <= MAX_PASSES:
-            raise BenchError(f"{option('passes')} must be between 1 and {MAX_PASSES}, got {passes}.")
+            raise BenchError(f"`passes` must be between 1 and {MAX_PASSES}, got {passes}.")
         if not 0 <= seed < 2**63:
-            raise BenchError(f"{option('seed')} must not be negative, got {seed}.")
+            raise BenchError(f"`seed` must not be negative, got {seed}.")
         return cls(tolerances=ladder, limits=limits or Limits(), passes=passes, seed=seed)
 
 

@@ -19,7 +19,6 @@ from pathlib import Path
 from ...problems.contact.problem import ContactProblem
 from ...problems.exchange.atomic_file import PART, replacing
 from ...problems.exchange.storage import SUFFIX, packed_problem, read_problem
-from ...problems.spelling import either, option
 from ..errors import BenchError
 from .conversion import R, content_of, sealed, unsealed
 from .records import CaseRecord, RunRecord
@@ -27,7 +26,7 @@ from .records import CaseRecord, RunRecord
 RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
 """Names in the folder of a run."""
 
-ELSEWHERE = f"choose another folder with {either('--output', 'results=')}"
+ELSEWHERE = "choose another folder with `results`"
 """What to do where a run cannot be written."""
 
 UNFIT_NAME = (
@@ -77,9 +76,7 @@ class Store:
         """Raise ``BenchError`` if the folder holds more than the folders of a run that has not begun."""
         own = (self._cases, self._problems)
         if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
-            resume = either("--resume", f"resume({str(self.folder)!r})")
-            other = option("run_id")
-            raise BenchError(f"{self.folder} exists already; resume it with {resume}, or choose another {other}.")
+            raise BenchError(f"{self.folder} exists already; continue it with `resume`, or choose another `run_id`.")
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -212,8 +209,7 @@ def problem_file(digest: str) -> str:
 def _no_run(path: Path) -> str:
     """Return why a path is no stored run, and the remedy."""
     if path.suffix == ".bundle" and path.is_file():
-        unpack = either(f"proxbench merge {path}", f"proxbench.bench.merge({str(path)!r})")
-        return f"{path} is a bundle, not the folder of a run; unpack it with: {unpack}"
+        return f"{path} is a bundle, not the folder of a run; unpack it with: proxbench merge {path}"
     if not path.exists():
         return f"{path} is no stored run (there is nothing of that name); name the folder of a run."
     runs = sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")) if path.is_dir() else []

@@ -1,7 +1,7 @@
-"""What a solver is: one interface for every method.
+"""The solver interface: options, statuses and results.
 
-``Solver.prepare`` does once what depends on the problem alone (assemble, factorise, compile), and is timed apart;
-``Prepared.solve`` iterates until the judge's residual reaches the tolerance, or says why it does not.
+``Solver.prepare`` does the work that depends on the problem alone (assemble, factorise, compile), and is timed
+separately. ``Prepared.solve`` iterates until the judge's residual reaches the tolerance, or reports why it does not.
 """
 
 from collections.abc import Callable
@@ -18,11 +18,11 @@ from .model import Model
 from .problem import ContactProblem
 
 Observer = Callable[[int, FloatArray], None]
-"""``observe(iteration, impulses)``, called once per iteration with a read-only view of Λ over rows."""
+"""``observe(iteration, impulses)`` is called once per iteration with a read-only view of Λ over rows."""
 
 
 class SolverError(ProxbenchError, ValueError):
-    """A solver or one of its options does not exist, or cannot be used in this way."""
+    """A solver or one of its options does not exist or is not valid."""
 
 
 class Status(StrEnum):
@@ -39,33 +39,33 @@ class Status(StrEnum):
 
     @property
     def sentence(self) -> str:
-        """What the status means, as a sentence."""
+        """The meaning of the status, as a sentence."""
         return _SENTENCES[self]
 
 
 _SENTENCES = {
-    Status.SOLVED: "The tolerance was reached.",
-    Status.ITERATION_LIMIT: "The iteration limit came before the tolerance.",
-    Status.TIME_LIMIT: "The time limit came before the tolerance.",
-    Status.STALLED: "No further iteration can lower the residual.",
-    Status.OSCILLATING: "The iterates repeat themselves in a cycle without coming closer to a solution.",
+    Status.SOLVED: "The residual reached the tolerance.",
+    Status.ITERATION_LIMIT: "The solver reached the iteration limit before the tolerance.",
+    Status.TIME_LIMIT: "The solver reached the time limit before the tolerance.",
+    Status.STALLED: "Further iterations cannot reduce the residual.",
+    Status.OSCILLATING: "The iterates repeat in a cycle.",
     Status.DIVERGED: "The iterates grow without bound.",
     Status.INFEASIBLE: "The problem has no solution.",
-    Status.UNSUPPORTED: "The solver cannot treat this problem.",
+    Status.UNSUPPORTED: "The solver does not support this problem.",
 }
 
 
 @dataclass(frozen=True)
 class Stop:
-    """When to stop.
+    """Stopping criteria of a solve.
 
-    A residual that does not fall ends no solve, for it may fall after a million sweeps. So what ends one that reaches
-    no tolerance is the first of the two limits, and both have defaults; with both infinite it may go on for ever.
+    A constant residual does not end a solve, because it may still fall after a million sweeps. A solve that does not
+    reach the tolerance therefore ends at the first of two limits; with both infinite it may run for ever.
 
     Attributes:
         tolerance: the judge's residual to reach, dimensionless, positive.
         max_iterations: largest number of iterations.
-        max_seconds: largest wall time [s], preparing excluded.
+        max_seconds: largest wall time [s], without preparation.
 
     Raises:
         SolverError: if a limit is not positive.
@@ -86,13 +86,13 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What a solver returns: the best finite iterate it has, and how it ended.
+    """The result of a solve: the best finite iterate, and how the solve ended.
 
     Attributes:
         impulses: Λ [N s], shape (n_rows,).
         status: how the solve ended.
-        iterations: number of iterations done.
-        message: the reason behind the status, in words; may be empty.
+        iterations: number of iterations.
+        message: the reason for the status; may be empty.
     """
 
     impulses: FloatArray
@@ -113,8 +113,8 @@ class Solution:
 class Prepared(Protocol):
     """A solver made ready for one problem.
 
-    One whose work goes on elsewhere when ``solve`` returns, on a GPU say, has a method ``synchronise()`` beside, which
-    waits until the impulses stand in the array of the solution; it is called before the clock stops.
+    A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
+    impulses are in the array of the solution, and is called before the clock stops.
     """
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -126,8 +126,8 @@ class Prepared(Protocol):
 class Solver(Protocol):
     """A method with its options.
 
-    A plugin may leave ``has_iterates`` out, which means True; ``shows_iterates`` reads it. One that draws random
-    numbers says ``is_randomised = True``; of any other, answers that differ between repeats are shown as such.
+    A plugin may omit ``has_iterates``, which means True; ``shows_iterates`` reads it. A solver that uses random numbers
+    sets ``is_randomised = True``; for any other solver, results that differ between repeats are reported.
     """
 
     @property
@@ -142,15 +142,15 @@ class Solver(Protocol):
 
     @property
     def model(self) -> Model:
-        """The model that is solved, which need not be Coulomb friction."""
+        """The model that is solved, not necessarily Coulomb friction."""
         ...
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None if it can."""
+        """Return why the solver cannot solve ``problem``, or None."""
         ...
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Do what depends on the problem alone."""
+        """Do the work that depends on the problem alone."""
         ...
 
 
@@ -160,5 +160,5 @@ def shows_iterates(solver: Solver) -> bool:
 
 
 def draws_randomly(solver: Solver) -> bool:
-    """Whether ``solver`` declares that its answers differ between repeats."""
+    """Whether ``solver`` declares that its results differ between repeats."""
     return bool(getattr(solver, "is_randomised", False))

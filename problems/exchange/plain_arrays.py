@@ -55,7 +55,7 @@ def problem_of_arrays(arrays: Mapping[str, NDArray[Any]], name: str) -> ContactP
             raise ProblemError("there is no array 'mu', the friction coefficients; add it, or dim=1 for no friction.")
         return ContactProblem.from_delassus(_delassus(arrays), arrays["c"], arrays.get("mu", 0.0), dim)
     except ProblemError as error:
-        raise ProblemError(f"{name}: {error.sentence}") from None
+        raise ProblemError(f"{name}: {error}") from None
 
 
 def _dim(arrays: Mapping[str, NDArray[Any]]) -> int:

@@ -1,1 +1,1 @@
-"""Solvers made of solvers, and named so."""
+"""Solvers that combine other solvers, and are named accordingly."""

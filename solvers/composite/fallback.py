@@ -1,8 +1,8 @@
-"""Fallback: several solvers in turn, until one solves the problem.
+"""Fallback: several solvers in sequence, until one solves the problem.
 
 A problem can be hard for one method and easy for another, and hard from one start and easy from another: the impulses
-of the last time step may lead onto a plateau that zero avoids, and one relaxation may circle about a solution that
-another finds. The first part is tried from the start, then all parts in turn from zero.
+of the last time step may lead to a plateau that zero avoids, and one relaxation may oscillate about a solution that
+another reaches. The first part starts from the given impulses, then all parts start from zero.
 """
 
 from collections.abc import Iterator
@@ -14,30 +14,38 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
-from ...problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
-from ..iteration.clock import Clock
-from ..iteration.loop import judged
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Stop, shows_iterates
 from ..iteration.method import Method, check_option
+from ..iteration.stopping import Clock
+from ..prox.sorprox import SORprox
+from .robust import Robust
+from .sequence import SolverRun, SolverSequence
+from .sweeping import FAST_MOMENTUM, FAST_RELAXATION
 
 WARM_ITERATIONS = 500
-"""In flow either start is as good as the other; in a pile at rest the impulses of the last step are nearly the answer,
-or lead nowhere."""
+"""In flow both starts are equally good; in a pile at rest the impulses of the last step are nearly the solution, or
+lead nowhere."""
 
 ITERATIONS = 2000
 """Enough for sweeps on most problems that they solve at all."""
 
+MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
+"""Relaxation and momentum of the parts of ``MomentumFallback``. Moderate momentum is the fastest way to the usual
+accuracy on hundreds of contacts and more; long momentum solves most of the rare steps of a settling pile on which it
+reaches a plateau."""
+
 
 @dataclass(frozen=True, init=False)
 class Fallback(Method):
-    """Solvers tried in turn: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
+    """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
-    The limits of a solve hold for all parts together. The first solution is returned, else the best impulses of all
-    parts by the judge's residual, with the status of that part; the message says which parts ran, and how each ended.
+    The limits of a solve apply to all parts together. The result is the first solution, otherwise the best impulses of
+    all parts by the judge's residual. The message lists the parts that ran and the outcome of each.
 
     Attributes:
-        parts: the solvers, all of one model; one that does not take a problem is left out.
-        warm_iterations: limit of the first try, by the first part from the start; without a start it is left out.
-        iterations: limit of each further try, from zero; the last part takes what is left.
+        parts: the solvers, all of one model; parts that do not support a problem are left out.
+        warm_iterations: iteration limit of the first part from the start; this run is omitted without a start.
+        iterations: iteration limit of each run from zero; the last part has no limit of its own.
 
     Raises:
         SolverError: without parts, for parts of different models, or for an option out of range.
@@ -49,11 +57,11 @@ class Fallback(Method):
 
     def __init__(self, *parts: Solver, warm_iterations: int = WARM_ITERATIONS, iterations: int = ITERATIONS) -> None:
         if not parts:
-            raise SolverError("Fallback is made of solvers; name one or more: Fallback(SORprox, NSGS).")
+            raise SolverError("Fallback has no parts; name one or more solvers: Fallback(SORprox, NSGS).")
         other = next((part for part in parts if part.model != parts[0].model), None)
         if other is not None:
             raise SolverError(
-                f"parts of a Fallback solve one model; {parts[0].name} solves {parts[0].model}, "
+                f"the parts of a Fallback must solve one model; {parts[0].name} solves {parts[0].model}, "
                 f"{other.name} {other.model}."
             )
         for option, value in (("warm_iterations", warm_iterations), ("iterations", iterations)):
@@ -79,7 +87,7 @@ class Fallback(Method):
         return all(map(shows_iterates, self.parts))
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why no part can treat ``problem``, or None."""
+        """Return why no part can solve ``problem``, or None."""
         reasons = [part.supports(problem) for part in self.parts]
         if None in reasons:
             return None
@@ -88,71 +96,58 @@ class Fallback(Method):
         return "; ".join(f"{part.name}: {reason}" for part, reason in zip(self.parts, reasons, strict=True))
 
     def prepare(self, problem: ContactProblem) -> "PreparedFallback":
-        """Prepare the first part that takes the problem; the others are prepared when their turn comes."""
+        """Prepare the first part that supports the problem; other parts are prepared when they first run."""
         parts = tuple(part for part in self.parts if part.supports(problem) is None)
         if not parts:
             self.check_supports(problem)
-        return PreparedFallback(problem, self, parts, [parts[0].prepare(problem)])
+        return PreparedFallback(problem, self, parts, {parts[0].name: parts[0].prepare(problem)})
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedFallback:
-    """The parts that take one problem, and those of them that have been prepared."""
+    """The parts that support one problem, and those that are prepared, by name."""
 
     problem: ContactProblem
     fallback: Fallback = field(repr=False)
     parts: tuple[Solver, ...] = field(repr=False)
-    prepared: list[Prepared] = field(repr=False)
+    prepared: dict[str, Prepared] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Try the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts those of all."""
-        clock, used, ran = Clock(stop.max_seconds), 0, []
-        best, lowest, is_late = None, np.inf, False
-        for part, first, limit in self._tries(start, stop.max_iterations):
-            if best is not None and clock.limit_met(stop, used) is not None:
-                break
-            limits = Stop(stop.tolerance, min(limit, stop.max_iterations - used), max(clock.left, 1e-9))
-            found = self._part(part).solve(limits, first, self._shown(observe, clock, used))
-            used += found.iterations
-            origin = "zero" if first is None else "the start"
-            ran.append(f"{self.parts[part].name} from {origin}: {found.status}")
-            if found.status in (Status.SOLVED, Status.INFEASIBLE):
-                return Solution(found.impulses, found.status, used, _message(ran, found))
-            is_late = is_late or found.status is Status.TIME_LIMIT
-            residual = self._residual(found)
-            if best is None or residual < lowest:
-                best, lowest = found, residual
-        assert best is not None
-        # a limit of the whole counts, whichever part is the best, and the limit of a part alone does not
-        ended = clock.limit_met(stop, used) or (Status.TIME_LIMIT if is_late else found.status)
-        return Solution(best.impulses, ended, used, _message(ran, best))
-
-    def _tries(self, start: FloatArray | None, most: int) -> Iterator[tuple[int, FloatArray | None, int]]:
-        """Yield the part, its first impulses (zero if None) and its limit of iterations for each try."""
-        if start is not None and np.any(start):
-            yield 0, start, self.fallback.warm_iterations
-        last = len(self.parts) - 1
-        for part in range(last):
-            yield part, None, self.fallback.iterations
-        yield last, None, most
-
-    def _part(self, part: int) -> Prepared:
-        while len(self.prepared) <= part:
-            self.prepared.append(self.parts[len(self.prepared)].prepare(self.problem))
-        return self.prepared[part]
-
-    def _shown(self, observe: Observer | None, clock: Clock, before: int) -> Observer | None:
-        """Return an observer of one try that counts the iterations of those before."""
-        if observe is None or not self.fallback.has_iterates:
-            return None
-        return lambda iteration, impulses: clock.show(observe, before + iteration, impulses)
-
-    def _residual(self, solution: Solution) -> float:
-        """Return the judge's residual of the model that the parts solve."""
+        """Run the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts those of all."""
         model, problem = self.fallback.model, self.problem
         residual = Residual(problem) if model == Model.COULOMB else ModelResidual(problem, model)
-        return judged(problem, residual, solution.impulses)
+        observe = observe if self.fallback.has_iterates else None
+        sequence = SolverSequence(problem, residual, self.prepared, stop, observe, Clock(stop.max_seconds))
+        for run in self._runs(sequence, start):
+            solution = sequence.run(run)
+            if solution is not None:
+                return solution
+        return sequence.finish(sequence.status)
+
+    def _runs(self, sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
+        """Yield the first part from the start, then all parts from zero."""
+        first = self.parts[0]
+        if start is not None and np.any(start):
+            name = f"{first.name} from the start"
+            yield SolverRun(name, sequence.prepare(first), start, self.fallback.warm_iterations)
+        for number, part in enumerate(self.parts, 1):
+            limit = sequence.stop.max_iterations if number == len(self.parts) else self.fallback.iterations
+            yield SolverRun(f"{part.name} from zero", sequence.prepare(part), None, limit)
 
 
-def _message(ran: list[str], last: Solution) -> str:
-    return "; ".join([*ran, last.message] if last.message else ran)
+@dataclass(frozen=True, init=False)
+class MomentumFallback(Fallback):
+    """A preset of ``Fallback``: SORprox over the factors with momentum 0.8, 0.97, 0.985 and 0.985, then ``Robust``.
+
+    ``Robust`` is the only part for problems that hold G alone. The default of ``proxbench simulate`` for scenes with
+    many contacts.
+    """
+
+    def __init__(self) -> None:
+        sweeps = (SORprox(relaxation=omega, form="factors", momentum=beta) for omega, beta in MOMENTUM_PARTS)
+        super().__init__(*sweeps, Robust())
+
+    @property
+    def name(self) -> str:
+        """Class name."""
+        return type(self).__name__

@@ -1,15 +1,15 @@
-"""HybridNewton: sweeps, and Newton's method on the projection equations where these are slow.
+"""HybridNewton: sweeps, and Newton's method on the projection equations where they are slow.
 
-Sweeps find quickly which contacts are open, stick and slip, but settle the impulses slowly where masses differ or many
-contacts hang together; Newton's method does the reverse. So sweeps come first, and Newton's method is tried when they
-are slow. What it finds is kept only where the judge's residual has fallen.
+Sweeps identify quickly which contacts are open, stick and slip, but settle the impulses slowly where masses differ or
+many contacts are coupled; Newton's method does the reverse. Sweeps therefore come first, and Newton's method is tried
+when they are slow. Its result is kept only if the judge's residual has fallen.
 
-Newton's method converges from nearby alone, and sweeps of high friction may lead away for ever. Where they lead
-nowhere, Newton's method is tried from other predictors (``restarts``), from the best iterate and from the first.
+Newton's method converges only from nearby, and sweeps at high friction may never come near a solution. Where sweeps
+lead nowhere, Newton's method starts from other predictors (``restarts``), from the best iterate and from the first.
 
-No decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse. None
-depends on the speed of the machine either, but near the deadline, where no Newton step is begun that would not end in
-time (``linear_solver``).
+No decision depends on the tolerance: a solve to a tighter tolerance begins with the same iterates, and its result is no
+worse. No decision depends on the speed of the machine, except near the deadline, where no Newton step starts that would
+miss it (``linear_solver``).
 """
 
 from dataclasses import dataclass, field
@@ -20,32 +20,31 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.loop import Advance, first_impulses, looked, refuted
+from ..iteration.loop import IterationDriver, check_convergence, infeasible_solution, initial_impulses
 from ..iteration.method import Method
-from ..iteration.stopping import Monitor
+from ..iteration.stopping import Monitor, Outcome
 from ..newton.linearised import Equations
-from ..newton.steps import DAMPED, SHARP, THOROUGH
+from ..newton.steps import DAMPED, SHARP, THOROUGH, NewtonRunner
 from ..sweeps.delassus import DelassusIterates, DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
-from .attempts import Attempts
 from .restarts import Restarts
 
 SWEEPS_BEFORE = 200
-"""Sweeps before Newton's method is considered, and between two measurements of how fast they converge."""
+"""Sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
 
 SLOW = 500
-"""Newton's method is tried where the sweeps take more than this for a digit: a few of its steps cost as much as a few
+"""Newton's method is tried where sweeps take more than this number per digit: a few of its steps cost as much as a few
 thousand sweeps, on ten contacts as on a thousand."""
 
-IN_TURN = (SHARP, DAMPED, *THOROUGH)
-"""What successive attempts try between sweeps."""
+SETTINGS = (SHARP, DAMPED, *THOROUGH)
+"""Newton settings of successive attempts between sweeps."""
 
 SUCCESS = 0.1
-"""After an attempt that lowers the residual to this fraction the next follows at once; after others, sweeps do."""
+"""After an attempt that lowers the residual to this fraction the next one follows at once; otherwise sweeps follow."""
 
-STUCK = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
-"""Where sweeps lead nowhere, and other predictors may."""
+STUCK_STATUSES = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
+"""Outcomes of sweeps after which other predictors may help."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ class HybridNewton(Method):
         check_relaxation(self.relaxation)
 
     def prepare(self, problem: ContactProblem) -> "PreparedHybrid":
-        """Assemble G, and the first step sizes of the sweeps."""
+        """Assemble G and the initial step sizes of the sweeps."""
         residual = Residual(problem)
         sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
         return PreparedHybrid(problem, residual, sweep, Equations(problem, residual))
@@ -84,66 +83,65 @@ class PreparedHybrid:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep, and try Newton's method where that is slow; see ``Prepared.solve``."""
-        first = first_impulses(self.problem, self.residual, start)
+        first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
-            return refuted(self.problem)
-        monitor = Monitor(stop)
-        iterates = self._begin(first)
-        advance = Advance(iterates, self._begin, monitor, observe)
-        attempts = Attempts(self.problem, self.residual, self.equations, advance)
-        restarts = Restarts(attempts, self.sweep, first)
-        pace, wait, tried = Pace(), SWEEPS_BEFORE, 0
+            return infeasible_solution(self.problem)
+        monitor, iterates = Monitor(stop), self._begin(first)
+        driver = IterationDriver(iterates, self._begin, monitor, observe)
+        newton = NewtonRunner(self.equations, driver)
+        restarts = Restarts(newton, self.sweep, first)
+        rate, wait, n_attempts = ConvergenceRate(), SWEEPS_BEFORE, 0
         while True:
-            impulses, residual, ended = looked(self.problem, self.residual, advance)
-            if self._leads_nowhere(ended, monitor) and restarts.are_due:
+            impulses, residual, outcome = check_convergence(self.problem, self.residual, driver)
+            if self._is_stuck(outcome, monitor) and restarts.are_due:
                 before = monitor.best_residual
-                over = restarts.tried()
-                advance.iterates = iterates
-                if over is None and monitor.best_residual <= SUCCESS * before:
+                final = restarts.run()
+                driver.iterates = iterates
+                if final is None and monitor.best_residual <= SUCCESS * before:
                     iterates.move_to(restarts.best)
-                    pace = Pace()
+                    rate = ConvergenceRate()
                     continue
-                ended = over or ended
-            if ended is not None:
-                return monitor.solution(ended, advance.iteration, self.problem.n_rows)
-            if pace.sweeps >= wait and pace.sweeps_a_digit(residual) > SLOW:
-                found, lowest = attempts.tried(IN_TURN[tried % len(IN_TURN)], impulses, residual)
+                outcome = final or outcome
+            if outcome is not None:
+                return monitor.solution(outcome, driver.iteration, self.problem.n_rows)
+            if rate.sweeps >= wait and rate.sweeps_per_digit(residual) > SLOW:
+                found, lowest = newton.run(SETTINGS[n_attempts % len(SETTINGS)], impulses, residual)
                 if lowest < residual:
                     iterates.move_to(found)
                 if lowest > SUCCESS * residual:
-                    tried, wait = tried + 1, 2 * wait
-                    pace = Pace()
+                    n_attempts, wait = n_attempts + 1, 2 * wait
+                    rate = ConvergenceRate()
                 continue
-            count = advance.to_next_look()
-            attempts.work.count_sweeps(count)
-            pace.note(count, residual)
+            count = driver.run_to_next_check()
+            newton.work.count_sweeps(count)
+            rate.record(count, residual)
 
     def _begin(self, impulses: FloatArray) -> SafeguardedIterates:
         return SafeguardedIterates(DelassusIterates(self.sweep, impulses))
 
-    def _leads_nowhere(self, ended: tuple[Status, str] | None, monitor: Monitor) -> bool:
-        """Whether sweeps lead nowhere, and the best residual is more than rounding may leave."""
-        is_stuck = monitor.lacks_progress if ended is None else ended[0] in STUCK
+    def _is_stuck(self, outcome: Outcome | None, monitor: Monitor) -> bool:
+        """Whether sweeps lead nowhere, and rounding does not explain the best residual."""
+        is_stuck = monitor.lacks_progress if outcome is None else outcome.status in STUCK_STATUSES
         if not is_stuck:
             return False
         best = monitor.best_impulses
         return best is None or monitor.best_residual > self.residual.rounding(best)
 
 
-class Pace:
-    """How fast sweeps converge; ``sweeps`` have been noted so far."""
+class ConvergenceRate:
+    """How fast sweeps converge; ``sweeps`` counts those recorded."""
 
     def __init__(self) -> None:
         self.sweeps = 0
         self._marks: list[tuple[int, float]] = []
 
-    def note(self, count: int, residual: float) -> None:
-        """Note that ``count`` sweeps began with ``residual``."""
+    def record(self, count: int, residual: float) -> None:
+        """Record ``count`` sweeps that began with ``residual``."""
         self._marks.append((self.sweeps, residual))
         self.sweeps += count
 
-    def sweeps_a_digit(self, residual: float) -> float:
-        """Return the sweeps to a tenth of the residual at the rate of the last ``SWEEPS_BEFORE`` or more."""
+    def sweeps_per_digit(self, residual: float) -> float:
+        """Return the sweeps per digit of the residual, measured over the last ``SWEEPS_BEFORE`` sweeps or more."""
         earlier = [mark for mark in self._marks if mark[0] <= self.sweeps - SWEEPS_BEFORE]
         if not earlier or not residual < earlier[-1][1]:
             return np.inf

@@ -1,20 +1,19 @@
-"""InteriorNewton: interior points for what happens to each contact, sweeps and Newton's method for how much.
+"""InteriorNewton: interior points identify contact states, sweeps and Newton's method refine impulses.
 
-An interior point method finds from anywhere, in a few dozen factorisations, which contacts open, stick and slip. Its
-last digits are slow where an answer is not strictly complementary, and its path may turn. Sweeps with momentum find
-these digits mostly in a few hundred sweeps, which take less time than two factorisations. So these take turns:
+An interior point method identifies from any start, in a few dozen factorisations, which contacts open, stick and slip.
+Its last digits are slow where a solution is not strictly complementary, and its path may turn. Sweeps with momentum
+usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods alternate:
 
-    InteriorPoint      fast where the path goes straight down
-    NesterovSORprox    from where that ended, the last digits
-    CentralPath        from the beginning, through the turns of the path
-    NesterovSORprox    from where that ended
-    ProximalPoint      from there too: Newton's method, regular however many contacts are redundant
-    HybridNewton       sweeps from the best impulses, which rearrange contacts one by one where no path led
+    InteriorPoint      fast where the path leads straight down
+    NesterovSORprox    the last digits, from the end of that run
+    CentralPath        from the beginning of the path, through its turns
+    NesterovSORprox    from its end
+    ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
+    HybridNewton       from the best impulses: sweeps that rearrange contacts one by one where no path helps
 
-The last four come five times, with budgets of iterations for the path and the sweeps that grow. The path goes on where
-it was left. Where it has ended, and in the fourth turn, it is followed from the beginning with series of another order,
-which lead on where the first ones go in circles. So no method keeps the others waiting for long, and what is done does
-not depend on the speed of the machine.
+The last four run five times, with growing iteration limits for the path and the sweeps. The path continues where it
+stopped. Where it has ended, and in the fourth round, it restarts with series of another order, which pass where the
+first ones cycle. No method delays the others for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -28,86 +27,85 @@ from ...problems.contact.matrices.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Prepared, Solution, Stop
-from ..interior.central_path import CentralPath, PathInTurns
+from ..interior.central_path import CentralPath, ResumablePath
 from ..interior.interior_point import InteriorPoint
 from ..interior.runs import SingleRun
-from ..iteration.clock import Clock
 from ..iteration.method import Method
+from ..iteration.stopping import Clock
 from ..newton.proximal_point import ProximalPoint
 from .hybrid_newton import HybridNewton
-from .relay import Relay, Turn
+from .sequence import SolverRun, SolverSequence
 from .sweeping import last_digits_for
 
-STRAIGHT, LAST_SWEEPS, LAST_STEPS = 80, 500, 40
-"""Most iterations of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
+MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS = 80, 500, 40
+"""Iteration limits of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
 
-THROUGH_TURNS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
-"""Orders and most iterations of ``CentralPath`` in its turns."""
+PATH_ROUNDS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
+"""Order and iteration limit of ``CentralPath`` in each round."""
 
-REARRANGING = (500, 1000, 2000, 2000)
-"""Most iterations of ``HybridNewton`` in its turns before the last."""
+HYBRID_LIMITS = (500, 1000, 2000, 2000)
+"""Iteration limits of ``HybridNewton`` in the rounds before the last, which has none of its own."""
 
-REDUNDANT = 2
-"""Rows for each degree of freedom from which on interior points factorise over bodies, if pairs are held more than once
-too."""
+REDUNDANCY = 2
+"""Rows per degree of freedom above which interior points may factorise over bodies."""
 
 
 @dataclass(frozen=True)
 class InteriorNewton(Method):
-    """Interior points, their path through its turns, sweeps and Newton's method for the last digits, in turn.
+    """Interior points, their path through its turns, sweeps and Newton's method, one after the other.
 
     One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies where
-    several contacts of the same two over-determine how these move, else over contacts.
+    several contacts of the same two bodies over-determine their motion, otherwise over contacts.
     """
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
+        """Return why the solver cannot solve ``problem``, or None."""
         return InteriorPoint().supports(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorNewton":
-        """Prepare the first method; the others are prepared when their turn comes."""
+        """Prepare the first method; the others are prepared when they first run."""
         first = SingleRun(InteriorPoint(form=form_for(problem)))
         return PreparedInteriorNewton(problem, Residual(problem), {first.name: first.prepare(problem)})
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedInteriorNewton:
-    """The methods for one problem that have been prepared, by name."""
+    """The prepared methods of one problem, by name."""
 
     problem: ContactProblem
     residual: Residual = field(repr=False)
     prepared: dict[str, Prepared] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Let the methods take turns until one solves the problem; see ``Prepared.solve``."""
-        relay = Relay(self.problem, self.residual, self.prepared, stop, observe, Clock(stop.max_seconds))
-        return taken_in_turn(relay, start)
+        """Run the methods until one solves the problem; see ``Prepared.solve``."""
+        sequence = SolverSequence(self.problem, self.residual, self.prepared, stop, observe, Clock(stop.max_seconds))
+        return run_sequence(sequence, start)
 
 
-def taken_in_turn(relay: Relay, start: FloatArray | None) -> Solution:
-    """Let the methods take turns; the first begins at ``start``, shape (n_rows,), or at zero."""
-    for turn in _turns(relay, start):
-        solution = relay.take(turn)
+def run_sequence(sequence: SolverSequence, start: FloatArray | None) -> Solution:
+    """Run the methods of ``InteriorNewton``; the first begins at ``start``, shape (n_rows,), or at zero."""
+    for run in _runs(sequence, start):
+        solution = sequence.run(run)
         if solution is not None:
             return solution
-    return relay.ended(relay.status, f"residual {relay.lowest:.1e}")
+    return sequence.finish(sequence.status)
 
 
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
-    """Return the form of interior points: over bodies where contacts of the same two over-determine how these move.
+    """Return the form of interior points: "factors" where contacts of the same two bodies over-determine their motion.
 
-    The contacts of a pair of bodies, or of a body and the ground, then say the same several times, in a dense block of
-    G for each two of them. Elsewhere a step over bodies ends at a larger residual, because the contacts' velocities are
-    differences of the bodies', and saves little.
+    Several contacts of a pair of bodies, or of a body and the ground, are then redundant, and G has a dense block for
+    every two of them. Elsewhere a step over bodies ends at a larger residual, because contact velocities are
+    differences of body velocities, and saves little.
     """
-    if problem.factors is None or problem.n_rows <= REDUNDANT * problem.factors.n_dofs:
+    if problem.factors is None or problem.n_rows <= REDUNDANCY * problem.factors.n_dofs:
         return "delassus"
     pieces = problem.factor_pieces()
     return "factors" if problem.n_rows > pieces.length * _n_pairs(pieces) else "delassus"
 
 
 def _n_pairs(pieces: Pieces) -> int:
-    """Return how many different sets of bodies contacts touch, each counted by its first and last one."""
+    """Return the number of different sets of bodies that contacts touch, each identified by its first and last body."""
     block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
     first, last = np.full(pieces.n_blocks, pieces.n_chunks), np.full(pieces.n_blocks, -1)
     is_body = pieces.chunks < pieces.n_chunks
@@ -116,22 +114,24 @@ def _n_pairs(pieces: Pieces) -> int:
     return len(np.unique(first * (pieces.n_chunks + 1) + last))
 
 
-def _turns(relay: Relay, start: FloatArray | None) -> Iterator[Turn]:
-    problem, most = relay.problem, relay.stop.max_iterations
+def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
+    problem = sequence.problem
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
-    yield relay.turn(SingleRun(InteriorPoint(form=form)), zeros if start is None else start, STRAIGHT)
-    sweeps, end = last_digits_for(problem), relay.latest
-    yield relay.turn(sweeps, end, LAST_SWEEPS)
-    methods = [CentralPath(order, form) for order, _ in THROUGH_TURNS]
-    paths = {path.order: PathInTurns(path, problem) for path in methods if path.supports(problem) is None}
-    for (order, factorisations), rearranging in zip(THROUGH_TURNS, (*REARRANGING, most), strict=True):
+    first = SingleRun(InteriorPoint(form=form))
+    yield sequence.plan(first, zeros if start is None else start, MAX_FIRST_STEPS)
+    sweeps, end = last_digits_for(problem), sequence.latest
+    yield sequence.plan(sweeps, end, MAX_SWEEPS)
+    methods = [CentralPath(order, form) for order, _ in PATH_ROUNDS]
+    paths = {path.order: ResumablePath(path, problem) for path in methods if path.supports(problem) is None}
+    hybrid_limits = (*HYBRID_LIMITS, sequence.stop.max_iterations)
+    for (order, factorisations), hybrid_limit in zip(PATH_ROUNDS, hybrid_limits, strict=True):
         path = paths.get(order) or next(iter(paths.values()), None)
         if path is not None:
-            yield Turn(path.method.name, path, zeros, factorisations)
-            end = relay.latest
+            yield SolverRun(path.method.name, path, zeros, factorisations)
+            end = sequence.latest
             if path.has_ended:
                 del paths[path.method.order]
-            yield relay.turn(sweeps, end, LAST_SWEEPS)
-        # swept impulses may be better than the path's end, and know less of what happens to the contacts
-        yield relay.turn(ProximalPoint(), end, LAST_STEPS)
-        yield relay.turn(HybridNewton(), None, rearranging)
+            yield sequence.plan(sweeps, end, MAX_SWEEPS)
+        # swept impulses may be better than the end of the path, and identify the states less well
+        yield sequence.plan(ProximalPoint(), end, MAX_PROXIMAL_STEPS)
+        yield sequence.plan(HybridNewton(), sequence.best_impulses, hybrid_limit)

@@ -1,10 +1,10 @@
-"""Which sweeps are fast on a problem: a choice by its size and its couplings alone.
+"""Selection of the fastest sweeps for a problem, from its size and its couplings alone.
 
-A contact that nothing else acts on NSGS solves in one sweep. On many momentum halves the number of sweeps. Over the
-assembled matrix a sweep reads each pair of contacts of a body, over the factors each contact of it: on a slab that
-rests on five hundred the first takes two hundred times as long. Such a slab is all one contact to momentum, which only
-delays it. Where both forms read as much, the matrix needs fewer operations, and its sweeps have the safeguard for high
-friction.
+NSGS solves a contact that no other contact affects in one sweep. On many contacts momentum halves the number of sweeps.
+A sweep over the assembled matrix reads each pair of contacts of a body, a sweep over the factors reads each contact of
+it: on a slab that rests on five hundred contacts the first takes two hundred times as long. Momentum only delays such a
+slab, which behaves like a single contact. Where both forms read equally much, the matrix needs fewer operations, and
+its sweeps have the safeguard for high friction.
 """
 
 from typing import Any
@@ -15,72 +15,72 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.problem import ContactProblem
-from ..iteration.stopping import LONGEST_INTERVAL
-from ..prox.nesterov_sorprox import NesterovSORprox
+from ..iteration.stopping import MAX_CHECK_INTERVAL
+from ..prox.accelerated_sorprox import NesterovSORprox
 from ..prox.nsgs import NSGS
 from ..prox.safeguarded_sorprox import SafeguardedSORprox
 from ..prox.sorprox import SORprox
 
 Sweeps = NSGS | SORprox | SafeguardedSORprox
 
-MANY = 100
-"""Spatial contacts from which on momentum pays."""
+MIN_MOMENTUM_CONTACTS = 100
+"""Number of spatial contacts from which momentum pays."""
 
 RELAXATION = 1.5
-"""Without momentum."""
+"""Relaxation without momentum."""
 
-FIRST = (1.1, 0.8)
+FAST_RELAXATION, FAST_MOMENTUM = 1.1, 0.8
 """Relaxation and momentum for many spatial contacts."""
 
 UNCOUPLED = 0.0
 """The density where no two contacts share a body."""
 
-DENSE, ONE_BODY = 1.5, 10.0
-"""Sweeps go over the factors where the Delassus matrix has the first times their numbers, without momentum where it has
-the second times."""
+FACTORS_DENSITY, MAX_MOMENTUM_DENSITY = 1.5, 10.0
+"""Above the first density sweeps use the factors, above the second they have no momentum."""
 
-FEW_ROWS, DENSE_ON_FEW = 150, 6.0
-"""Up to so many rows they do so only where it has this many times: below, the safeguard saves more than the numbers."""
+FEW_ROWS, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
+"""Up to this number of rows the first density is this one: the safeguard saves more than the factors."""
 
-ROWS_OF_A_LOOK = 100
-"""Rows that are swept in the time of one look at the residual, which on few rows is that of its calls."""
+ROWS_PER_CHECK = 100
+"""Rows that are swept in the time of one check of the residual, which on few rows is the overhead of its calls."""
 
-ALONE, SAFEGUARDED = NSGS(), SafeguardedSORprox(RELAXATION)
+UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 """The sweeps of small problems, made once: making them takes as long as some of their sweeps."""
 
 
-def sweeps_for(problem: ContactProblem) -> Sweeps:
-    """Return the sweeps that are fast on problems like this one, by its size and couplings."""
-    numbers = density(problem)
-    if numbers == UNCOUPLED:
-        return ALONE
-    is_many = problem.layout.sliding == 2 and problem.n_contacts >= MANY and numbers <= ONE_BODY
-    relaxation, momentum = FIRST if is_many else (RELAXATION, 0.0)
-    if numbers > (DENSE_ON_FEW if problem.n_rows <= FEW_ROWS else DENSE):
+def select_sweeps(problem: ContactProblem) -> Sweeps:
+    """Return the sweeps that are fast on problems like this one."""
+    found = density(problem)
+    if found == UNCOUPLED:
+        return UNCOUPLED_SWEEPS
+    is_spatial = problem.layout.sliding == 2
+    is_many = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and found <= MAX_MOMENTUM_DENSITY
+    relaxation, momentum = (FAST_RELAXATION, FAST_MOMENTUM) if is_many else (RELAXATION, 0.0)
+    if found > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= FEW_ROWS else FACTORS_DENSITY):
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
-    return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED
+    return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED_SWEEPS
 
 
-def may_mix(problem: ContactProblem) -> bool:
-    """Whether contacts act on each other, and G is not many times as large as its factors."""
-    return UNCOUPLED < density(problem) <= ONE_BODY
+def can_accelerate(problem: ContactProblem) -> bool:
+    """Whether contacts affect each other, and G is not many times as large as its factors."""
+    return UNCOUPLED < density(problem) <= MAX_MOMENTUM_DENSITY
 
 
 def last_digits_for(problem: ContactProblem) -> Sweeps | NesterovSORprox:
-    """Return the sweeps that go on from where other methods have come near the answer."""
-    return NesterovSORprox() if may_mix(problem) else sweeps_for(problem)
+    """Return the sweeps that continue where other methods have come close to the solution."""
+    return NesterovSORprox() if can_accelerate(problem) else select_sweeps(problem)
 
 
-def sweeps_between_looks(problem: ContactProblem, sweeps: Sweeps) -> int:
-    """Return how many sweeps take about as long as a look at the residual does, 1 to ``LONGEST_INTERVAL``.
+def sweeps_between_checks(problem: ContactProblem, sweeps: Sweeps) -> int:
+    """Return how many sweeps take about as long as a check of the residual, 1 to ``MAX_CHECK_INTERVAL``.
 
     It is 1 where the first sweep may be exact.
     """
-    return 1 if sweeps is ALONE else max(1, min(LONGEST_INTERVAL, ROWS_OF_A_LOOK // problem.n_rows))
+    return 1 if sweeps is UNCOUPLED_SWEEPS else max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // problem.n_rows))
 
 
 def density(problem: ContactProblem) -> float:
-    """Return the numbers that a sweep reads over the assembled matrix, relative to one over the factors.
+    """Return how many numbers a sweep reads over the assembled matrix, relative to one over the factors.
 
     It is ``UNCOUPLED`` where each contact has bodies, or a block of the matrix, of its own.
     """

@@ -1,1 +1,1 @@
-"""Formulations as conic programs."""
+"""Contact problems as cone programs."""

@@ -1,11 +1,11 @@
-"""Coulomb friction by the fixed point of ``fixed_point`` over Clarabel's solutions of the convex model."""
+"""ClarabelCoulomb: Coulomb friction by the fixed point of ``fixed_point``, with Clarabel for the cone programs."""
 
 from dataclasses import dataclass
 
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import check_form
 from .fixed_point import FixedPointMethod, check_memory
-from .programs import ClarabelProgram, Form, obstacle
+from .programs import ClarabelProgram, Form, unsupported_reason
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class ClarabelCoulomb(FixedPointMethod):
 
     Attributes:
         form: impulses over the "delassus" matrix as variables, or velocities over the "factors" W and M⁻¹.
-        memory: pairs that Anderson acceleration of the outer iteration remembers; 0 leaves it plain.
+        memory: number of pairs that Anderson acceleration of the outer iteration keeps, 0 for no acceleration.
 
     Raises:
         SolverError: for an option out of range.
@@ -28,9 +28,9 @@ class ClarabelCoulomb(FixedPointMethod):
         check_memory(self.memory)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return obstacle(problem, self.form)
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_reason(problem, self.form)
 
     def program(self, problem: ContactProblem) -> ClarabelProgram:
-        """Return the program in the form."""
+        """Return the program, set up."""
         return ClarabelProgram(problem, self.form)

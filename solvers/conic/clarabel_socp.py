@@ -1,25 +1,47 @@
-"""The associated (convex) contact model as a second-order cone program, solved by Clarabel's interior point method.
+"""ClarabelSOCP: the associated (convex) contact model as a second-order cone program, solved by Clarabel.
 
-Its optimality condition is −ξ ∈ N_K(Λ), which agrees with Coulomb's law where contacts stick or open; a sliding contact
-separates with ξ_N = μ‖ξ_T‖ instead of staying closed. The programs are those of ``programs``. Clarabel: Goulart & Chen
-2024.
+The optimality condition of the model is −ξ ∈ N_K(Λ). It agrees with Coulomb's law where contacts stick or open; a
+sliding contact separates with ξ_N = μ‖ξ_T‖ instead of staying closed. The programs are those of ``programs``. Clarabel
+is an interior point method (Goulart & Chen 2024).
+
+The tolerance of a conic solver is not a residual: it is tightened until the judge's residual of the convex model
+reaches the tolerance of the solve. Once a tolerance is too tight for the solver's factorisations, all other tolerances
+are tried, and then all of them with more careful linear algebra, because it is a matter of luck how close a solver
+comes. A failing solve to a tighter tolerance has thus run everything that a looser one runs, and is no worse.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import ClassVar
 
+import numpy as np
+
+from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ..iteration.method import check_form
-from .convex import ConvexMethod
-from .programs import ClarabelProgram, Form, obstacle
+from ...problems.contact.residual import ModelResidual
+from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ..iteration.loop import infeasible_solution
+from ..iteration.method import Method, check_form
+from .programs import ClarabelProgram, ConicStatus, Form, unsupported_reason
+
+LADDER = tuple(10.0**-digits for digits in range(3, 16))
+"""Tolerances of the conic solver; smaller ones are meaningless in double precision."""
+
+FIRST_ACCURACY = 1e-2
+"""Upper bound of the first tolerance, relative to the tolerance of the solve."""
+
+STRIDE = 2
+"""Steps on the ladder between two runs."""
+
+_LIMITS = {ConicStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT, ConicStatus.TIME_LIMIT: Status.TIME_LIMIT}
 
 
 @dataclass(frozen=True)
-class ClarabelSOCP(ConvexMethod):
+class ClarabelSOCP(Method):
     """Clarabel on the convex model, through its direct interface.
 
-    Its interior point iterates satisfy no force law, so they are not shown to observers.
+    Its interior point iterates satisfy no force law, so observers do not see them.
 
     Attributes:
         form: impulses over the "delassus" matrix as variables, or velocities over the "factors" W and M⁻¹.
@@ -31,14 +53,75 @@ class ClarabelSOCP(ConvexMethod):
     form: Form = "delassus"
 
     model: ClassVar[Model] = Model.CONVEX
+    has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_form(self.form)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return obstacle(problem, self.form)
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_reason(problem, self.form)
 
-    def program(self, problem: ContactProblem) -> ClarabelProgram:
-        """Return the program in the form."""
-        return ClarabelProgram(problem, self.form)
+    def prepare(self, problem: ContactProblem) -> "PreparedConvex":
+        """Set up the program."""
+        self.check_supports(problem)
+        return PreparedConvex(problem, ModelResidual(problem, Model.CONVEX), ClarabelProgram(problem, self.form))
+
+
+@dataclass(frozen=True)
+class PreparedConvex:
+    """The cone program of one problem."""
+
+    problem: ContactProblem
+    residual: ModelResidual = field(repr=False)
+    program: ClarabelProgram = field(repr=False)
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Solve to the judge's residual of the convex model; start and observer are ignored."""
+        if self.residual.infeasible:
+            return infeasible_solution(self.problem)
+        seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)
+        best_residual = self.residual(best, self.problem.free_velocity)
+        if best_residual <= stop.tolerance:
+            return Solution(best, Status.SOLVED, 0)
+        accuracies = _Accuracies(stop.tolerance)
+        for accuracy, is_careful in accuracies:
+            left = stop.max_iterations - iterations
+            velocity, seconds_left = self.problem.free_velocity, stop.max_seconds - seconds
+            result = self.program.run(velocity, accuracy, left, seconds_left, is_careful)
+            seconds += result.seconds
+            iterations += result.iterations
+            if np.isfinite(result.impulses).all():
+                residual = self.residual.judged(self.problem, result.impulses)
+                if residual < best_residual:
+                    best, best_residual = result.impulses, residual
+            if best_residual <= stop.tolerance:
+                return Solution(best, Status.SOLVED, iterations)
+            limit = _LIMITS.get(result.status)
+            if limit is not None or iterations >= stop.max_iterations or seconds >= stop.max_seconds:
+                reason = f"residual {best_residual:.1e} in the convex model"
+                return Solution(best, limit or Status.ITERATION_LIMIT, iterations, reason)
+            accuracies.is_failing = result.status is not ConicStatus.CONVERGED
+        reason = f"residual {best_residual:.1e} at the tightest tolerances of the conic solver"
+        if accuracies.is_failing:
+            reason = f"the conic solver {result.status} at residual {best_residual:.1e}"
+        return Solution(best, Status.STALLED, iterations, reason)
+
+
+class _Accuracies:
+    """The tolerances to try: decreasing ones until the conic solver fails, then all others, then all with care."""
+
+    def __init__(self, tolerance: float) -> None:
+        fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]
+        self._first = fitting[0] if fitting else len(LADDER) - 1
+        self.is_failing = False
+
+    def __iter__(self) -> Iterator[tuple[float, bool]]:
+        tried = set()
+        for accuracy in LADDER[self._first :: STRIDE]:
+            tried.add(accuracy)
+            yield accuracy, False
+            if self.is_failing:
+                break
+        yield from ((accuracy, False) for accuracy in reversed(LADDER) if accuracy not in tried)
+        yield from ((accuracy, True) for accuracy in reversed(LADDER))

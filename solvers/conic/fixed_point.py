@@ -3,25 +3,25 @@
 Coulomb's law is the associated law for the velocity whose normal part is raised by s = μ‖ξ_T‖ (and by μ_r‖ξ_R‖ more
 where there is rolling friction),
 
-    −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact,
+    −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact.
 
-so each outer iteration solves one cone program with c_N + s and takes s from the velocity that results: s ← F(s). The
-plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. Where
-mixing lets the residual rise far above its best value, the pairs are forgotten and the plain iteration goes on.
+Each outer iteration solves one cone program with c_N + s and computes s from the resulting velocity: s ← F(s). The
+plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. Where the
+residual rises far above its best value the acceleration restarts.
 
 F exists where the cone program has a solution, that is on D = {s : some velocity WᵀM⁻¹… + c + s e_N lies in K*}, a
-convex set that holds every s' ≥ s with s. Theory (Acary, Cadoux, Lemaréchal & Malick 2011) has a fixed point where
-0 ∈ D, and the iteration stays in D then. Elsewhere F may lead out of D although there is a fixed point, and even in D
-nothing makes F a contraction. So where it ends without one, a proximal iteration follows (nonsmooth proximal point
-algorithm, Acary, Brémond & Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
+convex set that contains every s' ≥ s with s. If 0 ∈ D a fixed point exists (Acary, Cadoux, Lemaréchal & Malick 2011),
+and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even in D it need not be a
+contraction. Where the iteration fails a proximal iteration follows (nonsmooth proximal point algorithm, Acary, Brémond
+& Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
 
-G + diag(w) is positive definite: the program always has one solution, which depends continuously on (s, Λ). A fixed
-point solves the problem itself; small ε goes far in a step, large ε damps what oscillates.
+G + diag(w) is positive definite: the program has exactly one solution, which depends continuously on (s, Λ). A fixed
+point solves the original problem. Small ε allow long steps, large ε damp oscillations.
 
-Iterates may be corrected by another method (``iteration.correction``), and the iteration goes on from there. No
-decision depends on the tolerance: a solve to a tighter one begins with the same iterates, and ends no worse.
+Another method may correct the iterates (``iteration.correction``), and the iteration continues from the result. No
+decision depends on the tolerance: a solve to a tighter tolerance begins with the same iterates and ends no worse.
 """
 
 from abc import ABC, abstractmethod
@@ -35,57 +35,56 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
-from ..iteration.clock import Clock
 from ..iteration.correction import BeginCorrection, Correction, NoCorrection
-from ..iteration.loop import first_impulses, refuted
+from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_option
-from ..iteration.stopping import ROUNDING
-from .programs import ConicProgram, ConicResult, Ended, largest_curvatures
+from ..iteration.stopping import ROUNDING, Clock, Outcome
+from .programs import ConicProgram, ConicResult, ConicStatus, largest_curvatures
 
-LOOSEST = 1e-8
-"""The largest tolerance of a cone program: its solution has an error of about the root of it."""
+MAX_TOLERANCE = 1e-8
+"""The largest tolerance of a cone program; its solution has an error of about the square root of it."""
 
-TIGHTEST = 1e-13
-"""A conic solver's tolerance below which its factorisations begin to fail."""
+MIN_TOLERANCE = 1e-13
+"""Tolerance below which the factorisations of conic solvers begin to fail."""
 
-INNER = 1e-2
-"""Error that a cone program may have, relative to the best residual so far."""
+INNER_ERROR = 1e-2
+"""Error of the solution of a cone program, relative to the best residual so far."""
 
 LOOSENING = 100.0
-"""Factor on the least tolerance when the conic solver gives up and its result is no progress either."""
+"""Factor of the smallest tolerance when the conic solver gives up without progress."""
 
 PROGRESS = 0.95
 """A residual below this fraction of the best one is progress."""
 
 RISE = 10.0
-"""The pairs of the acceleration are forgotten when the residual exceeds its best value by this factor."""
+"""The acceleration restarts when the residual exceeds its best value by this factor."""
 
 INNER_ITERATIONS = 1_000_000
-"""Limit of iterations of one cone program, which each conic solver lowers to what makes sense for it."""
+"""Iteration limit of one cone program; each conic solver applies its own lower limit."""
 
-JUMP = 0.1
-"""The iteration goes on from a corrected iterate whose residual is below this share of what it was."""
+CORRECTION_SUCCESS = 0.1
+"""The iteration continues from a corrected iterate whose residual is below this fraction of the uncorrected one."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """One way to iterate, with ε (0 for De Saxcé's iteration as it is), for so long without progress."""
+    """A phase of the iteration: ε (0 for De Saxcé's iteration), and its patience in iterations without progress."""
 
     weight: float
     patience: int
 
 
 PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
-"""One after the other; each but the first begins at Λ = 0. The last goes on to the limits, unless nothing moves."""
+"""The phases; all but the first begin at Λ = 0. The last continues to the limits unless nothing changes."""
 
 
 def check_memory(memory: int) -> None:
-    """Raise ``SolverError`` unless ``memory`` is a number of pairs."""
+    """Raise ``SolverError`` unless ``memory`` is a valid number of pairs."""
     check_option("memory", memory, isinstance(memory, int) and memory >= 0, "a whole number, 0 or more")
 
 
 class FixedPointMethod(Method, ABC):
-    """A solver by the fixed point over cone programs, whose iterates may be corrected (``iteration.correction``)."""
+    """A fixed point over cone programs, whose iterates can be corrected (``iteration.correction``)."""
 
     memory: int
 
@@ -94,11 +93,11 @@ class FixedPointMethod(Method, ABC):
         """Return the program of ``problem``, set up once for all outer iterations."""
 
     def prepare(self, problem: ContactProblem) -> "PreparedFixedPoint":
-        """Set the program up."""
+        """Set up the program."""
         return self.prepare_corrected(problem, NoCorrection)
 
     def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> "PreparedFixedPoint":
-        """Do the same; the iterates of each solve are corrected by what ``begin`` returns for it."""
+        """Set up the program; ``begin`` makes the correction of each solve."""
         self.check_supports(problem)
         return PreparedFixedPoint(problem, Residual(problem), self.program(problem), self.memory, begin)
 
@@ -114,22 +113,22 @@ class PreparedFixedPoint:
     correction: BeginCorrection = NoCorrection
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Iterate to the judge's residual; ``iterations`` counts cone programs, and ``start`` gives the first s."""
-        first = first_impulses(self.problem, self.residual, start)
+        """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""
+        first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
-            return refuted(self.problem)
+            return infeasible_solution(self.problem)
         velocity = self.problem.relative_velocity(first)
         shift = np.zeros(self.problem.n_contacts) if start is None else lift(self.problem, velocity)
         outer = _Outer(self, stop, observe, first, self.residual.judged(self.problem, first))
         if outer.lowest <= stop.tolerance:
             return Solution(first, Status.SOLVED, 0)
         for phase in PHASES:
-            ended = outer.follow(phase, shift, first)
-            if ended is not None:
+            outcome = outer.run(phase, shift, first)
+            if outcome is not None:
                 break
             first = np.zeros(self.problem.n_rows)
             shift = lift(self.problem, self.problem.free_velocity)
-        status, reason = ended or (Status.STALLED, outer.stalled)
+        status, reason = outcome or Outcome(Status.STALLED, outer.stalled)
         return Solution(outer.best, status, outer.iteration, reason)
 
 
@@ -143,7 +142,7 @@ def lift(problem: ContactProblem, velocity: FloatArray) -> FloatArray:
     return lifted
 
 
-def raised(problem: ContactProblem, shift: FloatArray) -> FloatArray:
+def shifted_velocity(problem: ContactProblem, shift: FloatArray) -> FloatArray:
     """Return c + s e_N over rows [m/s] from s, shape (n_blocks,)."""
     lanes = problem.layout.pad(problem.free_velocity)
     lanes[:, 0] += shift
@@ -170,8 +169,8 @@ class _Outer:
         self.clock = Clock(self.stop.max_seconds)
         self.correction = self.prepared.correction(self.clock, self.stop.tolerance)
 
-    def follow(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> tuple[Status, str] | None:
-        """Iterate from s and Λ; return status and reason if the solve is over, None if only the phase is."""
+    def run(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> Outcome | None:
+        """Iterate from s and Λ; return the outcome if the solve is over, None if only the phase is over."""
         problem, program, memory = self.prepared.problem, self.prepared.program, self.prepared.memory
         alpha, weight = _alpha(problem), np.zeros(problem.n_rows)
         if phase.weight > 0.0:
@@ -179,69 +178,69 @@ class _Outer:
             program = program.regularised(weight)
         anderson = Anderson(memory)
         self.correction.begin_phase()
-        lowest, floor, waited, previous = 1.0, TIGHTEST, 0, self.best
+        lowest, floor, waited, previous = 1.0, MIN_TOLERANCE, 0, self.best
         while self.iteration < self.stop.max_iterations:
-            accuracy = min(max((INNER * lowest) ** 2, floor), LOOSEST)
-            vector = raised(problem, shift) - weight * impulses
-            result = program.run(vector, accuracy, INNER_ITERATIONS, self.clock.left)
+            accuracy = min(max((INNER_ERROR * lowest) ** 2, floor), MAX_TOLERANCE)
+            vector = shifted_velocity(problem, shift) - weight * impulses
+            result = program.run(vector, accuracy, INNER_ITERATIONS, self.clock.remaining)
             self.iteration, self._inner = self.iteration + 1, self._inner + result.iterations
-            self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver ended with {result.ended}"
-            if result.ended is Ended.UNBOUNDED or not np.isfinite(result.impulses).all():
-                self.stalled = f"the conic solver ended with {result.ended} at residual {self.lowest:.1e}"
-                self._note(self.best, self.lowest)  # an iteration that found nothing is one all the same
-                return self._late(result)
+            self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver {result.status}"
+            if result.status is ConicStatus.UNBOUNDED or not np.isfinite(result.impulses).all():
+                self.stalled = f"the conic solver {result.status} at residual {self.lowest:.1e}"
+                self._record(self.best, self.lowest)  # a failed iteration counts too
+                return self._time_limit(result)
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual.judged(problem, result.impulses)
-            if result.ended is Ended.GAVE_UP and residual > PROGRESS * lowest and floor < LOOSEST:
+            if result.status is ConicStatus.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
                 floor *= LOOSENING
             waited = 0 if residual < PROGRESS * lowest else waited + 1
-            found, reached = self.correction.corrected(result.impulses, residual, waited == phase.patience)
-            self._note(found, reached)
+            found, reached = self.correction.correct(result.impulses, residual, waited == phase.patience)
+            self._record(found, reached)
             if self.lowest <= self.stop.tolerance:
-                return Status.SOLVED, ""
-            late = self._late(result)
+                return Outcome(Status.SOLVED, "")
+            limit = self._time_limit(result)
             is_over = waited >= phase.patience and (phase is not PHASES[-1] or self._repeats(result.impulses, previous))
-            if late is not None or is_over:
-                return late
+            if limit is not None or is_over:
+                return limit
             previous = result.impulses
             lowest = min(lowest, residual)
-            if reached < JUMP * residual:
+            if reached < CORRECTION_SUCCESS * residual:
                 impulses, shift = found, lift(problem, problem.relative_velocity(found))
-                anderson.forget()
+                anderson.restart()
                 continue
             if residual > RISE * lowest:
-                anderson.forget()
+                anderson.restart()
             point, image = [shift], [lift(problem, velocity)]
             if phase.weight > 0.0:
                 point, image = [*point, alpha * impulses], [*image, alpha * result.impulses]
             mixed = anderson.next(np.concatenate(point), np.concatenate(image))
             shift = np.maximum(mixed[: len(shift)], 0.0)
             impulses = mixed[len(shift) :] / alpha if phase.weight > 0.0 else impulses
-        return Status.ITERATION_LIMIT, self._so_far()
+        return Outcome(Status.ITERATION_LIMIT, self._progress())
 
-    def _note(self, impulses: FloatArray, residual: float) -> None:
-        """Keep the best Λ, and show this one."""
+    def _record(self, impulses: FloatArray, residual: float) -> None:
+        """Keep the best Λ, and show this one to the observer."""
         if residual < self.lowest:
             self.best, self.lowest = impulses, residual
         self.clock.show(self.observe, self.iteration, impulses)
 
     def _repeats(self, newest: FloatArray, previous: FloatArray) -> bool:
-        """Whether cone programs repeat their impulses, or rounding is all that the best residual is made of."""
+        """Whether cone programs repeat their impulses, or rounding explains the best residual."""
         repeats = np.abs(newest - previous) <= ROUNDING * np.abs(newest)
         return bool(repeats.all()) or self.lowest <= self.prepared.residual.rounding(self.best)
 
-    def _late(self, result: ConicResult) -> tuple[Status, str] | None:
-        """Return the time limit if it is over, by this clock or by the conic solver's own."""
-        if result.ended is Ended.TIME_LIMIT or self.clock.is_up:
-            return Status.TIME_LIMIT, self._so_far()
+    def _time_limit(self, result: ConicResult) -> Outcome | None:
+        """Return the time limit if it has passed, by this clock or by that of the conic solver."""
+        if result.status is ConicStatus.TIME_LIMIT or self.clock.has_expired:
+            return Outcome(Status.TIME_LIMIT, self._progress())
         return None
 
-    def _so_far(self) -> str:
+    def _progress(self) -> str:
         programs = "cone program" if self.iteration == 1 else "cone programs"
         return f"residual {self.lowest:.1e} after {self.iteration} {programs} of {self._inner} steps"
 
 
 def _alpha(problem: ContactProblem) -> FloatArray:
-    """Return the largest diagonal entry of each row's block of G [1/kg], that of all where it has none."""
+    """Return the largest diagonal entry of each row's block of G [1/kg] or, if that is zero, of all blocks."""
     alpha = problem.layout.unpad(np.repeat(largest_curvatures(problem), problem.layout.width))
     return alpha / row_lengths(problem) ** 2 if problem.layout.rolling else alpha

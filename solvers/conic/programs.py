@@ -6,20 +6,19 @@
 Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N; the dual of both cones together, {ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is
 their sum, for which the factor form has no variables. A bilateral law has K = R, and so ξ = 0 in the dual.
 
-The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ its multipliers; it never
-assembles G. Both take another c as an update of their data, without a new set-up.
+The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ the multipliers; it never
+assembles G. Both accept another c as an update of their data, without a new set-up.
 
 Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
-motion has to give away. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). That leaves D^-½ G D^-½ of
-unit diagonal and a c of size one, whatever the masses and units of the contacts, and scales each cone as a whole, which
-keeps it.
+motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The matrix then has unit diagonal
+and c has size one, for any masses and units of the contacts. Each cone is scaled as a whole and keeps its form.
 
-Either program may be regularised: G + diag(w) stands in the place of G, in factor form W̃ with the rows diag(√w) below.
+Either program may be regularised: G + diag(w) replaces G; in factor form the rows diag(√w) are appended to W̃.
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import clarabel
 import numpy as np
@@ -32,69 +31,58 @@ from ...problems.contact.residual import convex_obstacle
 
 Form = Literal["delassus", "factors"]
 
-MOST_ITERATIONS = 200
-"""Interior point iterations of one solve; Clarabel needs 10 to 30, or makes no progress."""
+MAX_ITERATIONS = 200
+"""Limit of interior point iterations of one run; Clarabel needs 10 to 30, or makes no progress."""
 
-REFINEMENTS = 50
-"""Most refinements of one linear solve where Clarabel is to be careful, as long as each halves the error."""
+MAX_REFINEMENTS = 50
+"""Most refinements of one linear solve in a careful run, as long as each halves the error."""
 
-FINEST = 1e-15
-"""The error at which they end."""
+REFINEMENT_TOLERANCE = 1e-15
+"""The error at which refinements end."""
 
 
-class Ended(StrEnum):
+class ConicStatus(StrEnum):
     """How one run of a conic solver ended."""
 
-    CONVERGED = "its tolerances reached"
-    NEARLY = "its tolerances nearly reached"
-    ITERATION_LIMIT = "its iteration limit"
-    TIME_LIMIT = "its time limit"
-    UNBOUNDED = "a ray along which the energy falls for ever"
-    GAVE_UP = "no further progress"
+    CONVERGED = "converged"
+    NEARLY = "nearly converged"
+    ITERATION_LIMIT = "reached its iteration limit"
+    TIME_LIMIT = "reached its time limit"
+    UNBOUNDED = "found an unbounded energy"
+    GAVE_UP = "made no further progress"
 
 
 @dataclass(frozen=True, eq=False)
 class ConicResult:
-    """What one run of a conic solver gave.
+    """The result of one run of a conic solver.
 
     Attributes:
         impulses: Λ [N s], shape (n_rows,); NaN if there are none.
         iterations: its iterations.
         seconds: its time [s].
-        ended: how it ended.
+        status: how the run ended.
     """
 
     impulses: FloatArray
     iterations: int
     seconds: float
-    ended: Ended
+    status: ConicStatus
 
 
 class ConicProgram(Protocol):
-    """A cone program that has been set up.
+    """A cone program that has been set up."""
 
-    Attributes:
-        can_be_careful: whether ``run`` heeds ``is_careful``.
-    """
-
-    can_be_careful: ClassVar[bool]
-
-    def run(
-        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
-    ) -> ConicResult:
-        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``.
-
-        ``is_careful`` is for more accurate linear algebra, where the conic solver has any.
-        """
+    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``."""
         ...
 
     def regularised(self, weight: FloatArray) -> "ConicProgram":
-        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), for G: a new set-up."""
+        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), in place of G; needs a new set-up."""
         ...
 
 
-def obstacle(problem: ContactProblem, form: Form) -> str | None:
-    """Say why the cone program of ``problem`` does not exist in ``form``, or None."""
+def unsupported_reason(problem: ContactProblem, form: Form) -> str | None:
+    """Return why ``problem`` has no cone program in ``form``, or None."""
     if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:
         return "G is not symmetric, so the convex model has no energy to minimise"
     reason = convex_obstacle(problem)
@@ -103,17 +91,17 @@ def obstacle(problem: ContactProblem, form: Form) -> str | None:
     if problem.factors is None:
         return "the problem holds G only, and this form needs the factors W and M⁻¹"
     if problem.layout.rolling:
-        return "it has rolling friction, whose dual is no second-order cone; form='delassus' takes it"
+        return "it has rolling friction, whose dual is no second-order cone; use form='delassus'"
     if (problem.laws.fixed_bound > 0.0).any():
         law = int(np.argmax(problem.laws.fixed_bound > 0.0))
-        return f"friction law {law} has a fixed bound, whose dual is no cone; form='delassus' takes it"
+        return f"friction law {law} has a fixed bound, whose dual is no cone; use form='delassus'"
     return None
 
 
 def largest_curvatures(problem: ContactProblem) -> FloatArray:
-    """Return α of each block [1/kg], its largest diagonal entry of G, that of all where it has none; (n_blocks,).
+    """Return α of each block [1/kg], its largest diagonal entry of G or, if that is zero, that of all; (n_blocks,).
 
-    Rolling rows count in the lengths ℓ of their laws (``residual``), here and in all units.
+    Rolling rows are scaled by the lengths ℓ of their laws (``residual``), here and in all units.
     """
     diagonal = problem.delassus_diagonal
     if problem.layout.rolling:
@@ -123,14 +111,14 @@ def largest_curvatures(problem: ContactProblem) -> FloatArray:
 
 
 class Scaling:
-    """Units of energy and impulse, and the row of each lane of each block (−1 for none).
+    """Units of energy and impulse, and the rows of the blocks.
 
     Attributes:
         energy: e [J].
         block_impulse: unit of the impulses of each block [N s], shape (n_blocks,).
         block_moment: unit of their rolling impulses [N m s], shape (n_blocks,).
         impulse: unit of each row's impulse, shape (n_rows,).
-        lanes: row of each lane of each block, shape (n_blocks, width).
+        lanes: row of each lane of each block, −1 if none, shape (n_blocks, width).
     """
 
     def __init__(self, problem: ContactProblem) -> None:
@@ -151,9 +139,7 @@ class Scaling:
 
 
 class ClarabelProgram:
-    """The program of ``problem`` in one of both forms, regularised by ``weight`` [1/kg], shape (n_rows,), if given."""
-
-    can_be_careful: ClassVar[bool] = True
+    """The program of ``problem`` in one of the two forms, optionally regularised by w [1/kg], shape (n_rows,)."""
 
     def __init__(self, problem: ContactProblem, form: Form, weight: FloatArray | None = None) -> None:
         self._problem, self._form, self._scaling = problem, form, Scaling(problem)
@@ -163,7 +149,7 @@ class ClarabelProgram:
     def run(
         self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
     ) -> ConicResult:
-        """See ``ConicProgram``."""
+        """See ``ConicProgram``; a careful run has more accurate linear algebra."""
         rows, is_dual = self._rows, self._form == "factors"
         linear = self._factor * (velocity * (self._scaling.impulse / self._scaling.energy))[rows]
         settings = _settings(accuracy, iterations, seconds, is_careful)
@@ -171,7 +157,8 @@ class ClarabelProgram:
         result = self._solver.solve()
         impulses = np.zeros(self._problem.n_rows)
         impulses[rows] = self._scaling.impulse[rows] * self._factor * np.asarray(result.z if is_dual else result.x)
-        return ConicResult(impulses, result.iterations, result.solve_time, _ENDED.get(result.status, Ended.GAVE_UP))
+        status = _STATUSES.get(result.status, ConicStatus.GAVE_UP)
+        return ConicResult(impulses, result.iterations, result.solve_time, status)
 
     def regularised(self, weight: FloatArray) -> "ClarabelProgram":
         """See ``ConicProgram``."""
@@ -189,7 +176,7 @@ def _over_impulses(problem: ContactProblem, scaling: Scaling, weight: FloatArray
 def _over_velocities(
     problem: ContactProblem, scaling: Scaling, weight: FloatArray | None
 ) -> tuple[Any, Any, FloatArray]:
-    """Return the solver of the factor form, the rows that are in its cones, and a factor for each."""
+    """Return the solver of the factor form, the rows in its cones, and a factor for each row."""
     assert problem.factors is not None
     rows, factor, cones = _dual_cones(problem, scaling)
     scaled = problem.factors.scaled_directions
@@ -202,16 +189,16 @@ def _over_velocities(
     return solver, rows, factor
 
 
-_ENDED = {
-    clarabel.SolverStatus.Solved: Ended.CONVERGED,
-    clarabel.SolverStatus.AlmostSolved: Ended.NEARLY,
-    clarabel.SolverStatus.MaxIterations: Ended.ITERATION_LIMIT,
-    clarabel.SolverStatus.MaxTime: Ended.TIME_LIMIT,
-    # each form is the other's dual
-    clarabel.SolverStatus.PrimalInfeasible: Ended.UNBOUNDED,
-    clarabel.SolverStatus.AlmostPrimalInfeasible: Ended.UNBOUNDED,
-    clarabel.SolverStatus.DualInfeasible: Ended.UNBOUNDED,
-    clarabel.SolverStatus.AlmostDualInfeasible: Ended.UNBOUNDED,
+_STATUSES = {
+    clarabel.SolverStatus.Solved: ConicStatus.CONVERGED,
+    clarabel.SolverStatus.AlmostSolved: ConicStatus.NEARLY,
+    clarabel.SolverStatus.MaxIterations: ConicStatus.ITERATION_LIMIT,
+    clarabel.SolverStatus.MaxTime: ConicStatus.TIME_LIMIT,
+    # the forms are dual to each other
+    clarabel.SolverStatus.PrimalInfeasible: ConicStatus.UNBOUNDED,
+    clarabel.SolverStatus.AlmostPrimalInfeasible: ConicStatus.UNBOUNDED,
+    clarabel.SolverStatus.DualInfeasible: ConicStatus.UNBOUNDED,
+    clarabel.SolverStatus.AlmostDualInfeasible: ConicStatus.UNBOUNDED,
 }
 
 
@@ -219,28 +206,28 @@ def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
-    settings.presolve_enable = False  # data updates need it off
+    settings.presolve_enable = False  # required by data updates
     if is_careful:
-        settings.iterative_refinement_max_iter = REFINEMENTS
-        settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = FINEST
+        settings.iterative_refinement_max_iter = MAX_REFINEMENTS
+        settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = REFINEMENT_TOLERANCE
         settings.iterative_refinement_stop_ratio = 2.0
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = accuracy
-    settings.max_iter = max(1, min(MOST_ITERATIONS, iterations))
+    settings.max_iter = max(1, min(MAX_ITERATIONS, iterations))
     settings.time_limit = max(seconds, 1e-3)
     return settings
 
 
 def _solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatArray, cones: list[Any]) -> Any:
     upper = sp.csc_matrix(sp.triu(quadratic, format="csc"))
-    settings = _settings(1e-8, MOST_ITERATIONS, 60.0)
+    settings = _settings(1e-8, MAX_ITERATIONS, 60.0)
     return clarabel.DefaultSolver(upper, linear, sp.csc_matrix(constraints), bounds, cones, settings)
 
 
 def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
-    Λ_N ≥ 0 is implied by ‖Λ_T‖ ≤ μ Λ_N and is written out only where no cone says it; friction without any bound to
-    speak of (a = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
+    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, which is a constraint of its own only without such a cone. Friction with zero bound
+    (a = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
     """
     layout = problem.layout
     rows, columns, values = [], [], []
@@ -258,10 +245,10 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
 
     parts = friction_parts(problem, scaling)
     for block in range(layout.n_blocks):
-        normal, says_normal = int(scaling.lanes[block, 0]), bool(layout.is_bilateral[block])
+        normal, implies_normal = int(scaling.lanes[block, 0]), bool(layout.is_bilateral[block])
         for lanes, coefficients, bounds_of_blocks in parts:
-            says_normal |= coefficients[block] > 0.0 and bounds_of_blocks[block] == 0.0 and lanes[block].max() >= 0
-        if normal >= 0 and not says_normal:
+            implies_normal |= coefficients[block] > 0.0 and bounds_of_blocks[block] == 0.0 and lanes[block].max() >= 0
+        if normal >= 0 and not implies_normal:
             add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
         for lanes, coefficients, bounds_of_blocks in parts:
             held = [int(row) for row in lanes[block] if row >= 0]
@@ -292,9 +279,9 @@ def friction_parts(problem: ContactProblem, scaling: Scaling) -> list[tuple[Any,
 
 
 def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
-    """Return rows, a factor for each, and the cones in which (factor · ξ)[rows] lies: (ξ_N/μ, ξ_T), ξ_N alone, or 0.
+    """Return rows, a factor for each row, and the cones of (factor · ξ)[rows]: (ξ_N/μ, ξ_T), ξ_N alone, or 0.
 
-    A row that is in no cone has no impulse: friction with μ = 0.
+    Rows of friction with μ = 0 are in no cone and have no impulse.
     """
     layout = problem.layout
     rows: list[int] = []

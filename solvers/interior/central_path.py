@@ -1,19 +1,18 @@
 """CentralPath: the central path of exact Coulomb friction, followed by power series through its turns.
 
-For fixed s the path r∘û = τ e, û = Ĝr + ĉ + s e_N is that of a convex program, one for each τ. With s = ‖û_T‖ it is a
-curve that may turn back in τ before it goes down again: there Newton's method towards a smaller τ has nothing to
-converge to, and stands still. So the path is followed by its arc length, in which a turn is nothing special:
+For fixed s the path r∘û = τ e, û = Ĝr + ĉ + s e_N is that of a convex program, one point for each τ. With s = ‖û_T‖ it
+is a curve along which τ may increase before it decreases again. At such a turn Newton's method towards a smaller τ has
+no solution to converge to, and stagnates. The path is therefore followed by arc length, for which turns are regular:
 
-    1. On the manifold r∘û = τ e (``smoothing``) Newton's method brings R_p below κτ, along the plane across the path.
-    2. One factorisation gives tangent and power series (``power_series``). Their range is where the last order has
+    1. On the manifold r∘û = τ e (``smoothing``) Newton's method reduces R_p below κτ, in the plane normal to the path.
+    2. One factorisation gives tangent and power series (``power_series``). Their range ends where the last order has
        grown to ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
-    3. From there again, until the judged residual reaches the tolerance.
+    3. The steps repeat from there, until the residual reaches the tolerance.
 
-τ is free to rise. Along the whole path det (Ĝ + D) has one sign where τ falls and the other where it rises (Allgower &
-Georg, *Introduction to Numerical Continuation Methods*, 2003, chapter 2). So each point says by itself which way goes
-on; the angle to the tangent before does not where the path bends sharply, and led back along what was followed already.
-Where the answer is strictly complementary the path is analytic at τ = 0 and its end comes fast; where it is not, the
-residual goes down like √τ.
+Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
+*Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
+The angle to the previous tangent would lead back where the path bends sharply. Where the solution is strictly
+complementary the path is analytic at τ = 0 and converges fast; elsewhere the residual decreases like √τ.
 """
 
 from dataclasses import dataclass, field
@@ -25,21 +24,21 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.loop import refuted
+from ..iteration.loop import infeasible_solution
 from ..iteration.method import check_form, check_option
 from .followed_path import FollowedPath
-from .interior_point import NewtonSystem, form_obstacle, newton_system
+from .interior_point import NewtonSystem, newton_system, unsupported_form
 from .progress import Progress
-from .runs import HARDLY, InRuns, PreparedRuns
+from .runs import NEGLIGIBLE_STEP, InteriorMethod, PreparedRuns
 from .scaled_problem import ScaledProblem
 
 
 @dataclass(frozen=True)
-class CentralPath(InRuns):
-    """The central path followed by arc length; one iteration is one factorisation.
+class CentralPath(InteriorMethod):
+    """The central path, followed by arc length; one iteration is one factorisation.
 
     Attributes:
-        order: of the power series, 2 or more.
+        order: order of the power series, 2 to 50.
         form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
 
     Raises:
@@ -54,15 +53,15 @@ class CentralPath(InRuns):
         check_form(self.form)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
+        """Return why the solver cannot solve ``problem``, or None."""
         if problem.laws.is_rolling.any():
-            return "it has rolling friction, and this path is that of contacts with one cone each"
+            return "it has rolling friction, and the path exists only for contacts with one cone each"
         layout = problem.layout
         remote = np.flatnonzero((layout.partner != np.arange(layout.n_blocks)) & (layout.friction_coefficient > 0.0))
         if len(remote):
             law = int(layout.friction_law[remote[0]])
-            return f"friction law {law} is bounded by a unilateral law that it does not follow"
-        return form_obstacle(problem, self.form)
+            return f"friction law {law} is bounded by the unilateral law of another contact"
+        return unsupported_form(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedPath":
         """Scale the problem, assemble what the form needs, and order the factorisation."""
@@ -90,22 +89,22 @@ class PreparedPath(PreparedRuns):
     def run(self, progress: Progress) -> None:
         """Follow the path until the progress has ended."""
         path = self.path(progress)
-        path.begin(progress.best)
+        path.find(progress.best)
         path.follow()
 
     def path(self, progress: Progress) -> FollowedPath:
-        """Return the path, which is not found yet."""
+        """Return the path; its first point is not known yet."""
         return FollowedPath(self.scaled, self.system, self.order, progress)
 
 
 @dataclass(eq=False)
-class PathInTurns:
-    """One path that several solves follow, each on from where the one before was left, once it has been found.
+class ResumablePath:
+    """A path that several solves follow, each from where the previous one stopped.
 
     Attributes:
-        method: whose path it is.
-        problem: the problem, which is prepared when the first solve begins.
-        has_ended: whether it leads no further.
+        method: the method of the path.
+        problem: the problem; the first solve prepares it.
+        has_ended: whether the path cannot be followed further.
     """
 
     method: CentralPath
@@ -115,13 +114,13 @@ class PathInTurns:
     _path: FollowedPath | None = field(default=None, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Go on along the path; it is looked for from ``start`` until it is found; see ``Prepared.solve``."""
+        """Continue along the path, whose first point is searched from ``start``; see ``Prepared.solve``."""
         self._prepared = self._prepared or self.method.prepare(self.problem)
-        progress = self._prepared.begun(stop, start, observe, HARDLY)
+        progress = self._prepared.begin(stop, start, observe, NEGLIGIBLE_STEP)
         if progress is None:
             self.has_ended = True
-            return refuted(self.problem)
+            return infeasible_solution(self.problem)
         self._path = self._path or self._prepared.path(progress)
-        self._path.go_on(progress)
-        self.has_ended = progress.ended is None or progress.ended[0] is not Status.ITERATION_LIMIT
+        self._path.resume(progress)
+        self.has_ended = progress.outcome is None or progress.outcome[0] is not Status.ITERATION_LIMIT
         return progress.solution()

@@ -18,13 +18,13 @@ import numpy as np
 from numba import njit
 
 IDLE, JOINT, NORMAL, CONE, DISC, BOTH = 0, 1, 2, 3, 4, 5
-"""The kinds, in numbers that kernels compare; an idle one bears no impulse."""
+"""The kinds of cones, as numbers for kernels; an idle cone has no impulse."""
 
 INSIDE = 1e-15
-"""How far inside the boundary of a cone iterates are kept, relative to their size."""
+"""Smallest distance of iterates from the boundary of a cone, relative to their size."""
 
 SOFTNESS = 1e-9
-"""What D holds for a joint, beside 1 in Ĝ, so that a step exists for joints that say the same thing twice."""
+"""Entry of D for a joint, relative to 1 in Ĝ, so that steps exist for redundant joints."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -51,7 +51,7 @@ def determinant(x):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
-    """Return the least t > 0 for which x + t(d₀, d̄) is on the boundary of the cone, x inside; inf if there is none."""
+    """Return the smallest t > 0 with x + t(d₀, d̄) on the boundary of the cone, for x inside; inf if there is none."""
     length = tangential_length(d)
     a, half_b = (d0 - length) * (d0 + length), x[0] * d0 - dot_tangential(x, d)
     c, least = determinant(x), np.inf
@@ -91,7 +91,7 @@ def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
 def linearise_plainly(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
     """Write D₀ = L(p)⁻¹ L(q) and x₀ = L(p)⁻¹ (στ e − p∘q − dp_a∘dq_a) of each cone.
 
-    ``target`` is στ, ``second`` the product of the predictor's steps: the cone's lanes, then the normal's.
+    ``target`` is στ, ``second`` the product of the predictor steps: the lanes of the cone, then the normal.
     """
     width = p.shape[1]
     for i in range(len(kind)):
@@ -116,9 +116,9 @@ def linearise_plainly(kind, p, q, target, second, matrices, shifts):  # type: ig
 
 @njit(cache=True, error_model="numpy")
 def linearise_by_nesterov_todd(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
-    """Write D₀ = Q_w⁻¹ with Q_w q = p (Nesterov & Todd 1997) and x₀ = στ p⁻¹ − q of each cone; as above.
+    """Write D₀ = Q_w⁻¹ with Q_w q = p (Nesterov & Todd 1997) and x₀ = στ p⁻¹ − q of each cone.
 
-    D₀ is symmetric here. The second-order term is left out.
+    D₀ is symmetric. There is no second-order term.
     """
     width = p.shape[1]
     for i in range(len(kind)):
@@ -146,8 +146,8 @@ def linearise_by_nesterov_todd(kind, p, q, target, second, matrices, shifts):  #
 def couple(kind, friction, share, r, u, matrices, shifts, target, second, coupled, right):  # type: ignore[no-untyped-def]
     """Write D and the right side x of (Ĝ + D) dr = x + …, from D₀ and x₀ of the cones.
 
-    Of De Saxcé's term the ``share`` z enters: D = (I − zZ) D₀, x = (I − zZ) x₀, Z = e_N ζᵀ, ζ = û_T/‖û_T‖; of a moving
-    bound the same share of its change, z μ dr_N.
+    The ``share`` z of De Saxcé's term enters: D = (I − zZ) D₀, x = (I − zZ) x₀, Z = e_N ζᵀ, ζ = û_T/‖û_T‖; for a
+    variable bound the same share of its change, z μ dr_N.
     """
     width = r.shape[1]
     for i in range(len(kind)):
@@ -184,7 +184,7 @@ def couple(kind, friction, share, r, u, matrices, shifts, target, second, couple
 def follow(  # type: ignore[no-untyped-def]
     kind, friction, share, u, matrices, shifts, coupled, right, lag, dr, du, ds
 ):
-    """Write dû and ds that belong to dr; ``lag`` is s − ‖û_T‖, which ds takes away."""
+    """Write dû and ds for dr; ``lag`` is s − ‖û_T‖, which ds removes."""
     width = u.shape[1]
     for i in range(len(kind)):
         du[i] = 0.0
@@ -213,7 +213,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def longest_steps(kind, friction, p, q, r, u, dr, du, ds, longest):  # type: ignore[no-untyped-def]
-    """Write how far each cone's impulse and velocity can go before they meet a boundary; return the least."""
+    """Write the longest step of each cone within its boundaries; return the smallest."""
     least = np.inf
     for i in range(len(kind)):
         t = np.inf
@@ -267,7 +267,7 @@ def write_second_order(kind, friction, dr, du, ds, second):  # type: ignore[no-u
 
 @njit(cache=True, error_model="numpy")
 def keep_inside(kind, bound, r, u, slack):  # type: ignore[no-untyped-def]
-    """Move what rounding has left on a boundary, or beyond it, back inside."""
+    """Move iterates that rounding has put on or beyond a boundary back inside."""
     least = 1e-300
     for i in range(len(kind)):
         length_r, length_u = tangential_length(r[i]), tangential_length(u[i])

@@ -1,4 +1,4 @@
-"""InteriorPoint: Newton's method inside the friction cones, with De Saxcé's term among the unknowns.
+"""InteriorPoint: Newton's method inside the friction cones, with De Saxcé's term as an unknown.
 
 With u = ξ + μ‖ξ_T‖ e_N of every contact Coulomb's law is K_μ ∋ Λ ⟂ u ∈ K_μ* (De Saxcé & Feng 1998). In the units of
 ``scaled_problem`` both cones are the second-order cone, and with s = ‖û_T‖ as an unknown of its own
@@ -6,12 +6,12 @@ With u = ξ + μ‖ξ_T‖ e_N of every contact Coulomb's law is K_μ ∋ Λ ⟂
     R_p = û − Ĝr − ĉ − s e_N = 0,      R_s = s − ‖û_T‖ = 0,      r ∘ û = τ e,      τ → 0
 
 (Acary, Armand, Nguyen & Shpakovych, Optimization Methods and Software 39(3), 2024). For fixed s this is the central
-path of a convex cone program. One factorisation of Ĝ + D, D block diagonal (``cones``), serves both parts of a step:
+path of a convex cone program. Both parts of a step share one factorisation of Ĝ + D, D block diagonal (``cones``):
 
     affine      towards τ = 0, with the step length α_a that the cones allow and τ_a at its end
     combined    towards στ, σ = σ₀ min(1, (τ_a/τ)^β), β = max(1, 3α_a²), with Mehrotra's second-order term if σ < ¼
 
-and where ‖R_s‖ > ‖r∘û‖ the step is one towards σ₀τ alone. One length holds for all contacts.
+Where ‖R_s‖ > ‖r∘û‖ there is a single step towards σ₀τ. All contacts have the same step length.
 """
 
 from dataclasses import dataclass, field
@@ -25,9 +25,9 @@ from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Status
 from ..iteration.method import check_form, check_option
 from . import cones
-from .damping import SHARES, Damping, Share
+from .damping import SHARES, Damping
 from .progress import Progress
-from .runs import InRuns, PreparedRuns
+from .runs import InteriorMethod, PreparedRuns
 from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
 from .smoothing import on_manifold
 from .systems.body_system import BodySystem
@@ -36,29 +36,29 @@ from .systems.delassus_system import REFINEMENTS, DelassusSystem
 Scaling = Literal["plain", "nesterov_todd"]
 
 LINEARISATIONS = {"plain": cones.linearise_plainly, "nesterov_todd": cones.linearise_by_nesterov_todd}
-"""How complementarity is linearised, by name."""
+"""Linearisations of complementarity, by name."""
 
 START, START_TANGENT = 1.0, 0.1
-"""r_N = û_N and r_T = û_T of every contact at a cold start, in scaled units."""
+"""r_N = û_N and r_T = û_T of each contact at a cold start, in scaled units."""
 
 CENTRING = 0.499
 """σ₀, the largest σ."""
 
 SECOND_ORDER = 0.25
-"""Mehrotra's term is used below this σ."""
+"""Mehrotra's second-order term is used below this σ."""
 
-LEAST_FRACTION, FURTHER_FRACTION = 0.9, 0.09
-"""The fraction of the way to the boundary that a step goes is the first, plus the second times the last length."""
+BASE_FRACTION, FURTHER_FRACTION = 0.9, 0.09
+"""Fraction of the distance to the boundary that a step goes: the first, plus the second times the last length."""
 
-NEAR = 1e-5
-"""The residual from which on directions are refined: before, they need no more digits than a factorisation has."""
+REFINED_RESIDUAL = 1e-5
+"""Residual below which directions are refined; above it the digits of a factorisation are enough."""
 
-WARM_SHARE, LEAST_WARM, LARGEST_WARM = 0.1, 1e-8, 0.5
-"""A warm start begins at τ = share × its residual, at least and at most the others."""
+WARM_SHARE, MIN_WARM_TAU, MAX_WARM_TAU = 0.1, 1e-8, 0.5
+"""A warm start begins at τ = share × its residual, within these limits."""
 
 
 class NewtonSystem(Protocol):
-    """Ĝ of one problem, and what solves (Ĝ + D) dr = b."""
+    """Ĝ of one problem, and the solution of (Ĝ + D) dr = b."""
 
     @property
     def flops(self) -> float:
@@ -66,11 +66,11 @@ class NewtonSystem(Protocol):
         ...
 
     def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r, shape (m, w), for r of that shape, m cones with w lanes each."""
+        """Return Ĝ r for r, both of shape (m, w): m cones with w lanes each."""
         ...
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise for D of shape (m, w, w); False if there is no inverse."""
+        """Factorise for D of shape (m, w, w); return False if the matrix is singular."""
         ...
 
     def determinant_sign(self) -> float:
@@ -83,14 +83,14 @@ class NewtonSystem(Protocol):
 
 
 @dataclass(frozen=True)
-class InteriorPoint(InRuns):
+class InteriorPoint(InteriorMethod):
     """A primal-dual interior point method for exact Coulomb friction; one iteration is one Newton step.
 
     Attributes:
         scaling: linearise complementarity "plain", or in the metric of "nesterov_todd".
         damping: of De Saxcé's term in the matrix: "none", "global" or by "contact", see ``damping``.
-        formulation: "de_saxce" puts contact and friction into one cone, with the velocity lifted by s; "bounded" keeps
-            them apart, a disc of the radius a + μΛ_N. Laws with a fixed bound are of the second form always.
+        formulation: "de_saxce" combines contact and friction in one cone, with the velocity lifted by s; "bounded"
+            separates them, with a disc of radius a + μΛ_N. Laws with a fixed bound always have the second form.
         form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
 
     Raises:
@@ -110,8 +110,8 @@ class InteriorPoint(InRuns):
         check_form(self.form)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return form_obstacle(problem, self.form)
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_form(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorPoint":
         """Scale the problem, assemble what the form needs, and order the factorisation."""
@@ -121,10 +121,10 @@ class InteriorPoint(InRuns):
         return PreparedInteriorPoint(problem, residual, scaled, newton_system(problem, scaled, self.form), self)
 
 
-def form_obstacle(problem: ContactProblem, form: str) -> str | None:
-    """Say why the systems of ``problem`` cannot be of this form, or None."""
+def unsupported_form(problem: ContactProblem, form: str) -> str | None:
+    """Return why the Newton systems of ``problem`` cannot have this form, or None."""
     if form == "factors" and problem.factors is None:
-        return "the problem holds G only, and this form factorises over the bodies of W and M⁻¹"
+        return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"
     return None
 
 
@@ -149,11 +149,11 @@ class PreparedInteriorPoint(PreparedRuns):
         return self.system.flops
 
     def run(self, progress: Progress) -> None:
-        """Step until the progress has ended."""
+        """Do Newton steps until the progress has ended."""
         iterate = _Iterate(self, progress.best, progress.best_residual)
-        while progress.ended is None:
+        while progress.outcome is None:
             iterate.step(progress)
-            progress.look_for_gain()
+            progress.check_gain()
 
 
 class _Iterate:
@@ -164,14 +164,14 @@ class _Iterate:
         self._linearise = LINEARISATIONS[prepared.method.scaling]
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
-        self._share: Share = SHARES[prepared.method.damping](n)
+        self._share = SHARES[prepared.method.damping](n)
         self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))
         self._p, self._q, self._right = np.empty((n, width)), np.empty((n, width)), np.empty((n, width))
         self._du, self._ds, self._longest = np.empty((n, width)), np.empty(n), np.empty(n)
         if np.any(first):
-            tau = float(np.clip(WARM_SHARE * residual, LEAST_WARM, LARGEST_WARM))
+            tau = float(np.clip(WARM_SHARE * residual, MIN_WARM_TAU, MAX_WARM_TAU))
             r, u = self._scaled.of_impulses(first)
             bound = self._scaled.bounds(np.maximum(r, 0.0))
             fixed = np.maximum(bound - self._friction * np.maximum(r[:, 0], 0.0), tau)
@@ -205,27 +205,27 @@ class _Iterate:
         self._primal = self._u - self._system.times(self._r) - scaled.free_velocity
         self._primal[:, 0] += np.where(scaled.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
         self._values = np.where(scaled.is_remote, 0.0, self._share.values)
-        self._refinements = REFINEMENTS if progress.best_residual <= NEAR else 0
-        found = self._combined(tau, bool(np.linalg.norm(self._lag) > norm), progress)
+        self._refinements = REFINEMENTS if progress.best_residual <= REFINED_RESIDUAL else 0
+        found = self._combined_step(tau, bool(np.linalg.norm(self._lag) > norm), progress)
         if found is None:
             return
         longest = self._longest_step(found)
-        self._part = min(1.0, (LEAST_FRACTION + FURTHER_FRACTION * self._part) * longest)
+        self._part = min(1.0, (BASE_FRACTION + FURTHER_FRACTION * self._part) * longest)
         self._r, self._u = self._r + self._part * found, self._u + self._part * self._du
         self._s = self._s + self._part * self._ds
         self._keep_inside()
-        self._share.note(self._part, self._longest)
-        progress.arrive(*scaled.judged(self._r), self._part)
-        progress.look_for_proof(self._r)
+        self._share.record(self._part, self._longest)
+        progress.record(*scaled.judged(self._r), self._part)
+        progress.check_feasibility(self._r)
 
-    def _combined(self, tau: float, lags: bool, progress: Progress) -> FloatArray | None:
-        """Return dr of the combined step, its dû and ds left behind; None where there is none."""
+    def _combined_step(self, tau: float, lags: bool, progress: Progress) -> FloatArray | None:
+        """Return dr of the combined step and store dû and ds; None if the system is singular."""
         self._second[:] = 0.0
         sigma = CENTRING
         self._complete(CENTRING * tau if lags else 0.0)
-        if not progress.factorised(lambda: self._system.factorise(self._coupled)):
+        if not progress.factorise(lambda: self._system.factorise(self._coupled)):
             return None
-        found = self._solved()
+        found = self._solve()
         if not lags and np.isfinite(found).all():
             part = min(1.0, self._longest_step(found))
             reached = self._tau_at(found, part)
@@ -234,7 +234,7 @@ class _Iterate:
             if sigma < SECOND_ORDER:
                 cones.write_second_order(self._kind, self._friction, found, self._du, self._ds, self._second)
             self._complete(sigma * tau)
-            found = self._solved()
+            found = self._solve()
         if not (np.isfinite(found).all() and np.isfinite(self._du).all()):
             progress.end(Status.STALLED, f"the Newton system is singular at residual {progress.best_residual:.1e}")
             return None
@@ -257,8 +257,8 @@ class _Iterate:
             self._right,
         )
 
-    def _solved(self) -> FloatArray:
-        """Return dr of the linearised equations, and leave dû and ds behind."""
+    def _solve(self) -> FloatArray:
+        """Return dr of the linearised equations, and store dû and ds."""
         uses = self._scaled.uses
         right = np.where(uses, self._right + self._primal, 0.0)
         found = np.where(uses, self._system.solve(right, self._refinements), 0.0)
@@ -281,16 +281,7 @@ class _Iterate:
     def _longest_step(self, dr: FloatArray) -> float:
         return float(
             cones.longest_steps(
-                self._kind,
-                self._friction,
-                self._p,
-                self._q,
-                self._r,
-                self._u,
-                dr,
-                self._du,
-                self._ds,
-                self._longest,
+                self._kind, self._friction, self._p, self._q, self._r, self._u, dr, self._du, self._ds, self._longest
             )
         )
 

@@ -1,12 +1,12 @@
-"""Where the lanes of cones stand in the blocks of a problem.
+"""Positions of the lanes of cones in the blocks of a problem.
 
-A block has the lanes N, T, R (``problems.contact.blocks``). Its first cone has N and T; a contact that resists rolling
-has a second one, with R and a copy of N. One impulse Λ_N for both is one velocity split into two,
+A block has the lanes N, T, R (``problems.contact.blocks``). Its first cone has N and T; a contact with rolling friction
+has a second cone, with R and a copy of N. A common impulse Λ_N splits the velocity into two parts,
 
-    r_N of both = r_N of the block,      û_N¹ + û_N² = û_N of the block,
+    r_N of both = r_N of the block,      û_N¹ + û_N² = û_N of the block.
 
-so that impulses are copied from blocks to cones, velocities summed from cones to blocks, and D of a block is the sum of
-those of its cones: nothing of the splitting is left in a Newton system.
+Impulses are copied from blocks to cones, velocities are summed from cones to blocks, and D of a block is the sum of D
+of its cones. A Newton system does not contain the splitting.
 """
 
 from typing import Protocol
@@ -29,32 +29,32 @@ class Lanes(Protocol):
     block: IntArray
 
     def from_block(self, blocks: FloatArray) -> FloatArray:
-        """Return impulses of cones, shape (m, w), of those of blocks: Λ_N goes to both."""
+        """Return impulses of cones, shape (m, w), from those of blocks; both cones get Λ_N."""
         ...
 
     def once_from_block(self, blocks: FloatArray) -> FloatArray:
-        """Return velocities of cones, shape (m, w), of those of blocks: all of ξ_N goes to the first."""
+        """Return velocities of cones, shape (m, w), from those of blocks; the first cone gets all of ξ_N."""
         ...
 
     def to_block(self, cones: FloatArray) -> FloatArray:
-        """Return impulses of blocks, shape (n, width), of those of cones, whose Λ_N agree."""
+        """Return impulses of blocks, shape (n, width), from those of cones, whose Λ_N agree."""
         ...
 
     def sum_to_block(self, cones: FloatArray) -> FloatArray:
-        """Return velocities of blocks, shape (n, width), of those of cones."""
+        """Return velocities of blocks, shape (n, width), from those of cones."""
         ...
 
     def matrices_to_block(self, cones: FloatArray) -> FloatArray:
-        """Return D of blocks, shape (n, width, width), of those of cones, shape (m, w, w)."""
+        """Return D of blocks, shape (n, width, width), from D of cones, shape (m, w, w)."""
         ...
 
     def agree(self, impulses: FloatArray) -> None:
-        """Let Λ_N of both cones be the larger one, in place, shape (m, w)."""
+        """Set Λ_N of both cones of a block to the larger one, in place, shape (m, w)."""
         ...
 
 
 class ContactLanes:
-    """One cone for each block: the lanes of both are the same, up to lanes of zeros."""
+    """One cone per block, with the lanes of the block, padded by zeros."""
 
     width = 3
 
@@ -91,7 +91,7 @@ class ContactLanes:
 
 
 class RollingLanes:
-    """A second cone for each block with rolling friction; it has its N lane in use where μ_r > 0."""
+    """A second cone for each block with rolling friction; it uses its N lane if μ_r > 0."""
 
     def __init__(self, layout: BlockLayout) -> None:
         self._layout, n = layout, layout.n_blocks
@@ -150,5 +150,5 @@ class RollingLanes:
 
 
 def lanes_of(layout: BlockLayout) -> Lanes:
-    """Return the lanes of cones in the blocks of a layout."""
+    """Return the lanes of the cones of a layout."""
     return RollingLanes(layout) if layout.rolling else ContactLanes(layout)

@@ -1,20 +1,20 @@
-"""Power series of the central path: one factorisation, as many orders as are worth a solution each.
+"""Power series of the central path: one factorisation, and one solution of the linear system per order.
 
-Along the path every equation is a product of two unknowns at most,
+Along the path every equation is at most quadratic in the unknowns,
 
     p ∘ q = τ e,      s² = ‖û_T‖²,      û = Ĝr + ĉ + s e_N,
 
-so with x(a) = Σ x_k aᵏ the orders follow one another, each from the linear system of Newton's method at a = 0 with the
-right side (Cochelin 1994)
+so with x(a) = Σ x_k aᵏ each order follows from the lower ones, by the linear system of Newton's method at a = 0 with
+the right side (Cochelin 1994)
 
     L(p₀) q_k + L(q₀) p_k = τ_k e − Σ_{0<j<k} p_j ∘ q_{k−j},
     s_k = ζᵀ û_{T,k} + (Σ_{0<j<k} û_{T,j}ᵀ û_{T,k−j} − s_j s_{k−j}) / 2s₀.
 
-The parameter is arc length, so that the path may turn in τ: ⟨x₁, x₁⟩ = 1 and ⟨x₁, x_k⟩ = 0. Its measure is local,
+The parameter is arc length, so that τ need not be monotone: ⟨x₁, x₁⟩ = 1 and ⟨x₁, x_k⟩ = 0. The metric is local,
 
     ⟨x, y⟩ = Σ xᵀQ_p⁻¹y + xᵀQ_q⁻¹y over all cones + τ_x τ_y/τ²,
 
-which is the same for every scaling of the contacts and of the problem.
+and invariant under scaling of the contacts and of the problem.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Direction:
         r: shape (n, 3).
         u: shape (n, 3).
         s: shape (n,).
-        tau: relative to τ.
+        tau: change of τ, relative to τ.
     """
 
     r: FloatArray
@@ -128,7 +128,7 @@ def local_product(kind, friction, p, q, r, u, r_x, u_x, s_x, r_y, u_y, s_y):  # 
 
 
 class Series:
-    """x(a) = Σ x_k aᵏ of r, û and s, and τ(a) = τ₀ Σ t_k aᵏ, from the path's point at a = 0."""
+    """x(a) = Σ x_k aᵏ of r, û and s, and τ(a) = τ₀ Σ t_k aᵏ, from the point of the path at a = 0."""
 
     def __init__(self, order: int, r: FloatArray, u: FloatArray, s: FloatArray) -> None:
         self.r: FloatArray = np.zeros((order + 1, *r.shape))
@@ -138,7 +138,7 @@ class Series:
         self.r[0], self.u[0], self.s[0], self.tau[0] = r, u, s, 1.0
 
     def put(self, order: int, direction: Direction) -> None:
-        """Keep the coefficients of an order."""
+        """Store the coefficients of an order."""
         self.r[order], self.u[order], self.s[order] = direction.r, direction.u, direction.s
         self.tau[order] = direction.tau
 

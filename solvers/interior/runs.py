@@ -1,8 +1,8 @@
-"""The runs that a solve by interior points is made of.
+"""Runs of an interior point method within one solve.
 
-What no longer moves near the boundary of a cone may move again from the inside. So a run that stalls is followed by
-one from the best Λ, and only one that brings no better Λ ends the solve: another from there would do the same.
-Where other methods take over a single run is enough, and ends where its steps hardly move.
+An iterate that is stuck near the boundary of a cone may move again from the inside. A run that stalls is therefore
+followed by another one from the best Λ; the solve ends with the first run that finds no better Λ, because the next
+would repeat it. If other methods follow, a single run is enough, and it ends when its steps become negligible.
 """
 
 from abc import ABC, abstractmethod
@@ -12,12 +12,12 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Stop
-from ..iteration.loop import first_impulses, refuted
+from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method
 from .progress import Progress
 
-HARDLY = 1e-9
-"""Steps below this fraction of a Newton step hardly move."""
+NEGLIGIBLE_STEP = 1e-9
+"""Steps below this fraction of a Newton step are negligible."""
 
 
 class PreparedRuns(ABC):
@@ -38,46 +38,48 @@ class PreparedRuns(ABC):
 
     @abstractmethod
     def run(self, progress: Progress) -> None:
-        """Go on from the best Λ until the progress has ended."""
+        """Continue from the best Λ until the progress has ended."""
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Run until the residual reaches the tolerance, or a run brings nothing; see ``Prepared.solve``."""
-        progress = self.begun(stop, start, observe, 0.0)
-        while progress is not None and progress.goes_on():
+        """Run until the residual reaches the tolerance or a run fails to reduce it; see ``Prepared.solve``."""
+        progress = self.begin(stop, start, observe, 0.0)
+        while progress is not None and progress.may_run():
             self.run(progress)
-        return refuted(self.problem) if progress is None else progress.solution()
+        return infeasible_solution(self.problem) if progress is None else progress.solution()
 
-    def solve_in_one(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Do the same in one run."""
-        progress = self.begun(stop, start, observe, HARDLY)
-        if progress is not None and progress.ended is None:
+    def solve_in_one_run(
+        self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None
+    ) -> Solution:
+        """Do a single run."""
+        progress = self.begin(stop, start, observe, NEGLIGIBLE_STEP)
+        if progress is not None and progress.outcome is None:
             self.run(progress)
-        return refuted(self.problem) if progress is None else progress.solution()
+        return infeasible_solution(self.problem) if progress is None else progress.solution()
 
-    def begun(self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float) -> Progress | None:
-        """Return the progress of a solve that begins, None if the problem is infeasible.
+    def begin(self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float) -> Progress | None:
+        """Begin a solve; return its progress, None if the problem is infeasible.
 
-        Steps below the fraction ``shortest`` of a Newton step hardly move.
+        Steps below the fraction ``shortest`` of a Newton step are negligible.
         """
-        first = first_impulses(self.problem, self.residual, start)
+        first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return None
-        return Progress(self.problem, self.residual, stop, observe, self.flops, first, shortest)
+        return Progress(self.problem, self.residual, stop, observe, flops=self.flops, first=first, shortest=shortest)
 
 
-class InRuns(Method, ABC):
+class InteriorMethod(Method, ABC):
     """An interior point method."""
 
     @abstractmethod
     def prepare(self, problem: ContactProblem) -> PreparedRuns:
-        """Do what depends on the problem alone."""
+        """Do the work that depends on the problem alone."""
 
 
 @dataclass(frozen=True)
 class SingleRun(Method):
-    """The first run of an interior point method, by its name."""
+    """The first run of an interior point method, under the name of the method."""
 
-    method: InRuns
+    method: InteriorMethod
 
     @property
     def name(self) -> str:
@@ -85,7 +87,7 @@ class SingleRun(Method):
         return self.method.name
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
+        """Return why the solver cannot solve ``problem``, or None."""
         return self.method.supports(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedSingleRun":
@@ -95,10 +97,10 @@ class SingleRun(Method):
 
 @dataclass(frozen=True, eq=False)
 class PreparedSingleRun:
-    """A method of which one run is done."""
+    """A prepared method that does one run."""
 
     method: PreparedRuns
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run once; see ``Prepared.solve``."""
-        return self.method.solve_in_one(stop, start, observe)
+        return self.method.solve_in_one_run(stop, start, observe)

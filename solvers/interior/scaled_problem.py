@@ -4,9 +4,9 @@
 
 V = κ k diag(1, μ, μ) and S = k/(κρ) diag(1, μ, μ) of each contact turn its friction cone {‖Λ_T‖ ≤ μΛ_N} and the dual
 one into the second-order cone; μ_r does that for rolling friction. κ is one over the largest free velocity of its
-component, ρ the mean of α, the largest diagonal entry of G of each contact beside those of rolling, and k = √(ρ/α):
-neither units nor masses decide where the path begins. Both sides carry k, so Ĝ is symmetric where G is, and r∘û does
-not depend on k at all.
+component, ρ the mean of α, the largest diagonal entry of G of each contact apart from rolling, and k = √(ρ/α). The
+beginning of the path then depends neither on units nor on masses. Both factors contain k, so Ĝ is symmetric if G is,
+and r∘û does not depend on k.
 """
 
 from typing import Literal
@@ -26,17 +26,17 @@ Mask = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 class ScaledProblem:
-    """One problem, scaled: m cones with w lanes each, sorted into the kinds of ``cones``.
+    """A scaled problem: m cones with w lanes each, classified by the kinds of ``cones``.
 
     Attributes:
-        lanes: where the lanes of the cones stand in the blocks of the problem.
+        lanes: positions of the lanes of the cones in the blocks of the problem.
         kind: of each cone, shape (m,).
         uses: which lanes are unknowns, shape (m, w).
-        is_cone: which cones have the term of De Saxcé, shape (m,).
-        friction: μ of bounds that move with the cone's own r_N, in scaled units, shape (m,), else 0.
+        is_cone: which cones have De Saxcé's term, shape (m,).
+        friction: μ of bounds that depend on the cone's own r_N, in scaled units, shape (m,), otherwise 0.
         fixed_bound: a in scaled units, shape (m,).
-        impulse_scale: S, shape (m, w), 0 on lanes that are not used.
-        velocity_scale: V, as S.
+        impulse_scale: S, shape (m, w), 0 on unused lanes.
+        velocity_scale: V, shape (m, w), 0 on unused lanes.
         free_velocity: ĉ, shape (m, w).
     """
 
@@ -82,7 +82,7 @@ class ScaledProblem:
         return self.layout.unpad(self.lanes.to_block(self.impulse_scale * r))
 
     def judged(self, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return Λ of r and its residual in the judge's arithmetic."""
+        """Return Λ of r, and its residual in the judge's arithmetic."""
         impulses = self.impulses(r)
         return impulses, self._residual.judged(self._problem, impulses)
 
@@ -114,7 +114,7 @@ class ScaledProblem:
         self.fixed_bound: FloatArray = fixed / (arm * self._bound_scale[block])
 
     def _bounds_of_cones(self, residual: Residual) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return μ and a of every cone, and the length that rolling impulses with a fixed bound are divided by."""
+        """Return μ and a of every cone, and the divisor of rolling impulses with a fixed bound, a length."""
         layout = self.layout
         second = self.lanes.block[layout.n_blocks :]
         return (
@@ -132,7 +132,7 @@ def tangential_lengths(lanes: FloatArray) -> FloatArray:
 
 
 def _sliding_kinds(layout: BlockLayout, formulation: Formulation) -> tuple[IntArray, IntArray]:
-    """Return the kind of each block's first cone, and the blocks whose friction another contact's impulse bounds."""
+    """Return the kind of each block's first cone, and the blocks whose friction is bounded by another contact."""
     own = layout.partner == np.arange(layout.n_blocks)
     mu, fixed = layout.friction_coefficient, layout.fixed_bound
     has_normal, has_friction = layout.normal_law >= 0, layout.friction_law >= 0
@@ -148,7 +148,7 @@ def _sliding_kinds(layout: BlockLayout, formulation: Formulation) -> tuple[IntAr
 
 
 def _rolling_kinds(layout: BlockLayout, formulation: Formulation) -> IntArray:
-    """Return the kind of each block's second cone, of rolling friction."""
+    """Return the kind of each block's second cone, that of rolling friction."""
     mu, fixed = layout.rolling_coefficient, layout.rolling_bound
     kind = np.full(layout.n_blocks, cones.IDLE, dtype=np.int64)
     kind[fixed > 0.0] = cones.DISC

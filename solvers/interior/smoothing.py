@@ -1,14 +1,14 @@
-"""From any vector to impulses and velocities on the central manifold: the projection onto cones, rounded off.
+"""Smoothed projection onto cones: from any vector to impulses and velocities on the central manifold.
 
-Every v is r − û of exactly one pair with r ∘ û = τ e inside the cone, on the common axes of v:
+Every v is r − û of exactly one pair with r ∘ û = τ e inside the cone; r and û have the axes of v:
 
     r = ½ (v + √(v² + 4τ e)),      û = r − v                  (Fukushima, Luo & Tseng 2001),
 
-which is the projection onto the cone, and that onto its dual, for τ → 0. So complementarity holds by construction, and
-what is left of the problem are equations in v without any boundary. A start Λ gives v = r(Λ) − û(Λ).
+which tend to the projections onto the cone and its dual for τ → 0. Complementarity thus holds by construction, and the
+problem becomes a system of equations in v without boundaries. A start Λ gives v = r(Λ) − û(Λ).
 
 A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²), û = −τr/(b² − r²), and
-r the one root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
+r the only root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ from numba import njit
 from ...problems.arrays import FloatArray
 from .cones import BOTH, CONE, DISC, JOINT, NORMAL, tangential_length
 
-MOST_STEPS = 60
-"""Of bisected Newton steps for the radius in a disc."""
+MAX_STEPS = 60
+"""Largest number of safeguarded Newton steps for the radius in a disc."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,7 +37,7 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
         return bound - rest, rest
     # convex and rising in r: Newton's method comes down to the root from above
     radius = min(half, length / (1.0 + tau / (bound * bound)))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         within = (bound - radius) * (bound + radius)
         value = radius * (1.0 + tau / within) - length
         following = radius - value / (1.0 + tau / within + 2.0 * tau * (radius / within) ** 2)
@@ -53,7 +53,7 @@ def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
     low, high = 0.0, 0.5 * bound
     excess = length - bound
     y = min(high, 0.5 * tau / excess) if excess > 0.0 else high
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         wide = 2.0 * bound - y
         weight = tau / (y * wide)
         value = (bound - y) * (1.0 + weight) - length

@@ -1,1 +1,1 @@
-"""What iterations share: the loop, when to stop, momentum, safeguards and acceleration."""
+"""What iterative methods share: the loop, stopping, momentum, relaxation and Anderson acceleration."""

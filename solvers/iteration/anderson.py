@@ -4,19 +4,41 @@ With f_k = g(x_k) − x_k and the last m differences,
 
     x_{k+1} = g(x_k) − Σ_j γ_j (g(x_{j+1}) − g(x_j)),      γ = argmin ‖ f_k − Σ_j γ_j (f_{j+1} − f_j) ‖₂.
 
-For a linear g and m as large as the dimension this is GMRES, and ends after that many steps.
+For a linear g and m as large as the dimension this is GMRES and ends after that many steps.
+
+``AndersonSweeps`` applies it to sweeps, once per window of several sweeps (Pratapa, Suryanarayana & Pask 2016): g maps
+Λ to the impulses Λ' after the window, the norm is that of √α Λ, and γ solves the normal equations. While contact states
+do not change sweeps are a linear map, which the acceleration solves as GMRES would; across a change of states it may
+mislead. An extrapolated start whose window moves Λ clearly further than the window before is therefore undone: the
+sweeps continue from where they were, and the differences are dropped. Without progress of the residual windows become
+longer, and finally there is no extrapolation. Observers see swept Λ, which satisfies the bounds of its laws.
 """
+
+from typing import Protocol
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from .loop import Iterates, WrappedIterates
 
-SMALLEST_SINGULAR_VALUE = 1e-10
+MIN_SINGULAR_VALUE = 1e-10
 """Relative to the largest one; directions below it are left out of the least-squares problem."""
+
+FIRST_WINDOW = 3
+"""Sweeps per window at first; without progress windows double."""
+
+MAX_WINDOW = 48
+"""Longer windows are not extrapolated: there may be progress without acceleration."""
+
+RISE = 2.0
+"""An extrapolation is undone if its window moves Λ more than this many times as far as the window before."""
+
+MIN_EIGENVALUE = 1e-14
+"""Relative to the largest one of the normal equations; directions below it are left out."""
 
 
 class Anderson:
-    """The last pairs of an iteration, with at most ``memory`` differences; 0 gives the plain iteration."""
+    """The last pairs (x, g(x)), with at most ``memory`` differences; 0 gives the plain iteration."""
 
     def __init__(self, memory: int) -> None:
         self.memory = memory
@@ -31,11 +53,103 @@ class Anderson:
             return image
         change_differences = np.diff(np.array(self._changes), axis=0).T
         image_differences = np.diff(np.array(self._images), axis=0).T
-        shares = np.linalg.lstsq(change_differences, self._changes[-1], rcond=SMALLEST_SINGULAR_VALUE)[0]
-        mixed: FloatArray = image - image_differences @ shares
-        return mixed
+        weights = np.linalg.lstsq(change_differences, self._changes[-1], rcond=MIN_SINGULAR_VALUE)[0]
+        following: FloatArray = image - image_differences @ weights
+        return following
 
-    def forget(self) -> None:
-        """Start anew from the next pair."""
+    def restart(self) -> None:
+        """Drop all pairs."""
         self._images.clear()
         self._changes.clear()
+
+
+class MovableIterates(Iterates, Protocol):
+    """Iterates that can be moved between two sweeps."""
+
+    @property
+    def padded(self) -> FloatArray:
+        """Λ padded and flat, which sweeps change in place."""
+        ...
+
+    def note_jump(self) -> None:
+        """Note that Λ has just been overwritten."""
+        ...
+
+
+class AndersonSweeps(WrappedIterates[MovableIterates]):
+    """Sweeps with Anderson acceleration; ``memory`` differences are kept, 0 gives plain sweeps."""
+
+    def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:
+        """Take iterates, √α of each lane of ``padded``, and the number of differences."""
+        self._iterates, self._padded, self._weights = iterates, iterates.padded, weights
+        self._differences = WindowDifferences(memory, len(weights))
+        self._begin, self._end = self._padded.copy(), self._padded.copy()  # of the window, and of the one before
+        self._done, self._moved, self._is_extrapolated, self._window = 0, np.inf, False, FIRST_WINDOW
+
+    def reduce_acceleration(self) -> bool:
+        """Double the windows; return False if they are too long for any extrapolation."""
+        if self._window > MAX_WINDOW:
+            return False
+        self._window *= 2
+        self._differences.restart()
+        self._is_extrapolated = False
+        return True
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps; extrapolate before the first sweep of each window, so that the visible Λ is swept."""
+        while count > 0:
+            if self._done >= self._window:
+                if self._window <= MAX_WINDOW:
+                    self._extrapolate()
+                self._begin[:], self._done = self._padded, 0
+            step = min(count, self._window - self._done)
+            self._iterates.sweep(step)
+            count, self._done = count - step, self._done + step
+
+    def _extrapolate(self) -> None:
+        """Start the next window from extrapolated impulses, or undo the last extrapolation."""
+        move = self._weights * (self._padded - self._begin)
+        moved = float(np.linalg.norm(move))
+        if self._is_extrapolated and not moved <= RISE * self._moved:
+            self._padded[:] = self._end
+            self._iterates.note_jump()
+            self._differences.restart()
+            self._moved, self._is_extrapolated = np.inf, False
+            return
+        step = self._differences.step(move, self._padded) if moved < np.inf else None
+        self._end[:], self._moved = self._padded, moved
+        self._is_extrapolated = step is not None
+        if step is not None:
+            self._padded -= step
+            self._iterates.note_jump()
+
+
+class WindowDifferences:
+    """The differences between the last windows, at most ``memory`` vectors of ``length`` entries."""
+
+    def __init__(self, memory: int, length: int) -> None:
+        self._moves, self._ends = np.empty((memory, length)), np.empty((memory, length))
+        self._last: tuple[FloatArray, FloatArray] | None = None
+        self._count = 0
+
+    def step(self, move: FloatArray, end: FloatArray) -> FloatArray | None:
+        """Record a window, its weighted f and its Λ'; return Σ γ_j ΔΛ'_j, None if it is unknown or not finite."""
+        before, self._last = self._last, (move, end.copy())
+        if before is None or len(self._moves) == 0:
+            return None
+        at = self._count % len(self._moves)
+        self._moves[at], self._ends[at] = move - before[0], end - before[1]
+        self._count += 1
+        kept = min(self._count, len(self._moves))
+        moves = self._moves[:kept]
+        values, vectors = np.linalg.eigh(moves @ moves.T)
+        is_large = values > MIN_EIGENVALUE * values[-1]
+        if not is_large.any():
+            return None
+        weights = vectors[:, is_large] @ ((vectors[:, is_large].T @ (moves @ move)) / values[is_large])
+        step: FloatArray = weights @ self._ends[:kept]
+        return step if np.isfinite(step).all() else None
+
+    def restart(self) -> None:
+        """Drop all windows."""
+        self._last, self._count = None, 0

@@ -1,4 +1,4 @@
-"""Corrections: an iteration may offer its iterates to another method, and go on from what that makes of them."""
+"""Corrections: an iteration offers its iterates to another method and continues from the result."""
 
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
@@ -6,30 +6,30 @@ from typing import Protocol, runtime_checkable
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Prepared, Solver
-from .clock import Clock
+from .stopping import Clock
 
 
 class Correction(Protocol):
-    """What corrects the iterates of one solve."""
+    """Corrects the iterates of one solve."""
 
     def begin_phase(self) -> None:
-        """Note that the iteration begins, or begins anew in another way."""
+        """Note that the iteration starts, or restarts in another way."""
         ...
 
-    def corrected(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
-        """Return better impulses [N s], shape (n_rows,), and their residual, or those given.
+    def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
+        """Return better impulses [N s], shape (n_rows,), and their residual, or the given ones.
 
-        ``is_last`` says that the phase ends with this iterate if it is not corrected.
+        ``is_last`` means that the phase ends with this iterate unless it is corrected.
         """
         ...
 
 
 BeginCorrection = Callable[[Clock, float], Correction]
-"""``begin(clock, tolerance)`` returns the correction of a solve with so much time left, to that residual."""
+"""``begin(clock, tolerance)`` returns the correction of one solve, given its clock and its tolerance."""
 
 
 class NoCorrection:
-    """The correction that leaves every iterate as it is."""
+    """The correction that leaves every iterate unchanged."""
 
     def __init__(self, clock: Clock, tolerance: float) -> None:
         """Take the arguments of every ``BeginCorrection``."""
@@ -37,7 +37,7 @@ class NoCorrection:
     def begin_phase(self) -> None:
         """See ``Correction``."""
 
-    def corrected(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
+    def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
         """See ``Correction``."""
         return impulses, residual
 
@@ -47,5 +47,5 @@ class Correctable(Solver, Protocol):
     """A solver that offers its iterates to a correction."""
 
     def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> Prepared:
-        """Do what ``prepare`` does; the iterates of each solve are corrected by what ``begin`` returns for it."""
+        """Prepare as ``prepare`` does; ``begin`` makes the correction of each solve."""
         ...

@@ -1,8 +1,8 @@
-"""The loop that all projected iterations share: sweep, look at the judge's residual, stop or go on."""
+"""The loop that all projected iterations share: sweep, check the judge's residual, stop or continue."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -12,14 +12,10 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ...problems.contact.solver import Observer, Solution, SolverError, Status, Stop
 from ...problems.errors import ProblemError
-from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, LONGEST_INTERVAL, Monitor, sweeps_to_next_look
+from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor, Outcome, sweeps_to_next_check
 
-LEAST_MOMENTUM = 0.3
-"""A β up to this is not halved but left out."""
-
-PROVING_SWEEPS = CYCLE_PATIENCE * LONGEST_INTERVAL
-"""Sweeps without a clearly better residual in the judge's arithmetic before rounding may be said to be all: as many as
-pass elsewhere before a lack of progress is suspected."""
+ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
+"""Sweeps without a clearly better residual in the judge's arithmetic that establish the rounding limit."""
 
 
 class Iterates(Protocol):
@@ -34,32 +30,34 @@ class Iterates(Protocol):
         ...
 
     def relative_velocity(self) -> FloatArray:
-        """Return ξ = GΛ + c over rows, shape (n_rows,), an array that the next call may write to."""
+        """Return ξ = GΛ + c over rows, shape (n_rows,); the next call may overwrite the array."""
         ...
+
+
+Inner = TypeVar("Inner", bound=Iterates)
+
+
+class WrappedIterates(Generic[Inner]):
+    """Base class of iterates that modify the sweeps of others; Λ and ξ are those of the wrapped iterates."""
+
+    _iterates: Inner
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows."""
+        return self._iterates.impulses()
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        return self._iterates.relative_velocity()
 
 
 @runtime_checkable
-class Reducible(Protocol):
-    """Iterates that are accelerated, and may be so less where there is no progress."""
+class AcceleratedIterates(Iterates, Protocol):
+    """Iterates whose acceleration can be reduced when the residual makes no progress."""
 
     def reduce_acceleration(self) -> bool:
-        """Accelerate less; return False if there is nothing left to reduce."""
+        """Reduce the acceleration; return False if there is none left."""
         ...
-
-
-class Accelerated:
-    """What iterates with momentum share; ``momentum`` is β, at least 0 and below 1."""
-
-    def __init__(self, momentum: float) -> None:
-        self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
-
-    def reduce_acceleration(self) -> bool:
-        """Halve β, at last leave it out, for there may be progress without; return False if there is none."""
-        if self._momentum == 0.0:
-            return False
-        self._momentum = 0.5 * self._momentum if self._momentum > LEAST_MOMENTUM else 0.0
-        self._present = min(self._present, self._momentum)
-        return True
 
 
 @dataclass(frozen=True)
@@ -68,6 +66,7 @@ class PreparedIteration:
 
     Attributes:
         problem: the problem.
+        residual: its residual.
         begin: makes the iterates from the first Λ, shape (n_rows,).
     """
 
@@ -77,41 +76,95 @@ class PreparedIteration:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep until the residual reaches the tolerance; see ``Prepared.solve``."""
-        first = first_impulses(self.problem, self.residual, start)
+        first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
-            return refuted(self.problem)
-        advance = Advance(self.begin(first), self.begin, Monitor(stop), observe)
+            return infeasible_solution(self.problem)
+        driver = IterationDriver(self.begin(first), self.begin, Monitor(stop), observe)
         while True:
-            _, _, ended = looked(self.problem, self.residual, advance)
-            if ended is not None:
-                return advance.monitor.solution(ended, advance.iteration, self.problem.n_rows)
-            advance.to_next_look()
+            outcome = check_convergence(self.problem, self.residual, driver).outcome
+            if outcome is not None:
+                return driver.monitor.solution(outcome, driver.iteration, self.problem.n_rows)
+            driver.run_to_next_check()
 
 
-def looked(
-    problem: ContactProblem, residual: Residual, advance: "Advance"
-) -> tuple[FloatArray, float, tuple[Status, str] | None]:
-    """Return the present Λ, its residual, and status and reason if sweeps need not go on, else None.
+@dataclass
+class IterationDriver:
+    """Runs and counts the iterations of one solve, and shows each iterate to the observer, if any.
 
-    Where progress has ended acceleration is reduced, and those of two more sweeps are compared with the present one.
+    Attributes:
+        iterates: the present iterates.
+        begin: makes iterates of the same kind from another Λ, shape (n_rows,).
+        monitor: decides when to stop.
+        observe: the observer, or None.
+        iteration: number of iterations so far.
     """
-    monitor, iterates = advance.monitor, advance.iterates
+
+    iterates: Iterates
+    begin: Callable[[FloatArray], Iterates]
+    monitor: Monitor
+    observe: Observer | None
+    iteration: int = 0
+
+    def run(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        if self.observe is None:
+            self.iterates.sweep(count)
+            self.iteration += count
+            return
+        for _ in range(count):
+            self.iterates.sweep(1)
+            self.record(self.iterates.impulses())
+
+    def run_to_next_check(self, min_sweeps: int = 1) -> int:
+        """Sweep until the residual is due, at least ``min_sweeps`` within the limit; return the number of sweeps."""
+        left = self.monitor.stop.max_iterations - self.iteration
+        count = min(left, max(min_sweeps, sweeps_to_next_check(self.iteration)))
+        self.run(count)
+        return count
+
+    def check_cycle(self, before: FloatArray) -> Outcome | None:
+        """Do two sweeps from ``before``, the latest Λ; return the outcome if they lead back to it."""
+        self.run(1)
+        previous = self.iterates.impulses()
+        self.run(1)
+        return self.monitor.check_cycle(self.iterates.impulses(), previous, before)
+
+    def record(self, impulses: FloatArray) -> None:
+        """Count one iteration that produced ``impulses``; the caller must not write to them afterwards."""
+        self.iteration += 1
+        self.monitor.clock.show(self.observe, self.iteration, impulses)
+
+
+class Check(NamedTuple):
+    """The present Λ, shape (n_rows,), its residual, and the outcome if the sweeps are over."""
+
+    impulses: FloatArray
+    residual: float
+    outcome: Outcome | None
+
+
+def check_convergence(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Check:
+    """Measure the residual of the present Λ and decide whether the sweeps are over.
+
+    Without progress the acceleration is reduced; without acceleration two more sweeps are compared with the present Λ.
+    """
+    monitor, iterates = driver.monitor, driver.iterates
     impulses = iterates.impulses()
     found = residual(impulses, iterates.relative_velocity())
     if found <= monitor.stop.tolerance:
-        found = confirmed(problem, residual, impulses, found, monitor.stop.tolerance)
-    ended, repeats = monitor.look(advance.iteration, found, impulses), None
-    if ended is None and monitor.suspects_cycle:
-        if isinstance(iterates, Reducible) and iterates.reduce_acceleration():
+        found = confirm_residual(problem, residual, impulses, found, monitor.stop.tolerance)
+    outcome, cycle = monitor.check_convergence(driver.iteration, found, impulses), None
+    if outcome is None and monitor.suspects_cycle:
+        if isinstance(iterates, AcceleratedIterates) and iterates.reduce_acceleration():
             monitor.restart_progress()
-        elif advance.iteration + 2 <= monitor.stop.max_iterations:
-            repeats = advance.cycle(impulses)
-    if ended is None and (repeats is not None or monitor.lacks_progress) and monitor.may_be_proven:
-        ended = left_by_rounding(problem, residual, advance)
-    return impulses, found, ended or repeats
+        elif driver.iteration + 2 <= monitor.stop.max_iterations:
+            cycle = driver.check_cycle(impulses)
+    if outcome is None and (cycle is not None or monitor.lacks_progress) and monitor.may_test_rounding:
+        outcome = check_rounding_limit(problem, residual, driver)
+    return Check(impulses, found, outcome or cycle)
 
 
-def refuted(problem: ContactProblem) -> Solution:
+def infeasible_solution(problem: ContactProblem) -> Solution:
     """Return the solution of an infeasible problem."""
     reason = "a unilateral law has G_ii = 0 and c_i < 0"
     joints = problem.laws.first_row[problem.laws.is_bilateral]
@@ -120,13 +173,8 @@ def refuted(problem: ContactProblem) -> Solution:
     return Solution(np.zeros(problem.n_rows), Status.INFEASIBLE, 0, reason)
 
 
-def judged(problem: ContactProblem, residual: Residual, impulses: FloatArray) -> float:
-    """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic: rounding must not pass for progress."""
-    return residual.judged(problem, impulses)
-
-
-def first_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
-    """Return the Λ to begin with, a fresh array of shape (n_rows,): ``start``, or zeros where that is of no use.
+def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
+    """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros where a start is useless.
 
     Raises:
         ProblemError: if ``start`` has the wrong shape.
@@ -134,73 +182,69 @@ def first_impulses(problem: ContactProblem, residual: Residual, start: FloatArra
     zeros = np.zeros(problem.n_rows)
     first = zeros if start is None else np.array(start, dtype=np.float64)
     if first.shape != zeros.shape:
-        raise ProblemError(f"start must have shape {zeros.shape}, one entry a row; got {first.shape}.")
-    # c = 0 has the answer Λ = 0, against which any other start is infinitely wrong
+        raise ProblemError(f"start must have shape {zeros.shape}, one entry per row; got {first.shape}.")
+    # c = 0 has the solution Λ = 0; relative to it any other start is infinitely wrong
     return zeros if residual.infeasible or residual.scale == 0.0 else first
 
 
-def confirmed(
+def confirm_residual(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, found: float, tolerance: float
 ) -> float:
-    """Return ``found``, a residual within the tolerance, or the judge's where rounding may make a difference.
+    """Return ``found``, a residual within the tolerance, or the judge's residual where rounding may matter.
 
-    ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones, and an
-    iteration adds them in another order than the judge.
+    ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones. An
+    iteration adds these terms in another order than the judge.
     """
     if residual.rounding(impulses) <= tolerance:
         return found
-    return max(found, judged(problem, residual, impulses))
+    return max(found, residual.judged(problem, impulses))
 
 
-def left_by_rounding(problem: ContactProblem, residual: Residual, advance: "Advance") -> tuple[Status, str] | None:
-    """Return how a solve without progress ended if rounding is all that keeps its best residual up, else None.
+def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Outcome | None:
+    """Return the outcome if rounding alone keeps the best residual above the tolerance, else None.
 
-    Below rounding the iteration's residual does not say which Λ is the best: it may rest at one that it finds good,
-    and pass by one that the judge finds right. So the iteration is begun again from its best Λ, as a user would, and
-    its next iterates are held to the judge's arithmetic. Where they are no better the first iterates go on.
+    Near the rounding limit the residual of the iteration does not identify the best Λ: the iteration may stay at a Λ
+    that it finds good and leave one that the judge finds right. The iteration is therefore restarted from its best Λ,
+    and the judge's arithmetic measures the new iterates. If they are no better, the old iterates continue.
     """
-    monitor, tolerance = advance.monitor, advance.monitor.stop.tolerance
-    # the iteration's own ξ comes first because it costs nothing
+    monitor, tolerance = driver.monitor, driver.monitor.stop.tolerance
+    # test the iteration's own residual first, because that is free
     if monitor.best_impulses is None or not _is_rounding(residual, monitor.best_impulses, monitor):
         return None
-    monitor.prove(advance.iteration, judged(problem, residual, monitor.best_impulses))
-    first, advance.iterates, waited = advance.iterates, advance.begin(monitor.best_impulses), 0
-    while waited < PROVING_SWEEPS and monitor.best_residual > tolerance:
-        if monitor.clock.limit_met(monitor.stop, advance.iteration):
+    monitor.begin_rounding_test(driver.iteration, residual.judged(problem, monitor.best_impulses))
+    first, driver.iterates, waited = driver.iterates, driver.begin(monitor.best_impulses), 0
+    while waited < ROUNDING_TEST_SWEEPS and monitor.best_residual > tolerance:
+        if monitor.clock.reached_limit(monitor.stop, driver.iteration):
             return None
-        advance.by(1)
-        impulses, before = advance.iterates.impulses(), monitor.best_residual
-        monitor.look(advance.iteration, judged(problem, residual, impulses), impulses)
+        driver.run(1)
+        impulses, before = driver.iterates.impulses(), monitor.best_residual
+        monitor.check_convergence(driver.iteration, residual.judged(problem, impulses), impulses)
         waited = 0 if monitor.best_residual < CLEARLY_BETTER * before else waited + 1
     if monitor.best_residual <= tolerance:
-        return Status.SOLVED, ""
+        return Outcome(Status.SOLVED, "")
     if _is_rounding(residual, monitor.best_impulses, monitor):
-        return Status.STALLED, f"rounding leaves the residual at {monitor.best_residual:.1e}"
-    advance.iterates = first
+        return Outcome(Status.STALLED, f"rounding limits the residual to {monitor.best_residual:.1e}")
+    driver.iterates = first
     return None
 
 
 def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool:
-    """Whether rounding of ξ may leave as much as the best residual at Λ = ``best``."""
+    """Whether rounding of ξ at Λ = ``best`` explains the best residual."""
     return monitor.best_residual <= residual.rounding(best)
 
 
 def iterate(
-    problem: ContactProblem,
-    sweeps: Callable[[FloatArray], Iterator[FloatArray]],
-    model: Model = Model.COULOMB,
+    problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]], model: Model = Model.COULOMB
 ) -> PreparedIteration:
-    """Return an iteration made ready for ``problem`` from a generator: all that a simple method has to say.
+    """Return an iteration made ready for ``problem`` from a generator, all that a simple method needs to provide.
 
-    Tolerance, limits, cycles, stalls (impulses that are the same over twenty looks in a row), divergence, infeasible
-    problems and observers are seen to.
+    The result handles tolerance, limits, observers, infeasible problems, cycles, divergence and stalls.
 
     Args:
         problem: the contact problem.
         sweeps: ``sweeps(start)`` yields Λ [N s], shape (n_rows,), after each sweep, without end. It must not write to
-            ``start``, and may use one array for all it yields.
-
-        model: what is solved, by whose residual the solve stops.
+            ``start``, and may yield the same array each time.
+        model: the model that is solved; its residual stops the solve.
 
     Raises:
         SolverError: from ``solve``, if the generator ends or yields an array of another shape.
@@ -222,9 +266,9 @@ class _GeneratedIterates:
         for _ in range(count):
             latest = next(self.generator, None)
             if latest is None or np.shape(latest) != shape:
-                said = "ended" if latest is None else f"yielded an array of shape {np.shape(latest)}"
+                fault = "ended" if latest is None else f"yielded an array of shape {np.shape(latest)}"
                 raise SolverError(
-                    f"the generator of an iteration {said}; let it yield arrays of shape {shape} for ever."
+                    f"the generator of an iteration {fault}; it must yield arrays of shape {shape} without end."
                 )
             self.latest = latest
 
@@ -233,46 +277,3 @@ class _GeneratedIterates:
 
     def relative_velocity(self) -> FloatArray:
         return self.problem.relative_velocity(self.latest)
-
-
-@dataclass
-class Advance:
-    """Counts iterations, and shows each iterate to an observer if there is one, with the solver's clock stopped.
-
-    ``begin`` makes iterates like the present ones from another Λ, shape (n_rows,).
-    """
-
-    iterates: Iterates
-    begin: Callable[[FloatArray], Iterates]
-    monitor: Monitor
-    observe: Observer | None
-    iteration: int = 0
-
-    def by(self, count: int) -> None:
-        """Do ``count`` sweeps."""
-        if self.observe is None:
-            self.iterates.sweep(count)
-            self.iteration += count
-            return
-        for _ in range(count):
-            self.iterates.sweep(1)
-            self.arrive(self.iterates.impulses())
-
-    def to_next_look(self, least: int = 1) -> int:
-        """Do the sweeps until the residual is looked at again, ``least`` or the limit; return how many they are."""
-        left = self.monitor.stop.max_iterations - self.iteration
-        count = min(left, max(least, sweeps_to_next_look(self.iteration)))
-        self.by(count)
-        return count
-
-    def cycle(self, before: FloatArray) -> tuple[Status, str] | None:
-        """Do two sweeps from ``before``, the latest Λ; return how it ended if they lead back there."""
-        self.by(1)
-        previous = self.iterates.impulses()
-        self.by(1)
-        return self.monitor.cycle(self.iterates.impulses(), previous, before)
-
-    def arrive(self, impulses: FloatArray) -> None:
-        """Count one iteration that led to ``impulses``, an array that is not written to any more."""
-        self.iteration += 1
-        self.monitor.clock.show(self.observe, self.iteration, impulses)

@@ -1,4 +1,4 @@
-"""What the built-in solvers share beside their methods: a name, and how they refuse problems and options."""
+"""What built-in solvers share apart from their methods: names, and the checks of problems and options."""
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
@@ -7,9 +7,9 @@ from ...problems.names import described
 
 
 class Method:
-    """A built-in solver, a frozen dataclass of its options; see ``interface.Solver``.
+    """Base class of built-in solvers, which are frozen dataclasses of their options; see ``problems.contact.solver``.
 
-    Unless it says otherwise it solves Coulomb friction, shows its iterates and treats every problem.
+    By default a method solves Coulomb friction, shows its iterates and accepts every problem.
     """
 
     @property
@@ -28,31 +28,31 @@ class Method:
         return Model.COULOMB
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
+        """Return why the method cannot solve ``problem``, or None."""
         return None
 
     def check_supports(self, problem: ContactProblem) -> None:
-        """Raise ``SolverError`` if ``problem`` cannot be treated."""
+        """Raise ``SolverError`` if the method cannot solve ``problem``."""
         reason = self.supports(problem)
         if reason is not None:
-            raise SolverError(f"{self.name} cannot treat {problem.name!r}: {reason}.")
+            raise SolverError(f"{self.name} cannot solve {problem.name!r}: {reason}.")
 
 
-def beyond_contacts(problem: ContactProblem) -> str | None:
-    """Say which laws ``problem`` has beside contacts and sliding friction, as a reason to decline, or None."""
+def unsupported_laws(problem: ContactProblem) -> str | None:
+    """Return which laws ``problem`` has apart from contacts and sliding friction, as a reason to decline, or None."""
     if problem.laws.is_bilateral.any():
-        return "it has joints (bilateral laws), and this method takes contacts with sliding friction alone"
+        return "it has joints (bilateral laws), and this method supports only contacts with sliding friction"
     if problem.laws.is_rolling.any():
-        return "it has rolling friction, and this method takes contacts with sliding friction alone"
+        return "it has rolling friction, and this method supports only contacts with sliding friction"
     return None
 
 
-def check_option(name: str, value: object, is_valid: bool, wanted: str) -> None:
-    """Raise ``SolverError`` unless the value of an option is valid, that is ``wanted``."""
+def check_option(name: str, value: object, is_valid: bool, requirement: str) -> None:
+    """Raise ``SolverError`` unless the value of an option is valid."""
     if not is_valid:
-        raise SolverError(f"{name} must be {wanted}, got {value!r}.")
+        raise SolverError(f"{name} must be {requirement}, got {value!r}.")
 
 
 def check_form(form: str) -> None:
-    """Raise ``SolverError`` unless ``form`` says what of a problem is taken: G assembled, or W and M⁻¹."""
+    """Raise ``SolverError`` unless ``form`` names a form of the problem: G assembled, or its factors W and M⁻¹."""
     check_option("form", form, form in ("delassus", "factors"), "'delassus' or 'factors'")

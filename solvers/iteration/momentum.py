@@ -1,11 +1,20 @@
-"""Momentum for sweeps: each begins a little further along the way that the last one went.
+"""Momentum for sweeps: each sweep starts further along the direction of the last change.
 
     y = Λ^ν + β (Λ^ν − Λ^(ν−1)),      Λ^(ν+1) = sweep(y)
 
-(Polyak's heavy ball on Gauss–Seidel sweeps). What is seen is always Λ, which a sweep has just projected, never y. Where
-the way turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep begins without momentum (as O'Donoghue & Candès
-2015 restart Nesterov's method), so that a change of the active set costs one sweep and no overshooting; where the
-residual makes no progress, β is halved. Everything that a sweep keeps beside Λ is linear in Λ, and is carried along.
+(Polyak's heavy ball on Gauss–Seidel sweeps). Observers see Λ, which a sweep has just projected, never y. Where the
+direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep has no momentum, as in the restarts of
+O'Donoghue & Candès (Found. Comput. Math. 15, 2015): a change of the active set then costs one sweep and does not
+overshoot. Without progress of the residual β is halved. All other state of a sweep is linear in Λ and moves with it.
+
+``RestartedMomentum`` chooses β itself, by Nesterov's sequence (1983) with k sweeps since the last restart:
+
+    β_k = (t_k − 1)/t_(k+1),      t_(k+1) = (1 + √(1 + 4t_k²))/2,      t_1 = 1.
+
+On a convex problem of strength m and curvature L the best β is (√L − √m)/(√L + √m), which is unknown. β_k grows towards
+1; once it exceeds the best β the iterates turn back and t restarts at 1, so β stays near the best value on average.
+Sweeps are not gradient steps: on redundant joints the changes may grow without turning back. Therefore t also restarts
+where a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
 """
 
 from typing import Protocol
@@ -14,29 +23,48 @@ import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from .loop import Accelerated, Iterates
+from .loop import Iterates, WrappedIterates
 
+MIN_MOMENTUM = 0.3
+"""A β up to this value is set to zero instead of being halved."""
 
-def with_momentum(iterates: "LinearIterates", momentum: float) -> Iterates:
-    """Return the iterates with momentum β, themselves if it is 0."""
-    return MomentumIterates(iterates, momentum) if momentum > 0.0 else iterates
+NESTEROV_BOUND = 1.0
+"""Bound of β for Nesterov's sequence, which stays below it anyway."""
+
+GROWTH = 100.0
+"""Length of a sweep, relative to the shortest since the last restart, that restarts the sequence."""
 
 
 class LinearIterates(Iterates, Protocol):
-    """Iterates that may be moved along a direction between two sweeps."""
+    """Iterates that can be moved along a direction between two sweeps."""
 
-    def linear(self) -> tuple[FloatArray, int]:
-        """Return the one array that sweeps change in place, linear in Λ up to a constant, and how much of it is Λ."""
+    def linear_state(self) -> tuple[FloatArray, int]:
+        """Return the array that sweeps change in place, affine in Λ, and how many of its first entries are Λ."""
         ...
 
 
-class MomentumIterates(Accelerated):
-    """The iterates of sweeps with momentum."""
+class MomentumState:
+    """β of iterates with momentum, at least 0 and below 1."""
+
+    def __init__(self, momentum: float) -> None:
+        self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
+
+    def reduce_acceleration(self) -> bool:
+        """Halve β, or set it to zero when it is small; return False if it is zero already."""
+        if self._momentum == 0.0:
+            return False
+        self._momentum = 0.5 * self._momentum if self._momentum > MIN_MOMENTUM else 0.0
+        self._present = min(self._present, self._momentum)
+        return True
+
+
+class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
+    """Sweeps with momentum β."""
 
     def __init__(self, iterates: LinearIterates, momentum: float) -> None:
         super().__init__(momentum)
         self._iterates = iterates
-        self._array, self._n_impulses = iterates.linear()
+        self._array, self._n_impulses = iterates.linear_state()
         self._before, self._change = np.empty_like(self._array), np.zeros_like(self._array)
 
     def sweep(self, count: int) -> None:
@@ -45,24 +73,35 @@ class MomentumIterates(Accelerated):
             _extrapolate(self._array, self._before, self._change, self._present)
             self._iterates.sweep(1)
             turns, moved = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
-            self._present = self._next(turns, moved)
+            self._present = self._next_momentum(turns, moved)
 
-    def _next(self, turns: bool, moved: float) -> float:
-        """Return β of the coming sweep, after one that ``turns`` back or does not, and changes Λ by √``moved``."""
+    def _next_momentum(self, turns: bool, moved: float) -> float:
+        """Return β of the next sweep; the last one changed Λ by √``moved`` and may have turned back."""
         return 0.0 if turns else self._momentum
 
-    def impulses(self) -> FloatArray:
-        """Return Λ over rows."""
-        return self._iterates.impulses()
 
-    def relative_velocity(self) -> FloatArray:
-        """Return ξ over rows."""
-        return self._iterates.relative_velocity()
+class RestartedMomentum(MomentumIterates):
+    """Sweeps with Nesterov's sequence of β, restarted where the iterates turn back."""
+
+    def __init__(self, iterates: LinearIterates) -> None:
+        super().__init__(iterates, NESTEROV_BOUND)
+        self._age, self._shortest = 1.0, np.inf
+
+    def _next_momentum(self, turns: bool, moved: float) -> float:
+        restarts = turns or moved > GROWTH**2 * self._shortest
+        self._shortest = moved if restarts else min(self._shortest, moved)
+        before, self._age = self._age, 1.0 if restarts else 0.5 + np.sqrt(0.25 + self._age**2)
+        return 0.0 if restarts else min((before - 1.0) / self._age, self._momentum)
+
+
+def with_momentum(iterates: LinearIterates, momentum: float) -> Iterates:
+    """Return the iterates with momentum β, or the iterates themselves if β = 0."""
+    return MomentumIterates(iterates, momentum) if momentum > 0.0 else iterates
 
 
 @njit(cache=True, fastmath={"contract"})
 def _extrapolate(array, before, change, momentum):  # type: ignore[no-untyped-def]
-    """Keep ``array`` in ``before`` and move it along its last change."""
+    """Copy ``array`` to ``before`` and move it along its last change."""
     for k in range(len(array)):
         before[k] = array[k]
         array[k] += momentum * change[k]
@@ -70,7 +109,7 @@ def _extrapolate(array, before, change, momentum):  # type: ignore[no-untyped-de
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
 def _turn(array, before, change, momentum, n_impulses):  # type: ignore[no-untyped-def]
-    """Renew ``change``; return whether (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, y being where the sweep began, and ‖ΔΛ‖²."""
+    """Update ``change``; return whether (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0 for the start y of the sweep, and ‖ΔΛ‖²."""
     total, moved = 0.0, 0.0
     for k in range(n_impulses):
         step = array[k] - before[k]

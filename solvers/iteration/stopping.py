@@ -1,62 +1,113 @@
 """When a projected iteration stops, and why.
 
-The judge's residual is measured every few sweeps. One that no longer falls is no end: the largest violation may lie
-still for a million sweeps, while an impulse travels through a stack, and fall then. So a solve goes on to its limits
-unless nothing can come of it: Λ no longer changes at all, or rounding is all that the residual is made of (STALLED);
-iterate ν equals iterate ν−2 to rounding but not ν−1 (OSCILLATING, the usual failure of Jacobi sweeps, which stay
-bounded); the residual explodes, or ceases to be a number (DIVERGED).
+The judge's residual is measured every few sweeps. A residual that no longer falls does not end a solve: it may stay
+constant for a million sweeps, while an impulse travels through a stack, and then fall. A solve therefore continues to
+its limits unless it is hopeless: Λ no longer changes, or the residual consists of rounding (STALLED); iterate ν equals
+iterate ν−2 to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); the residual explodes or
+is not a number (DIVERGED).
 """
 
 import bisect
+import time
 from dataclasses import dataclass, field
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.solver import Solution, Status, Stop
-from .clock import Clock
+from ...problems.contact.solver import Observer, Solution, Status, Stop
 
-LONGEST_INTERVAL = 10
-"""Most sweeps between two looks at the residual; a look costs about one sweep."""
+MAX_CHECK_INTERVAL = 10
+"""Largest number of sweeps between two checks of the residual; a check costs about one sweep."""
 
-GROWTH_OF_DIVERGENCE = 1e8
+DIVERGENCE_GROWTH = 1e8
 """A residual this many times the first one (or 1, if that is larger) counts as divergence."""
 
-PLATEAU_SWEEPS = 2000
-"""No iteration is said to lack progress before this many sweeps."""
+MIN_PLATEAU_SWEEPS = 2000
+"""Lack of progress is not diagnosed before this many sweeps."""
 
 PLATEAU_PROGRESS = 0.9
-"""Progress: the last three quarters of all sweeps have brought the best residual below this fraction."""
+"""Progress: the last three quarters of all sweeps reduced the best residual below this fraction."""
 
 MARK = 0.99
-"""A residual below this fraction of the lowest one before is noted, together with the sweep."""
+"""A residual below this fraction of the last recorded one is recorded together with its sweep."""
 
 CLEARLY_BETTER = 0.5
-"""A residual below this fraction of another is clearly better, even where rounding is all that both are made of."""
+"""A residual below this fraction of another is clearly better, even where both consist of rounding."""
 
 CYCLE_PATIENCE = 20
-"""Looks without progress after which iterates are compared with each other. Two comparisons in a row have to agree: an
-iteration may keep more than Λ and move that for a while, and a safeguard may break a cycle."""
+"""Checks without progress before iterates are compared. Two consecutive comparisons must agree: an iteration may have
+hidden state that is still changing, and a safeguard may break a cycle."""
 
 ROUNDING = 16 * np.finfo(np.float64).eps
-"""Impulses that differ by less are equal to rounding, each relative to its largest value in the iterates compared."""
+"""Impulses that differ by less, relative to the largest value of their row, are equal to rounding."""
 
 
-def sweeps_to_next_look(iteration: int) -> int:
-    """Return how many sweeps to do before the residual is looked at again: few at first, then ``LONGEST_INTERVAL``."""
-    return min(LONGEST_INTERVAL, 1 + iteration // 2)
+class Outcome(NamedTuple):
+    """How a solve ended, and the reason in words."""
+
+    status: Status
+    reason: str
+
+
+class Clock:
+    """The time left to a solve; it does not run while an observer looks at an iterate.
+
+    Args:
+        seconds: time limit [s].
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._limit = seconds
+        self._began = time.perf_counter()
+
+    @property
+    def elapsed(self) -> float:
+        """Time used so far [s]."""
+        return time.perf_counter() - self._began
+
+    @property
+    def remaining(self) -> float:
+        """Time left [s], negative after the deadline."""
+        return self._limit - self.elapsed
+
+    @property
+    def has_expired(self) -> bool:
+        """Whether the deadline has passed."""
+        return self.remaining < 0.0
+
+    def show(self, observe: Observer | None, iteration: int, impulses: FloatArray) -> None:
+        """Pass Λ, shape (n_rows,), to the observer, if any; the caller must not write to it afterwards."""
+        if observe is None:
+            return
+        began = time.perf_counter()
+        shown = impulses.view()
+        shown.setflags(write=False)
+        observe(iteration, shown)
+        self._began += time.perf_counter() - began
+
+    def reached_limit(self, stop: Stop, iterations: int) -> Status | None:
+        """Return the limit that a solve has reached after ``iterations``, or None."""
+        if iterations >= stop.max_iterations:
+            return Status.ITERATION_LIMIT
+        return Status.TIME_LIMIT if time.perf_counter() - self._began > self._limit else None
+
+
+def sweeps_to_next_check(iteration: int) -> int:
+    """Return the number of sweeps before the next check: few at first, then ``MAX_CHECK_INTERVAL``."""
+    return min(MAX_CHECK_INTERVAL, 1 + iteration // 2)
 
 
 @dataclass
 class Monitor:
-    """Follows the residual of one solve and says when to stop.
+    """Follows the residual of one solve and decides when to stop.
 
     Attributes:
         stop: the limits.
-        best_residual: the lowest finite residual seen.
-        best_impulses: the iterate that has it, None before the first; not to be written to after ``look``.
-        clock: the time that is left.
+        best_residual: the lowest finite residual so far.
+        best_impulses: its iterate, None before the first check; it must not be modified.
+        clock: the time left.
     """
 
     stop: Stop
@@ -65,79 +116,80 @@ class Monitor:
     clock: Clock = field(init=False)
     _first: float = np.inf
     _iteration: int = 0
-    _looks_without_progress: int = 0
+    _checks_without_progress: int = 0
     _repeats: tuple[Status, FloatArray] | None = None
     _marks: list[tuple[int, float]] = field(default_factory=list)
-    _next_proof: int = 0
+    _next_rounding_test: int = 0
 
     def __post_init__(self) -> None:
         self.clock = Clock(self.stop.max_seconds)
 
-    def look(self, iteration: int, residual: float, impulses: FloatArray) -> tuple[Status, str] | None:
-        """Note the residual after ``iteration`` sweeps; return status and reason if the solve is over."""
+    def check_convergence(self, iteration: int, residual: float, impulses: FloatArray) -> Outcome | None:
+        """Record the residual after ``iteration`` sweeps; return the outcome if the solve is over."""
         if not self._marks:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
         self._iteration = iteration
-        self._looks_without_progress += 1
+        self._checks_without_progress += 1
         if residual < self.best_residual:
             if residual < MARK * self.best_residual:
-                self._looks_without_progress = 0
+                self._checks_without_progress = 0
             self.best_residual, self.best_impulses = residual, impulses
         if not self._marks or self.best_residual < MARK * self._marks[-1][1]:
             self._marks.append((iteration, self.best_residual))
         if residual <= self.stop.tolerance:
-            return Status.SOLVED, ""
-        if not residual < GROWTH_OF_DIVERGENCE * self._first:
-            return Status.DIVERGED, f"the residual grew to {residual:.1e} within {iteration} sweeps"
-        limit = self.clock.limit_met(self.stop, iteration)
-        return (limit, f"residual {self.best_residual:.1e} after {iteration} sweeps") if limit else None
+            return Outcome(Status.SOLVED, "")
+        if not residual < DIVERGENCE_GROWTH * self._first:
+            return Outcome(Status.DIVERGED, f"the residual grew to {residual:.1e} within {iteration} sweeps")
+        limit = self.clock.reached_limit(self.stop, iteration)
+        return Outcome(limit, f"residual {self.best_residual:.1e} after {iteration} sweeps") if limit else None
 
     @property
     def lacks_progress(self) -> bool:
-        """Whether the last three quarters of the sweeps have done little: other methods may do more, patience too."""
-        if self._iteration < PLATEAU_SWEEPS:
+        """Whether the last three quarters of the sweeps reduced the residual little."""
+        if self._iteration < MIN_PLATEAU_SWEEPS:
             return False
         return self.best_residual > PLATEAU_PROGRESS * self._best_at(self._iteration // 4)
 
     @property
-    def may_be_proven(self) -> bool:
-        """Whether it is time to find out whether rounding is all that is left; after each failure twice as late."""
-        return self._iteration >= self._next_proof
+    def may_test_rounding(self) -> bool:
+        """Whether a test for the rounding limit is due; each failed test doubles the waiting time."""
+        return self._iteration >= self._next_rounding_test
 
-    def prove(self, iteration: int, residual: float) -> None:
-        """Hold the best iterate to ``residual``, which another arithmetic finds for it, for a proof that begins."""
-        self.best_residual, self._next_proof = residual, 2 * iteration
+    def begin_rounding_test(self, iteration: int, residual: float) -> None:
+        """Replace the residual of the best iterate by ``residual``, its value in the judge's arithmetic."""
+        self.best_residual, self._next_rounding_test = residual, 2 * iteration
 
     @property
     def suspects_cycle(self) -> bool:
-        """Whether it is time to compare iterates with each other."""
-        return self._looks_without_progress >= CYCLE_PATIENCE
+        """Whether successive iterates should be compared."""
+        return self._checks_without_progress >= CYCLE_PATIENCE
 
     def restart_progress(self) -> None:
-        """Count looks without progress from here on, because the iteration has just been changed."""
-        self._looks_without_progress = 0
+        """Reset the count of checks without progress, because the iteration has changed."""
+        self._checks_without_progress = 0
 
-    def cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> tuple[Status, str] | None:
-        """Compare three successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return how it ended if they have come to repeat."""
+    def check_cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> Outcome | None:
+        """Compare the successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return the outcome if they repeat."""
         self.restart_progress()
         earlier, self._repeats = self._repeats, None
         rounding = ROUNDING * np.abs([newest, previous, before]).max(axis=0)
         if np.array_equal(newest, previous) and np.array_equal(newest, before):
             self._repeats = Status.STALLED, newest
             if earlier is not None and np.array_equal(newest, earlier[1]):
-                return Status.STALLED, f"the impulses no longer change at residual {self.best_residual:.1e}"
+                return Outcome(Status.STALLED, f"the impulses no longer change at residual {self.best_residual:.1e}")
         elif (np.abs(newest - before) <= rounding).all() and (np.abs(newest - previous) > rounding).any():
             self._repeats = Status.OSCILLATING, newest
             if earlier is not None and earlier[0] is Status.OSCILLATING:
-                return Status.OSCILLATING, f"a cycle of two iterates, best residual {self.best_residual:.1e}"
+                reason = f"the iterates repeat in a cycle of two, best residual {self.best_residual:.1e}"
+                return Outcome(Status.OSCILLATING, reason)
         return None
 
-    def solution(self, ended: tuple[Status, str], iterations: int, n_rows: int) -> Solution:
-        """Return the best finite iterate with the status the solve ended in."""
+    def solution(self, outcome: Outcome, iterations: int, n_rows: int) -> Solution:
+        """Return the best finite iterate with the outcome of the solve."""
         impulses = np.zeros(n_rows) if self.best_impulses is None else self.best_impulses
-        return Solution(impulses, ended[0], iterations, ended[1])
+        return Solution(impulses, outcome.status, iterations, outcome.reason)
 
     def _best_at(self, iteration: int) -> float:
-        """Return the best residual, to a hundredth, known after ``iteration`` sweeps."""
+        """Return the best residual, to one percent, after ``iteration`` sweeps."""
         later = bisect.bisect_right(self._marks, iteration, key=itemgetter(0))
         return self._marks[max(later - 1, 0)][1]

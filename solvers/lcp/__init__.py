@@ -1,1 +1,1 @@
-"""Contact problems as complementarity problems."""
+"""Contact problems as linear complementarity problems."""

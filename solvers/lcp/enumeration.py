@@ -1,8 +1,8 @@
-"""Enumeration of contact states: every solution of a tiny planar problem, as an oracle for other methods.
+"""Enumeration of contact states: every solution of a tiny planar problem, as a reference for other methods.
 
 A unilateral law is open (Λ_N = 0) or closed (ξ_N = 0), a planar friction law sticks (ξ_T = 0) or slips at one of its
-bounds (Λ_T = ±(a + μ Λ_N), or 0 at an open contact). Each combination is one linear system; the judge says whether its
-solution obeys the inequalities as well. Without fixed bounds these are at most 5ⁿ for n contacts.
+bounds (Λ_T = ±(a + μ Λ_N), or 0 at an open contact). Each combination is a linear system; the judge checks whether its
+solution satisfies the inequalities too. Without fixed bounds there are at most 5ⁿ combinations for n contacts.
 """
 
 import itertools
@@ -17,42 +17,42 @@ from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.clock import Clock
-from ..iteration.loop import judged, refuted
-from ..iteration.method import Method, beyond_contacts
+from ..iteration.loop import infeasible_solution
+from ..iteration.method import Method, unsupported_laws
+from ..iteration.stopping import Clock
 
-MOST_CONTACTS = 6
-"""Contacts up to which it is a matter of a second."""
+MAX_CONTACTS = 6
+"""Largest number of contacts that takes about a second."""
 
 SINGULAR = 1e-12
-"""Ratio of singular values below which a system counts as singular, and its solution of least norm is taken."""
+"""Ratio of singular values below which a system is singular, and its solution of least norm is used."""
 
-CLEARLY_NONE = 1e-3
-"""Residual above which the best of all states is no solution spoiled by rounding."""
+NO_SOLUTION = 1e-3
+"""Residual above which rounding does not explain that the best combination is not a solution."""
 
-SAME = 1e-9
-"""Impulses that differ by less, relative to the largest, are one solution."""
+SAME_SOLUTION = 1e-9
+"""Impulses that differ by less, relative to the largest, are the same solution."""
 
 
 @dataclass(frozen=True)
 class Enumeration(Method):
-    """All combinations of contact states, tried one after the other."""
+    """All combinations of contact states, one after the other."""
 
     has_iterates: ClassVar[bool] = False
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        reason = beyond_contacts(problem)
+        """Return why the solver cannot solve ``problem``, or None."""
+        reason = unsupported_laws(problem)
         if reason:
             return reason
         if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any():
             return "it has spatial friction, whose directions of slip cannot be enumerated"
-        if problem.n_contacts > MOST_CONTACTS:
-            return f"it has {problem.n_contacts} contacts, and their states are too many beyond {MOST_CONTACTS}"
+        if problem.n_contacts > MAX_CONTACTS:
+            return f"it has {problem.n_contacts} contacts, and the states of more than {MAX_CONTACTS} are too many"
         return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedEnumeration":
-        """Take G as a dense matrix."""
+        """Assemble dense G."""
         self.check_supports(problem)
         return PreparedEnumeration(problem, problem.delassus().toarray(), Residual(problem))
 
@@ -66,46 +66,52 @@ class PreparedEnumeration:
     residual: Residual = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Return the first solution; INFEASIBLE if all combinations are regular and none comes near one.
+        """Return the first solution; INFEASIBLE if all combinations are regular and no residual is small.
 
         ``iterations`` counts combinations.
         """
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
-            return refuted(self.problem)
+            return infeasible_solution(self.problem)
         if n_rows == 0:
             return Solution(np.zeros(0), Status.SOLVED, 0)
         best, best_residual, tried, singular = np.zeros(n_rows), np.inf, 0, 0
         clock = Clock(stop.max_seconds)
         for impulses, regular in self._candidates():
             if tried >= stop.max_iterations:
-                reason = f"residual {best_residual:.1e} after {tried} states"
+                reason = f"residual {best_residual:.1e} after {tried} combinations"
                 return Solution(best, Status.ITERATION_LIMIT, tried, reason)
             tried += 1
             singular += not regular
-            residual = judged(self.problem, self.residual, impulses)
+            residual = self.residual.judged(self.problem, impulses)
             if residual < best_residual:
                 best, best_residual = impulses, residual
             if best_residual <= stop.tolerance:
                 return Solution(best, Status.SOLVED, tried)
-            if clock.is_up:
-                return Solution(best, Status.TIME_LIMIT, tried, f"residual {best_residual:.1e} after {tried} states")
+            if clock.has_expired:
+                reason = f"residual {best_residual:.1e} after {tried} combinations"
+                return Solution(best, Status.TIME_LIMIT, tried, reason)
         if singular:
-            reason = f"none of {tried} states solves it; {singular} are singular and were tried at least norm only"
+            reason = (
+                f"none of {tried} combinations is a solution; of the {singular} singular ones only the solution of "
+                "least norm was tried"
+            )
             return Solution(best, Status.STALLED, tried, reason)
-        if best_residual <= max(CLEARLY_NONE, stop.tolerance):
-            reason = f"rounding leaves the best of {tried} states at residual {best_residual:.1e}"
+        if best_residual <= max(NO_SOLUTION, stop.tolerance):
+            reason = f"rounding limits the best of {tried} combinations to residual {best_residual:.1e}"
             return Solution(best, Status.STALLED, tried, reason)
-        return Solution(best, Status.INFEASIBLE, tried, f"none of {tried} states solves it, and none is singular")
+        return Solution(
+            best, Status.INFEASIBLE, tried, f"none of {tried} combinations is a solution, and none is singular"
+        )
 
     def all_solutions(self, tolerance: float) -> list[FloatArray]:
-        """Return all Λ of judged residual ``tolerance`` or less, equal ones once."""
+        """Return all different Λ whose residual in the judge's arithmetic is at most ``tolerance``."""
         found: list[FloatArray] = []
         for impulses, _ in self._candidates():
-            if judged(self.problem, self.residual, impulses) > tolerance:
+            if self.residual.judged(self.problem, impulses) > tolerance:
                 continue
             scale = max(float(np.abs(impulses).max(initial=0.0)), np.finfo(float).tiny)
-            if not any(np.abs(impulses - known).max(initial=0.0) <= SAME * scale for known in found):
+            if not any(np.abs(impulses - known).max(initial=0.0) <= SAME_SOLUTION * scale for known in found):
                 found.append(impulses)
         return found
 
@@ -118,10 +124,10 @@ class PreparedEnumeration:
                 state == "-" and laws.fixed_bound[law] == 0.0 and states[laws.partner[law]] == "open"
                 for law, state in enumerate(states)
             )
-            if not slips_for_nothing:  # the bound is zero, and "+" says the same
-                yield self._solved(states)
+            if not slips_for_nothing:  # the bound is zero, and "+" is the same state
+                yield self._solve(states)
 
-    def _solved(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:
+    def _solve(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:
         laws, n_rows = self.problem.laws, self.problem.n_rows
         system, right = self.matrix.copy(), -self.problem.free_velocity
         for law, state in enumerate(states):

@@ -3,16 +3,16 @@
 Each law contributes unknowns and conditions; b = a + μ Λ_N is the friction bound.
 
 * Unilateral contact: z = Λ_N, w = ξ_N.
-* Planar friction, exactly (Glocker & Studer 2005): the distances to both bounds and both parts of the velocity,
+* Planar friction, exact (Glocker & Studer 2005): the distances to both bounds, and both parts of the velocity,
 
       z = (Λ_T + b, ξ⁻),    w = (ξ⁺, b − Λ_T),    ξ_T = ξ⁺ − ξ⁻.
 
-* Spatial friction with the disc replaced by the inscribed k-gon (Stewart & Trinkle 1996): Λ_T = D β with the corners of
+* Spatial friction with the inscribed k-gon in place of the disc (Stewart & Trinkle 1996): Λ_T = D β with the corners of
   the unit k-gon in the columns of D,
 
       z = (β, λ),    w = (Dᵀξ_T + λ e, b − eᵀβ).
 
-Everything is scaled contact by contact: with s = 1/√α of a contact, Λ = s z and w = s ξ, which symmetrises mass ratios.
+All quantities are scaled contact by contact: Λ = s z and w = s ξ with s = 1/√α, which equalises mass ratios.
 """
 
 from dataclasses import dataclass
@@ -27,12 +27,12 @@ from ...problems.contact.residual import Residual
 from ..iteration.method import check_option
 
 _Entries = tuple[IntArray, IntArray, FloatArray | float]
-"""Rows, columns and values in a sparse matrix, which may be broadcast."""
+"""Rows, columns and values of a sparse matrix, which may be broadcast."""
 
 
 @dataclass(frozen=True, eq=False)
 class Complementarity:
-    """A linear complementarity problem, and the way back to impulses.
+    """A linear complementarity problem, and the map from its solution to impulses.
 
     Attributes:
         matrix: M, sparse, shape (n, n).
@@ -53,13 +53,13 @@ class Complementarity:
 
 
 def check_sides(sides: int) -> None:
-    """Raise ``SolverError`` unless ``sides`` is the number of sides of a polygon."""
+    """Raise ``SolverError`` unless ``sides`` is a valid number of sides of a polygon."""
     is_valid = isinstance(sides, int) and sides >= 3
     check_option("sides", sides, is_valid, "a whole number of at least 3, the sides of a friction pyramid")
 
 
 def unknowns_of_laws(laws: Laws, sides: int) -> IntArray:
-    """Return how many unknowns each law contributes, shape (n_laws,)."""
+    """Return the number of unknowns of each law, shape (n_laws,)."""
     unknowns: IntArray = np.array([1, 2, sides + 1])[laws.kind]
     return unknowns
 
@@ -75,8 +75,8 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
 
     Args:
         problem: the contact problem.
-        residual: its judge, which knows α of each law.
-        sides: k of the pyramids; planar friction is exact whatever it is.
+        residual: its residual, which holds α of each law.
+        sides: k of the pyramids; planar friction is exact for any k.
     """
     laws, scale, speed = problem.laws, _scales(problem, residual), residual.scale or 1.0
     of_law = scale[laws.first_row]
@@ -99,7 +99,7 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
 class _Conditions:
     """A, Λ₀, B, C and w₀ of Λ = A z + Λ₀ and w = B ξ + C z + w₀, which make M = B G A + C and q = B (G Λ₀ + c) + w₀.
 
-    All of it is in scaled impulses, and in velocities in units of the largest free one.
+    Impulses are scaled, and velocities are in units of the largest free velocity.
     """
 
     def __init__(self, laws: Laws, friction: FloatArray, bound: FloatArray, sides: int) -> None:
@@ -134,12 +134,12 @@ class _Conditions:
         self.constant[speed] = self._bound[law]
 
     def _of_kind(self, kind: LawKind) -> tuple[IntArray, IntArray, IntArray]:
-        """Return the laws of a kind, their first rows and their first unknowns."""
+        """Return the laws of one kind, their first rows and their first unknowns."""
         law = np.flatnonzero(self._laws.kind == kind)
         return law, self._laws.first_row[law], self._first[law]
 
     def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:
-        """Return ``factor`` times μ in the columns of the normal impulses, of each law that has any."""
+        """Return ``factor`` times μ in the columns of normal impulses, for each law with a coefficient."""
         slides = self._friction[law] > 0.0
         normal = self._first[self._laws.partner[law[slides]]]
         return row[slides], normal, factor * self._friction[law[slides]]
@@ -152,7 +152,7 @@ def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:
 
 
 def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:
-    """Return s = 1/√α of each row, α the largest of its contact; 1 over the largest √α where a contact has α = 0."""
+    """Return s = 1/√α of each row, with α of its contact, or the largest α where a contact has α = 0."""
     layout = problem.layout
     with_none = np.append(residual.alpha, 0.0)
     alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])

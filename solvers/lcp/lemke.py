@@ -1,7 +1,7 @@
-"""Lemke's method on the linear complementarity problem of contact: planar friction exactly, spatial as a pyramid.
+"""Lemke's method on the linear complementarity problem of contact: exact planar friction, spatial friction pyramids.
 
-Contacts that influence each other only within groups make the matrix fall into blocks, which are solved one by one: the
-work grows with the cube of the largest group, not of the problem.
+Where contacts affect each other only within groups the matrix is block diagonal, and each block is solved separately:
+the work grows with the cube of the largest group, not of the problem.
 """
 
 from dataclasses import dataclass, field
@@ -17,25 +17,25 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.clock import Clock
-from ..iteration.loop import judged, refuted
-from ..iteration.method import Method, beyond_contacts
+from ..iteration.loop import infeasible_solution
+from ..iteration.method import Method, unsupported_laws
+from ..iteration.stopping import Clock
 from .formulation import Complementarity, check_sides, complementarity, unknowns_of_laws
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 
-LARGEST_GROUP = 6000
-"""Unknowns of one group beyond which the tableau takes too much memory (300 MB) and hours of pivoting."""
+MAX_GROUP_SIZE = 6000
+"""Largest number of unknowns of a group; larger tableaus need more than 300 MB and hours of pivoting."""
 
-PIVOTS_BETWEEN_LOOKS = 20
-"""Pivots between two looks at the clock."""
+PIVOTS_BETWEEN_CHECKS = 20
+"""Pivots between two checks of the clock."""
 
 
 @dataclass(frozen=True)
 class Lemke(Method):
-    """Complementary pivoting with the lexicographic rule; exact up to rounding, whatever the tolerance.
+    """Complementary pivoting with the lexicographic rule; exact up to rounding for any tolerance.
 
     Attributes:
-        sides: k, sides of the pyramid that stands for the friction cone of a spatial contact; at least 3.
+        sides: k, the number of sides of the friction pyramid of a spatial contact; at least 3.
 
     Raises:
         SolverError: for fewer than 3 sides.
@@ -54,18 +54,18 @@ class Lemke(Method):
         return Model.pyramid(self.sides)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        reason = beyond_contacts(problem)
+        """Return why the solver cannot solve ``problem``, or None."""
+        reason = unsupported_laws(problem)
         if reason:
             return reason
         unknowns = unknowns_of_laws(problem.laws, self.sides)
-        if unknowns.sum() <= LARGEST_GROUP:
+        if unknowns.sum() <= MAX_GROUP_SIZE:
             return None
         layout = problem.layout
         of_contact = np.bincount(layout.contact_of_row[problem.laws.first_row], unknowns, layout.n_blocks)
         largest = int(np.bincount(components(problem), of_contact).max())
-        if largest > LARGEST_GROUP:
-            return f"{largest} of its unknowns hang together, and pivoting takes hours beyond {LARGEST_GROUP}"
+        if largest > MAX_GROUP_SIZE:
+            return f"a group of {largest} unknowns is coupled, and pivoting takes hours beyond {MAX_GROUP_SIZE}"
         return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedLemke":
@@ -93,9 +93,9 @@ class PreparedLemke:
     groups: list[IntArray] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Pivot through every group; ``iterations`` counts pivots, and neither start nor observer has a use here."""
+        """Pivot through all groups; ``iterations`` counts pivots, and start and observer are ignored."""
         if self.residual.infeasible:
-            return refuted(self.problem)
+            return infeasible_solution(self.problem)
         unknowns, pivots, rays, proofs = np.zeros(len(self.formulated.vector)), 0, 0, 0
         clock = Clock(stop.max_seconds)
         limit: Status | None = None
@@ -115,30 +115,25 @@ class PreparedLemke:
             else:
                 unknowns[group] = tableau.solution()
         impulses = self.formulated.impulses(unknowns)
-        residual = judged(self.problem, self.residual, impulses)
-        return Solution(impulses, *self._ended(stop, residual, limit, rays, proofs, pivots))
-
-    def _ended(
-        self, stop: Stop, residual: float, limit: Status | None, rays: int, proofs: int, pivots: int
-    ) -> tuple[Status, int, str]:
-        """Return status, pivots and reason."""
+        residual = self.residual.judged(self.problem, impulses)
+        reached = f"residual {residual:.1e} after {pivots} pivots"
         if residual <= stop.tolerance:
-            return Status.SOLVED, pivots, ""
+            return Solution(impulses, Status.SOLVED, pivots)
         if limit is not None:
-            return limit, pivots, f"residual {residual:.1e} after {pivots} pivots"
+            return Solution(impulses, limit, pivots, reached)
         if proofs and not self.problem.laws.friction_coefficient.any():
-            return Status.INFEASIBLE, pivots, "the path ends on a ray, which without Coulomb friction proves it"
-        if rays:
-            return Status.STALLED, pivots, f"the path ends on a ray after {pivots} pivots, residual {residual:.1e}"
-        return Status.STALLED, pivots, f"rounding leaves the residual at {residual:.1e} after {pivots} pivots"
+            reason = "the path ends on a ray, which proves infeasibility without Coulomb friction"
+            return Solution(impulses, Status.INFEASIBLE, pivots, reason)
+        reason = "the path ends on a ray" if rays else "rounding limits the accuracy"
+        return Solution(impulses, Status.STALLED, pivots, f"{reason}, {reached}")
 
 
-def _advance(tableau: Tableau, most: int, clock: Clock) -> Status | None:
-    """Pivot to the end, or to ``most`` pivots or until the time is up; return the limit that was met, if any."""
+def _advance(tableau: Tableau, max_pivots: int, clock: Clock) -> Status | None:
+    """Pivot to the end, to ``max_pivots`` or to the deadline; return the limit that was reached, if any."""
     while tableau.ending is Ending.UNFINISHED:
-        if tableau.pivots >= most:
+        if tableau.pivots >= max_pivots:
             return Status.ITERATION_LIMIT
-        if clock.is_up:
+        if clock.has_expired:
             return Status.TIME_LIMIT
-        tableau.advance(min(PIVOTS_BETWEEN_LOOKS, most - tableau.pivots))
+        tableau.advance(min(PIVOTS_BETWEEN_CHECKS, max_pivots - tableau.pivots))
     return None

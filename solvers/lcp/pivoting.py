@@ -2,10 +2,10 @@
 
     w = M z + q + d z₀,      w, z, z₀ ≥ 0,      d = (1, …, 1)
 
-From z₀ so large that w ≥ 0, each pivot lets the complement of the variable that has just left enter the basis, until z₀
-leaves. Which variable leaves is the lexicographic minimum of the rows [β, B⁻¹] over the entering column, so that
-degenerate problems cannot cycle. The tableau holds the columns of the nonbasic variables; those of B⁻¹ are the columns
-of w, found among them or unit vectors.
+From z₀ so large that w ≥ 0, the complement of the variable that has just left enters the basis at each pivot, until z₀
+leaves. The leaving variable is the lexicographic minimum of the rows [β, B⁻¹] over the entering column, so that
+degenerate problems cannot cycle. The tableau holds the columns of the nonbasic variables; the columns of B⁻¹ are those
+of w, which are either stored or unit vectors.
 """
 
 from dataclasses import dataclass
@@ -19,23 +19,23 @@ from ...problems.arrays import FloatArray
 SMALLEST_PIVOTS = (1e-8, 1e-11, 1e-14)
 """Entries of the entering column below this fraction of its largest count as zero.
 
-The first keeps rounding out of the tableau; the others are for a path that ends on a ray, which masses far apart can
-make of a small pivot.
+The first keeps rounding out of the tableau; the others are tried when the path ends on a ray, because large mass ratios
+can make a valid pivot small.
 """
 
 RAY_ROUNDING = 1e-12
-"""A ray y ≥ 0 with Mᵀ y below this fraction of the largest entry of M is one to rounding."""
+"""Mᵀ y of a ray y ≥ 0 is zero to rounding below this fraction of the largest entry of M."""
 
 FALL_ROUNDING = 1e-6
-"""qᵀy has to fall below zero by this fraction of the largest entry of q: a z ≥ 0 against which y proves nothing would
-need a million times the entries that M and q suggest."""
+"""qᵀy must be below zero by this fraction of the largest entry of q: a z ≥ 0 that y does not exclude would have entries
+a million times as large as M and q suggest."""
 
 TIE = 1e-13
 """Ratios that differ by less, relative to the largest of the tied ones or to 1, are tied."""
 
 
 class Ending(IntEnum):
-    """How pivoting stands; the value is what the kernel returns."""
+    """State of the pivoting; the values are those that the kernel returns."""
 
     UNFINISHED = 0
     SOLUTION = 1
@@ -52,8 +52,8 @@ class Tableau:
         matrix: M, dense, shape (n, n).
         vector: q, shape (n,).
         smallest: entries of the entering column below this fraction of its largest count as zero.
-        ending: how it stands.
-        pivots: pivots done.
+        ending: state of the pivoting.
+        pivots: number of pivots.
     """
 
     matrix: FloatArray
@@ -66,7 +66,7 @@ class Tableau:
         n = len(self.vector)
         self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
         largest = float(np.abs(self.vector).max(initial=0.0))
-        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # ties are found beside 1; no bit is lost
+        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # scaled for the test of ties; exact
         self._basic = np.arange(n)
         self._nonbasic = np.arange(n, 2 * n + 1)
         self._entering = 2 * n
@@ -83,7 +83,7 @@ class Tableau:
         self.pivots += done
 
     def solution(self) -> FloatArray:
-        """Return z of the present basis, solved afresh from M and q so that no rounding of the pivots is left in it."""
+        """Return z of the present basis, recomputed from M and q to remove the rounding of the pivots."""
         n = len(self.vector)
         unknowns = np.zeros(n)
         closed = np.sort(self._basic[(self._basic >= n) & (self._basic < 2 * n)]) - n
@@ -101,9 +101,9 @@ class Tableau:
         return unknowns
 
     def proves_infeasibility(self) -> bool:
-        """Whether the ray that the path has ended on is, beyond rounding, a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0.
+        """Whether the final ray is, beyond rounding, a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0.
 
-        Then yᵀ(M z + q) < 0 for every z ≥ 0, so that none keeps M z + q ≥ 0.
+        Then yᵀ(M z + q) < 0 for every z ≥ 0, so that no z satisfies M z + q ≥ 0.
         """
         n, column = len(self.vector), int(np.flatnonzero(self._nonbasic == self._entering)[0])
         direction = np.zeros(n)
@@ -123,7 +123,7 @@ class Tableau:
 
 @njit(cache=True)
 def _pivot(count, rows, values, basic, nonbasic, entering, smallest):  # type: ignore[no-untyped-def]
-    """Do at most ``count`` pivots in place; return how it stands, the pivots done, and the next entering variable."""
+    """Do at most ``count`` pivots in place; return the state, their number, and the next entering variable."""
     n = len(values)
     place = np.empty(2 * n + 1, dtype=np.int64)  # row of a basic variable, −1 − column of a nonbasic one
     for i in range(n):
@@ -154,7 +154,7 @@ def _pivot(count, rows, values, basic, nonbasic, entering, smallest):  # type: i
 def _leaving_row(rows, values, basic, place, column, tied, smallest):  # type: ignore[no-untyped-def]
     """Return the row of the lexicographic minimum of [β, B⁻¹]/column over positive entries, −1 if there is none.
 
-    The row of z₀ wins every tie in β: the solution is reached.
+    The row of z₀ wins every tie in β, because it gives the solution.
     """
     n = len(values)
     largest = 0.0
@@ -200,7 +200,7 @@ def _inverse_entry(rows, place, row, j):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _exchange(rows, values, row, column, filled):  # type: ignore[no-untyped-def]
-    """Exchange the basic variable of ``row`` with the nonbasic one of ``column``; zeros cost nothing."""
+    """Exchange the basic variable of ``row`` and the nonbasic one of ``column``; zeros are skipped."""
     n, width = rows.shape
     inverse = 1.0 / rows[row, column]
     count = 0

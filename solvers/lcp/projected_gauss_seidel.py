@@ -1,11 +1,12 @@
-"""Projected Gauss–Seidel on the complementarity problem with box friction, as physics engines do it.
+"""PyramidPGS: projected Gauss–Seidel on the complementarity problem with box friction, as in physics engines.
 
 The regular k-gon with an even number of sides is a sum of k/2 segments (a zonotope), so a friction pyramid is k/2
-one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s of their own:
+one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
 
     Λ_T = Σ_s e_s x_s,      |x_s| ≤ (a + μ Λ_N) sin(π/k),      x_s ← clip(x_s − ω e_sᵀξ_T / e_sᵀG_TT e_s)
 
-and every scalar unknown is visited in turn with the newest values of all others. Planar friction is one segment, exact.
+Scalar unknowns are updated one after the other with the newest values of the others. Planar friction is one segment,
+and exact.
 """
 
 from dataclasses import dataclass
@@ -20,13 +21,13 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ..iteration.loop import PreparedIteration
-from ..iteration.method import Method, beyond_contacts, check_option
-from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, law_arguments, spatial_velocity
+from ..iteration.method import Method, check_option, unsupported_laws
+from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, LawArrays, spatial_velocity
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides
 
 DECOMPOSITIONS = 100
-"""Alternating projections that share a first Λ_T out among the segments; an inexact share only costs sweeps."""
+"""Alternating projections that distribute the first Λ_T over the segments; inexact shares only cost sweeps."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,13 @@ class PyramidPGS(Method):
         return Model.pyramid(self.sides)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return beyond_contacts(problem)
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_laws(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G, the segments of every friction law and their step sizes."""
         self.check_supports(problem)
-        if problem.layout.width < 3:  # one segment a contact: the sweep of SORprox, law by law
+        if problem.layout.width < 3:  # one segment per contact: the sweep of SORprox
             sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
             return PreparedIteration(problem, Residual(problem), sweep.begin)
         delassus, segments = FlatDelassus.of(problem), Segments.of(problem, self.sides, self.relaxation)
@@ -76,7 +77,7 @@ class Segments:
 
     Attributes:
         edges: unit directions in (T1, T2), zero where a block has fewer, shape (n_blocks, n_segments, 2).
-        share: of the friction bound that a segment may bear: 1 (planar) or sin(π/k), shape (n_blocks,).
+        share: bound of a segment relative to the friction bound, 1 (planar) or sin(π/k), shape (n_blocks,).
         sizes: ω over the curvature along each direction [kg], shape (n_blocks, n_segments).
         normal_sizes: ω/G_NN [kg], shape (n_blocks,).
     """
@@ -90,7 +91,7 @@ class Segments:
     def of(problem: ContactProblem, sides: int, relaxation: float) -> "Segments":
         """Return the segments of pyramids with ``sides`` sides."""
         blocks = problem.delassus_blocks()
-        kind = np.append(problem.laws.kind, LawKind.UNILATERAL)[problem.layout.friction_law]  # the last: no friction
+        kind = np.append(problem.laws.kind, LawKind.UNILATERAL)[problem.layout.friction_law]  # last: no friction
         angle = np.pi / sides * (2 * np.arange(sides // 2) + 1) + np.pi / 2
         edges = np.zeros((len(kind), sides // 2, 2))
         edges[kind == LawKind.SPATIAL_FRICTION] = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -100,10 +101,10 @@ class Segments:
         curvature = np.einsum("bsi,bij,bsj->bs", edges, own[:, 1:, 1:], edges)
         return Segments(edges, share, inverse(curvature, relaxation), inverse(own[:, 0, 0], relaxation))
 
-    def shared_out(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
-        """Return x with Σ_s e_s x_s = Λ_T within its bounds, as nearly as there is one, shape (n_blocks, n_segments).
+    def distribute(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
+        """Return x within its bounds with Σ_s e_s x_s closest to Λ_T, shape (n_blocks, n_segments).
 
-        Λ comes padded, shape (n_blocks, 3).
+        Λ is padded, shape (n_blocks, 3).
         """
         target = padded[:, 1:]
         normal = np.maximum(padded[layout.partner, 0], 0.0)
@@ -118,14 +119,14 @@ class Segments:
 
 
 class PyramidIterates(DelassusState):
-    """Λ of the iteration and its shares."""
+    """Λ of the iteration, and x of its segments."""
 
     def __init__(self, delassus: FlatDelassus, segments: Segments, start: FloatArray) -> None:
         super().__init__(delassus, start)
         shares = np.zeros(segments.sizes.shape)
         if start.any():
-            shares = segments.shared_out(self.layout, self.padded.reshape(-1, 3))
-        laws = law_arguments(self.layout, segments.normal_sizes)
+            shares = segments.distribute(self.layout, self.padded.reshape(-1, 3))
+        laws = LawArrays.of(self.layout, segments.normal_sizes)
         self._arguments = (*delassus.arrays, *laws, segments.edges, segments.share, segments.sizes, shares, self.padded)
 
     def sweep(self, count: int) -> None:

@@ -1,1 +1,1 @@
-"""Newton's method on the projection equations."""
+"""Newton's method on the projection equations, and methods built on it."""

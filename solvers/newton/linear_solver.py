@@ -1,20 +1,19 @@
-"""The linear systems of Newton steps, solved only where that ends in time.
+"""The linear systems of Newton steps, solved only if the deadline permits.
 
-Each step solves J δ = right (``linearised``), in impulses scaled by √α, so that neither the units nor the mass ratios
-of contacts decide over pivots:
+Each step solves J δ = right (``linearised``) in impulses scaled by √α, so that pivots depend neither on units nor on
+mass ratios:
 
     (D J D + damping · I) y = D right,      δ = D y,      D = diag(1/√α).
 
-A factorisation cannot be interrupted, and on twenty thousand contacts packed in space one takes a minute. Before each
-the time it will take is predicted from those already measured, of z entries in t seconds:
+A factorisation cannot be interrupted, and on twenty thousand densely packed contacts it takes a minute. Its time is
+therefore predicted from earlier ones; a matrix of z entries that took t seconds predicts for z' entries
 
     t' = SLACK · t · max(1, z'/z)³.
 
-Exponents of 1.2 (flow) to 4.6 (the last part of a dense packing) were measured, the larger ones over less than a
-doubling. If a system is larger than what has been measured, and might not end in time, leading parts of it are
-factorised first, each of twice the rows of the one before, until the prediction is either short or surely too long.
-Rows are ordered by reverse Cuthill–McKee, so that a part hangs together as the whole does. Neither the parts nor their
-solutions enter the iterates.
+Measured exponents are 1.2 (flow) to 4.6 (the last part of a dense packing), the larger ones over less than a doubling.
+If a system is larger than all measured ones and may miss the deadline, leading parts of it are factorised first, each
+with twice as many rows as the one before, until the prediction is either short enough or certainly too long. Rows are
+in reverse Cuthill–McKee order, so that a part has the connectivity of the whole. The parts do not affect the iterates.
 """
 
 import numpy as np
@@ -23,62 +22,62 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
 from ...problems.arrays import FloatArray
-from ..iteration.clock import Clock
-from .linearised import Linearised
+from ..iteration.stopping import Clock
+from .linearised import LinearSystem
 from .work import Work
 
 PIVOT_THRESHOLD = 0.1
-"""A diagonal pivot is taken unless it is below this fraction of its column: that keeps the factors sparse."""
+"""A diagonal pivot is accepted unless it is below this fraction of its column, which keeps the factors sparse."""
 
 SLACK = 2.0
-"""What a prediction is multiplied with."""
+"""Safety factor of a prediction."""
 
 EXPONENT = 3.0
-"""Growth of the time with the entries: 1.5 for a dense matrix and for grids in the plane, 2 and more in space."""
+"""Growth of the time with the entries: 1.5 for a dense matrix and for planar grids, 2 and more for spatial ones."""
 
 FIRST_PART = 500
-"""Rows of the first part that is factorised to learn the time."""
+"""Rows of the first part that is factorised to measure the time."""
 
-SMALL, SMALL_SECONDS = 10_000, 5e-3
-"""Entries of a system before anything was measured, and the seconds that these surely do not exceed by much."""
+SMALL_ENTRIES, SMALL_SECONDS = 10_000, 5e-3
+"""Entries and seconds of a small system, assumed before the first measurement."""
 
 
 class LinearSolver:
-    """Solves the systems of the Newton steps of one solve, and adds each step to the work.
+    """Solves the systems of one solve and counts their work.
 
     Attributes:
-        lacks_time: whether a system was left unsolved because that might not have ended in time.
+        lacks_time: whether a system was skipped because it might have missed the deadline.
     """
 
     def __init__(self, clock: Clock, work: Work) -> None:
         self._clock, self._work, self.lacks_time = clock, work, False
-        self._rows, self._entries, self._seconds = FIRST_PART // 2, SMALL, SMALL_SECONDS
+        self._rows, self._entries, self._seconds = FIRST_PART // 2, SMALL_ENTRIES, SMALL_SECONDS
 
-    def solve(self, system: Linearised, scale: FloatArray, damping: float) -> FloatArray | None:
-        """Return δ [N s] over the active rows, or None where there is none or it would come too late.
+    def solve(self, system: LinearSystem, scale: FloatArray, damping: float) -> FloatArray | None:
+        """Return δ [N s] over the active rows, or None if the system is singular or might miss the deadline.
 
-        ``scale`` is 1/√α of these rows, shape (n_active,); ``damping`` weighs δ relative to α.
+        ``scale`` is 1/√α of these rows, shape (n_active,); ``damping`` is the weight of δ relative to α.
         """
         if isinstance(system.matrix, np.ndarray):
-            return self._solved_densely(system.matrix, system.right, scale, damping)
+            return self._solve_densely(system.matrix, system.right, scale, damping)
         scaling = sp.diags_array(scale)
         matrix = sp.csr_array(scaling @ system.matrix @ scaling + damping * sp.eye_array(len(scale)))
-        self.lacks_time = not self._ends_in_time(matrix)
+        self.lacks_time = not self._meets_deadline(matrix)
         if self.lacks_time:
             return None
-        began = self._clock.used
-        factors = factorised(matrix)
+        began = self._clock.elapsed
+        factors = factorise(matrix)
         if factors is None:
             return None
         step = np.asarray(scale * factors.solve(scale * system.right))
-        self._note(matrix, self._clock.used - began)
+        self._record(matrix, self._clock.elapsed - began)
         self._work.count_step(len(scale), factors.nnz)
         return step
 
-    def _solved_densely(
+    def _solve_densely(
         self, matrix: FloatArray, right: FloatArray, scale: FloatArray, damping: float
     ) -> FloatArray | None:
-        """Solve a small system; it takes no time worth predicting."""
+        """Solve a small system, whose time needs no prediction."""
         scaled = scale[:, np.newaxis] * matrix * scale
         scaled[np.diag_indices(len(scale))] += damping
         self._work.count_dense_step(len(scale))
@@ -88,36 +87,36 @@ class LinearSolver:
             return None
         return step
 
-    def _ends_in_time(self, matrix: sp.csr_array) -> bool:
-        """Whether a factorisation ends before the deadline, as far as can be known; learn more where it is worth it."""
+    def _meets_deadline(self, matrix: sp.csr_array) -> bool:
+        """Whether a factorisation is expected to meet the deadline; factorises parts first if that is uncertain."""
         order = None
-        while self._predicted(matrix.nnz) > self._clock.left:
+        while self._predict(matrix.nnz) > self._clock.remaining:
             rows = 2 * self._rows
             if rows >= matrix.shape[0]:
                 return False
             order = reverse_cuthill_mckee(sp.csr_matrix(matrix), symmetric_mode=True) if order is None else order
             part = sp.csr_array(matrix[order[:rows]][:, order[:rows]])
-            if self._predicted(part.nnz) > self._clock.left:
+            if self._predict(part.nnz) > self._clock.remaining:
                 return False
-            began = self._clock.used
-            if factorised(part) is None:
+            began = self._clock.elapsed
+            if factorise(part) is None:
                 return False
-            self._note(part, self._clock.used - began)
+            self._record(part, self._clock.elapsed - began)
         return True
 
-    def _predicted(self, entries: int) -> float:
-        """Return the seconds that a system of so many entries may take."""
+    def _predict(self, entries: int) -> float:
+        """Return the predicted seconds of a system with ``entries`` entries."""
         return float(SLACK * self._seconds * max(1.0, entries / self._entries) ** EXPONENT)
 
-    def _note(self, matrix: sp.csr_array, seconds: float) -> None:
-        """Keep a measured time, unless a larger system is known that took longer; small ones all count as SMALL."""
-        entries = max(matrix.nnz, SMALL)
+    def _record(self, matrix: sp.csr_array, seconds: float) -> None:
+        """Record a measured time, unless a larger system is known that took longer."""
+        entries = max(matrix.nnz, SMALL_ENTRIES)
         if entries >= self._entries or seconds >= self._seconds:
             self._entries, self._seconds = entries, seconds
         self._rows = max(self._rows, matrix.shape[0])
 
 
-def factorised(matrix: sp.csr_array) -> SuperLU | None:
+def factorise(matrix: sp.csr_array) -> SuperLU | None:
     """Return the triangular factors of a square matrix, or None if it is exactly singular."""
     try:
         return splu(

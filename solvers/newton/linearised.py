@@ -1,8 +1,8 @@
-"""The projection equations of a contact problem, linearised at one Λ: the system of a semismooth Newton step.
+"""The projection equations of a contact problem and their linearisation: the system of a semismooth Newton step.
 
 With r = 1/α the inclusion of law i reads Λ_i = prox_{C_i}(x_i), x_i = Λ_i − ξ_i/α_i (α_i the largest diagonal entry of
-its block, as in the judge). Which piece of the prox x_i lies on is the state of the law (Alart & Curnier, A mixed
-formulation for frictional contact problems prone to Newton like solution methods, 1991), b = a + μΛ_N its bound:
+its block, as in the judge). The state of the law is the piece of the prox on which x_i lies (Alart & Curnier, A mixed
+formulation for frictional contact problems prone to Newton like solution methods, 1991); b = a + μΛ_N is its bound:
 
     open    x_N ≤ 0         Λ_N = 0
     closed  x_N > 0         ξ_N = 0
@@ -10,13 +10,13 @@ formulation for frictional contact problems prone to Newton like solution method
     slip    ‖x_T‖ > b       Λ_T = b t,  t = x_T/‖x_T‖
     idle    b = 0           Λ_T = 0
 
-Rolling friction has the states of sliding friction, with its own rows and bound, and a bilateral law is always closed.
-Open and idle rows leave the system. For the others the step δ obeys ξ + Gδ = 0 where the law is closed or sticks, and,
-times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
+Rolling friction has the states of sliding friction, with its own rows and bound. A bilateral law is always closed.
+Open and idle rows leave the system. For the other rows the step δ satisfies ξ + Gδ = 0 where the law is closed or
+sticks, and, times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
 
     P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            where it slips.
 
-Small systems are assembled densely: sparse ones of the same size take ten times as long, whatever they hold.
+Small systems are assembled densely: sparse systems of the same size take ten times as long.
 """
 
 from copy import copy
@@ -31,19 +31,19 @@ from ...problems.contact.laws import ROWS_OF_KIND
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
-DENSE = 150
-"""Rows up to which systems are dense: there a dense factorisation takes less than the calls of a sparse one."""
+MAX_DENSE_ROWS = 150
+"""Rows up to which systems are dense: a dense factorisation is then cheaper than the overhead of a sparse one."""
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
-    """The system of one Newton step from ``base``: Λ = base + δ on the rows ``active``, δ = 0 elsewhere.
+class LinearSystem:
+    """The system of one Newton step: Λ = base + δ on active rows, δ = 0 on the other rows.
 
     Attributes:
         base: Λ with open and idle rows set to zero [N s], shape (n_rows,).
-        active: the rows that stay, shape (n_active,).
+        active: the remaining rows, shape (n_active,).
         matrix: the Jacobian over active rows [1/kg], shape (n_active, n_active); dense or sparse.
-        right: what δ has to make up for [m/s], shape (n_active,).
+        right: the right-hand side [m/s], shape (n_active,).
     """
 
     base: FloatArray
@@ -56,15 +56,17 @@ class Equations:
     """The projection equations of one problem.
 
     Attributes:
-        row_alpha: α of the law that each row belongs to [1/kg], shape (n_rows,).
-        entries: stored entries of G.
+        problem: the problem.
+        residual: its residual.
+        row_alpha: α of the law of each row [1/kg], shape (n_rows,).
+        entries: number of stored entries of G.
     """
 
     def __init__(self, problem: ContactProblem, residual: Residual) -> None:
-        laws = problem.laws
+        self.problem, self.residual, laws = problem, residual, problem.laws
         self._delassus, self._free = problem.delassus(), problem.free_velocity
         self.entries = int(self._delassus.nnz)
-        self._dense = self._delassus.toarray() if problem.n_rows <= DENSE else None
+        self._dense = self._delassus.toarray() if problem.n_rows <= MAX_DENSE_ROWS else None
         rows = ROWS_OF_KIND[laws.kind]
         self.row_alpha: FloatArray = np.repeat(residual.alpha, rows)
         partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
@@ -72,12 +74,12 @@ class Equations:
         self._alpha = residual.alpha
 
     def regularised(self, weight: float, centre: FloatArray) -> "Equations":
-        """Return the equations with a pull to Λ = ``centre``, shape (n_rows,): ξ = GΛ + c + weight · α (Λ − centre)."""
+        """Return the equations with a proximal term, ξ = GΛ + c + weight · α (Λ − centre), all of shape (n_rows,)."""
         other = copy(self)
-        pull = weight * self.row_alpha
-        other._delassus = sp.csr_array(self._delassus + sp.diags_array(pull))
+        proximal = weight * self.row_alpha
+        other._delassus = sp.csr_array(self._delassus + sp.diags_array(proximal))
         other._dense = None if self._dense is None else other._delassus.toarray()
-        other._free = self._free - pull * centre
+        other._free = self._free - proximal * centre
         other._alpha, other.row_alpha = (1.0 + weight) * self._alpha, (1.0 + weight) * self.row_alpha
         return other
 
@@ -85,7 +87,7 @@ class Equations:
         """Return ξ = GΛ + c over rows."""
         return np.asarray(self._delassus @ impulses + self._free)
 
-    def linearised(self, impulses: FloatArray) -> Linearised:
+    def linearise(self, impulses: FloatArray) -> LinearSystem:
         """Return the system of the Newton step from Λ, shape (n_rows,)."""
         n_rows = len(self._free)
         base, right = impulses.copy(), np.zeros(n_rows)
@@ -100,19 +102,19 @@ class Equations:
         column[active] = np.arange(len(active))
         places, weights = column[places[:, :count]], weights[:, :count]
         if self._dense is not None:
-            return Linearised(base, active, _jacobian(self._dense, active, slips[active], places, weights), right)
+            return LinearSystem(base, active, _jacobian(self._dense, active, slips[active], places, weights), right)
         matrix = sp.csr_array(self._delassus[active][:, active])
         if count > 0:
             rows, columns = places
             of_velocity, of_impulse = (sp.csr_array((one, (rows, columns)), shape=matrix.shape) for one in weights)
             kept = sp.diags_array(np.where(slips[active], 0.0, 1.0))
             matrix = sp.csr_array((of_velocity + kept) @ matrix + of_impulse)
-        return Linearised(base, active, matrix, right)
+        return LinearSystem(base, active, matrix, right)
 
 
 @njit(cache=True)
 def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-untyped-def]
-    """Return the dense Jacobian over active rows: rows of G, where a law slips those of P G, and what stands on δ."""
+    """Return the dense Jacobian over active rows: rows of G, or of P G and the weights of δ where a law slips."""
     n = len(active)
     matrix = np.zeros((n, n))
     for row in range(n):
@@ -132,7 +134,7 @@ def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-unty
 def _linearise(  # type: ignore[no-untyped-def]
     kind, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
 ):
-    """Find the states; write Λ of open and idle rows, and right side and weights (P, and what stands on δ) of slip."""
+    """Identify the states; set Λ of open and idle rows to zero, and write right side and weights (P, δ) of slip."""
     for law in range(len(kind)):
         if kind[law] == 3:
             is_active[first_row[law]] = alpha[law] > 0.0
@@ -152,7 +154,7 @@ def _linearise(  # type: ignore[no-untyped-def]
             base[i : i + width] = 0.0
             continue
         if alpha[law] <= 0.0:
-            continue  # no impulse of this law moves anything: it stays
+            continue  # impulses of this law move nothing and stay unchanged
         is_active[i : i + width] = True
         argument = base[i : i + width] - velocity[i : i + width] / alpha[law]
         length = np.sqrt((argument**2).sum())

@@ -1,15 +1,15 @@
-"""SAP: Newton's method for the velocities of bodies, with contacts as stiff springs inside their cones.
+"""SAP: Newton's method for body velocities, with contacts as stiff springs inside their cones.
 
 The semi-analytic primal method (Castro, Permenter & Han, IEEE Transactions on Robotics 39(2), 2023) minimises over
-velocities what the convex model minimises over impulses. In the units of ``cone``, Λ = d x, with W̃ = Sᵀ W d of the
-factors and ξ = W̃ᵀ w + d c,
+velocities the energy that the convex model minimises over impulses. In the units of ``cone``, Λ = d x, with
+W̃ = Sᵀ W d of the factors and ξ = W̃ᵀ w + d c,
 
     ℓ(w) = ½‖w‖² + ½ R Σ ‖x_i(w)‖²,      x_i(w) = P_K(x̄_i − ξ_i / R),      ∇ℓ = w − W̃ x,      ∇²ℓ = I + W̃ (D/R) W̃ᵀ
 
-with D the derivatives of the projections: convex, twice differentiable almost everywhere, and without constraints. One
-factorisation over bodies serves a step, however many contacts are redundant. With x̄ = 0 the springs stay, and contacts
-sink in by R x: that is the method as published, a relaxed model. Here x̄ is renewed by each minimum (multipliers of
-Hestenes and Powell), and R falls, so that what is left of it vanishes.
+with D the derivatives of the projections. ℓ is convex, twice differentiable almost everywhere, and unconstrained. A
+step needs one factorisation over bodies, for any number of redundant contacts. With x̄ = 0 contacts penetrate by R x:
+this is the published method, a relaxed model. Here each minimum updates x̄ (multipliers of Hestenes and Powell), and R
+decreases, so that the relaxation vanishes.
 """
 
 from collections.abc import Iterator
@@ -23,28 +23,28 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
 from ..iteration.loop import PreparedIteration, iterate
-from ..iteration.method import Method, beyond_contacts
+from ..iteration.method import Method, unsupported_laws
 from ..sweeps.cone import ConeProblem
-from .linear_solver import factorised
+from .linear_solver import factorise
 
-FIRST_COMPLIANCE, LEAST_COMPLIANCE, SOFTENING = 0.1, 1e-6, 0.1
-"""R at first and at last, where the diagonal of the Delassus matrix is 1, and what each minimum multiplies it with."""
+FIRST_COMPLIANCE, MIN_COMPLIANCE, COMPLIANCE_FACTOR = 0.1, 1e-6, 0.1
+"""First and smallest R, for a Delassus matrix of unit diagonal, and its factor after each minimum."""
 
-MINIMUM = 1e-3
-"""A minimum is found where ‖∇ℓ‖ is below this part of R ‖x − x̄‖, the change that the next multipliers make in ξ."""
+GRADIENT_TOLERANCE = 1e-3
+"""ℓ is minimal where ‖∇ℓ‖ is below this fraction of R ‖x − x̄‖, the change of ξ by the next multipliers."""
 
 ROUNDING = 1e-14
-"""No gradient below this part of ‖w‖ is asked for."""
+"""Gradients below this fraction of ‖w‖ are rounding."""
 
-DESCENT, SHORTEST = 1e-4, 2.0**-30
-"""What part of its slope a step has to descend, and the shortest part of a step."""
+SUFFICIENT_DECREASE, MIN_STEP = 1e-4, 2.0**-30
+"""Share of the linear decrease that a step has to reach, and the shortest fraction of a step."""
 
 
 @dataclass(frozen=True)
 class SAP(Method):
     """The semi-analytic primal method for the convex (associated) model.
 
-    One iteration is a Newton step or a renewal of x̄.
+    One iteration is a Newton step or an update of x̄.
     """
 
     @property
@@ -53,13 +53,13 @@ class SAP(Method):
         return Model.CONVEX
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
+        """Return why the solver cannot solve ``problem``, or None."""
         if problem.factors is None:
-            return "the problem holds G only, and this method works on the bodies of W and M⁻¹"
-        return beyond_contacts(problem) or convex_obstacle(problem)
+            return "the problem holds G only, and this method needs the factors W and M⁻¹"
+        return unsupported_laws(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Scale W̃; G is assembled for the units of contacts alone."""
+        """Scale W̃; the units of contacts need G."""
         self.check_supports(problem)
         assert problem.factors is not None
         cone = ConeProblem.of(problem)
@@ -69,7 +69,7 @@ class SAP(Method):
 
 
 class _Springs:
-    """ℓ and its derivatives for one R and x̄ at a time.
+    """ℓ and its derivatives for the present R and x̄.
 
     Attributes:
         compliance: R.
@@ -90,14 +90,14 @@ class _Springs:
         return 0.5 * float(w @ w) + 0.5 * self.compliance * float(x @ x)
 
     def step(self, w: FloatArray, gradient: FloatArray) -> FloatArray | None:
-        """Return the Newton step from w, None where it cannot be computed."""
+        """Return the Newton step from w, None if the Hessian is singular."""
         layout = self._cone.layout
         blocks = _derivatives(self._cone, layout.pad(self._argument(w))) / self.compliance
         n, width = layout.n_blocks, layout.width
         diagonal = sp.csr_array(sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(n * width,) * 2))
         weights = diagonal if layout.is_dense else sp.csr_array(diagonal[layout.slot][:, layout.slot])
         hessian = sp.eye_array(len(w)) + self.directions @ weights @ self.directions.T
-        factors = factorised(sp.csr_array(hessian))
+        factors = factorise(sp.csr_array(hessian))
         return None if factors is None else np.asarray(-factors.solve(gradient))
 
     def _argument(self, w: FloatArray) -> FloatArray:
@@ -112,11 +112,11 @@ def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
         x = springs.impulses(w)
         gradient = np.asarray(w - springs.directions @ x)
         length = float(np.linalg.norm(gradient))
-        wanted = MINIMUM * springs.compliance * float(np.linalg.norm(x - springs.centre))
+        wanted = GRADIENT_TOLERANCE * springs.compliance * float(np.linalg.norm(x - springs.centre))
         step = None if length <= max(wanted, ROUNDING * float(np.linalg.norm(w))) else springs.step(w, gradient)
         part = 0.0 if step is None else _length(springs, w, gradient, step)
         if step is None or part == 0.0:
-            springs.centre, springs.compliance = x, max(SOFTENING * springs.compliance, LEAST_COMPLIANCE)
+            springs.centre, springs.compliance = x, max(COMPLIANCE_FACTOR * springs.compliance, MIN_COMPLIANCE)
             w = np.asarray(springs.directions @ x)
         else:
             w = w + part * step
@@ -124,10 +124,10 @@ def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
 
 
 def _length(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatArray) -> float:
-    """Return the part of a step after which ℓ has descended, halved from 1 on; 0 where none is long enough."""
+    """Return the first of 1, ½, ¼, … of a step that decreases ℓ sufficiently; 0 if there is none."""
     slope, before, part = float(gradient @ step), springs.value(w), 1.0
-    while part >= SHORTEST:
-        if springs.value(w + part * step) <= before + DESCENT * part * slope:
+    while part >= MIN_STEP:
+        if springs.value(w + part * step) <= before + SUFFICIENT_DECREASE * part * slope:
             return part
         part *= 0.5
     return 0.0
@@ -136,11 +136,12 @@ def _length(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatA
 def _derivatives(cone: ConeProblem, argument: FloatArray) -> FloatArray:
     """Return the derivative of the projection onto each K at ``argument``, shape (n, width), as (n, width, width).
 
-    Inside it is the identity; where the cone is met at N > 0, with t the direction of T and b = a + μN its bound,
+    Inside the cone it is the identity. For a projection onto its surface at N > 0, with t the direction of T and
+    b = a + μN the bound, it is
 
         [1, μ tᵀ; μ t, μ² t tᵀ] / (1 + μ²) + (b/‖T‖) [0, 0; 0, I − t tᵀ];
 
-    where N = 0 only the second part stays, with b = a, and all of T where that is in the disc.
+    For N = 0 only the second part remains, with b = a, or the identity of T inside the disc.
     """
     friction, fixed = cone.layout.friction_coefficient, cone.fixed_bound
     n, width = argument.shape

@@ -1,19 +1,19 @@
-"""Newton steps on the projection equations, until they no longer help.
+"""Newton steps on the projection equations, as long as they help.
 
 Each step solves the linearised equations, scaled and damped (``linear_solver``).
 
-Where contacts over-determine the bodies their matrix has no full rank. The damping makes the step the proximal one,
-which leaves the solution where it is: it weighs δ, not Λ, and δ vanishes there (Levenberg 1944; Marquardt 1963; for
-equations whose solutions are not isolated: Yamashita & Fukushima 2001). Little damping gives Newton's quadratic
-convergence; more keeps undetermined impulses from running away.
+Where contacts over-determine the motion of bodies the Jacobian is rank-deficient. Damping makes the step a proximal one
+and leaves the solution unchanged, because it weighs δ and not Λ, and δ vanishes at a solution (Levenberg 1944;
+Marquardt 1963; for equations with non-isolated solutions: Yamashita & Fukushima 2001). Little damping gives Newton's
+quadratic convergence; more keeps undetermined impulses bounded.
 
-Far from a solution a full step may lead to other states that lead back, a cycle. A search along the step, for the first
-of t = 1, ½, …, 1/64 with
+Far from a solution a full step may lead to states that lead back, a cycle. A line search for the first of
+t = 1, ½, …, 1/64 with
 
     ρ(Λ + tδ) < (1 − 10⁻⁴ t) ρ(Λ),      ρ the judge's residual,
 
-breaks it (De Luca, Facchinei & Kanzow 1996). ρ has kinks, where no t may do; the shortest step is taken there, and the
-best Λ of all is what counts. Neither way is better everywhere: attempts take them in turn.
+breaks it (De Luca, Facchinei & Kanzow 1996). ρ has kinks where no t may satisfy this; the shortest step is taken there,
+and the best Λ of all is returned. Neither full nor shortened steps are better everywhere, so solvers alternate.
 """
 
 from collections.abc import Callable
@@ -22,121 +22,110 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
-from ..iteration.clock import Clock
-from ..iteration.loop import judged
+from ...problems.contact.solver import Status
+from ..iteration.loop import IterationDriver
+from ..iteration.stopping import Clock
 from .linear_solver import LinearSolver
 from .linearised import Equations
 from .work import Work
 
 DIVERGENCE = 1e2
-"""An attempt ends when the residual exceeds this many times the one it began with."""
+"""A run ends when the residual exceeds this many times the one it began with."""
 
-SUFFICIENT = 1e-4
+SUFFICIENT_DECREASE = 1e-4
 """Share of the linear decrease that a shortened step has to reach."""
 
-SHORTEST = 1.0 / 64.0
-"""The shortest part of a step where there is a search."""
+MIN_STEP = 1.0 / 64.0
+"""The shortest fraction of a step in a line search."""
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """How far and how carefully Newton's method is followed.
+class NewtonSettings:
+    """How far and how carefully Newton's method proceeds.
 
     Attributes:
-        damping: what δ is weighed with, relative to α.
-        most_steps: number of steps.
-        shortest: shortest part of a step that a search allows, and takes if none is better; 1 for full steps.
-        gain: the attempt ends when a new best residual is more than this share of the residual before.
-        patience: and when so many steps bring no new best residual.
+        damping: weight of δ in the equations, relative to α.
+        max_steps: largest number of steps.
+        min_step: shortest fraction of a step in the line search; 1 means full steps.
+        gain: the run ends when a new best residual is more than this fraction of the residual before it.
+        patience: the run ends after so many steps without a new best residual.
     """
 
     damping: float
-    most_steps: int
-    shortest: float = 1.0
+    max_steps: int
+    min_step: float = 1.0
     gain: float = 0.5
     patience: int = 100
 
 
-SHARP = Attempt(damping=1e-12, most_steps=8)
-"""Full steps with hardly more damping than rounding: they may raise the residual at first, while states change."""
+SHARP = NewtonSettings(damping=1e-12, max_steps=8)
+"""Full steps with almost no damping; they may raise the residual at first, while states change."""
 
-DAMPED = Attempt(damping=1e-3, most_steps=10)
-"""Full steps where undetermined impulses run away."""
+DAMPED = NewtonSettings(damping=1e-3, max_steps=10)
+"""Full steps for undetermined impulses that would grow without bound."""
 
 THOROUGH = tuple(
-    Attempt(damping, most_steps=30, shortest=shortest, gain=1.0, patience=10)
+    NewtonSettings(damping, max_steps=30, min_step=min_step, gain=1.0, patience=10)
     for damping in (1e-12, 1e-6, 1e-3)
-    for shortest in (1.0, SHORTEST)
+    for min_step in (1.0, MIN_STEP)
 )
-"""What is tried where nothing else helps."""
+"""Settings for problems on which nothing else helps."""
 
-SEARCHING = THOROUGH[1]
+LINE_SEARCH = THOROUGH[1]
 """The one of them that helps most often."""
 
 
-class Newton:
-    """Newton's method on one problem, to a residual of ``tolerance`` and within the limits of one solve.
+class NewtonMethod:
+    """Newton's method on the equations of one problem, within the limits of one solve.
 
     Attributes:
-        solver: of the linear systems; it begins none that would not end in time, and adds each step to the work.
+        solver: the linear solver; it starts no factorisation that would miss the deadline, and counts the work.
     """
 
-    def __init__(
-        self,
-        problem: ContactProblem,
-        residual: Residual,
-        equations: Equations,
-        clock: Clock,
-        tolerance: float,
-        work: Work,
-    ) -> None:
-        self.solver = LinearSolver(clock, work)
-        self._problem, self._residual, self._equations, self._tolerance = problem, residual, equations, tolerance
+    def __init__(self, equations: Equations, clock: Clock, tolerance: float, work: Work | None = None) -> None:
+        self.solver = LinearSolver(clock, work or Work(equations.entries))
+        self._equations, self._tolerance = equations, tolerance
 
-    def judged(self, impulses: FloatArray) -> float:
+    def residual(self, impulses: FloatArray) -> float:
         """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
-        return judged(self._problem, self._residual, impulses)
+        return self._equations.residual.judged(self._equations.problem, impulses)
 
-    def followed(
-        self, attempt: Attempt, impulses: FloatArray, first: float, goes_on: Callable[[FloatArray], bool]
+    def run(
+        self, settings: NewtonSettings, impulses: FloatArray, first: float, may_continue: Callable[[FloatArray], bool]
     ) -> tuple[FloatArray, float]:
         """Do Newton steps from Λ [N s], shape (n_rows,), of residual ``first``; return the best Λ and its residual.
 
-        ``goes_on`` is shown each iterate, and says whether there may be another.
+        ``may_continue`` receives each iterate and returns whether another step may follow.
         """
         best, lowest, present, waited = impulses, first, first, 0
-        for _ in range(attempt.most_steps):
-            step = self._stepped(impulses, attempt.damping)
-            if step is None:
+        for _ in range(settings.max_steps):
+            goal = self._full_step(impulses, settings.damping)
+            if goal is None:
                 break
             before = present
-            impulses, present = self._shortened(impulses, before, step, attempt.shortest)
-            is_over = not goes_on(impulses)
+            impulses, present = self._search(impulses, before, goal, settings.min_step)
+            is_over = not may_continue(impulses)
             waited += 1
             is_new = present < lowest
             if is_new:
                 best, lowest, waited = impulses, present, 0
-            converged = lowest <= self._tolerance or (is_new and present > attempt.gain * before)
-            if is_over or converged or waited >= attempt.patience or not present <= DIVERGENCE * first:
+            converged = lowest <= self._tolerance or (is_new and present > settings.gain * before)
+            if is_over or converged or waited >= settings.patience or not present <= DIVERGENCE * first:
                 break
         return best, lowest
 
-    def _shortened(
-        self, origin: FloatArray, before: float, goal: FloatArray, shortest: float
-    ) -> tuple[FloatArray, float]:
-        """Return the first point from ``goal`` back where the residual falls, or the last, and its residual."""
-        part, point, present = 1.0, goal, self.judged(goal)
-        while part > shortest and not present < (1.0 - SUFFICIENT * part) * before:
+    def _search(self, origin: FloatArray, before: float, goal: FloatArray, min_step: float) -> tuple[FloatArray, float]:
+        """Return the first point back from ``goal`` with a smaller residual, or the last one, and its residual."""
+        part, point, present = 1.0, goal, self.residual(goal)
+        while part > min_step and not present < (1.0 - SUFFICIENT_DECREASE * part) * before:
             part *= 0.5
             point = origin + part * (goal - origin)
-            present = self.judged(point)
+            present = self.residual(point)
         return point, present
 
-    def _stepped(self, impulses: FloatArray, damping: float) -> FloatArray | None:
-        """Return Λ after one step, or None where the system cannot be solved or would take too long."""
-        system = self._equations.linearised(impulses)
+    def _full_step(self, impulses: FloatArray, damping: float) -> FloatArray | None:
+        """Return Λ after a full step, or None where the system is singular or would take too long."""
+        system = self._equations.linearise(impulses)
         if len(system.active) == 0:
             return system.base
         step = self.solver.solve(system, 1.0 / np.sqrt(self._equations.row_alpha[system.active]), damping)
@@ -145,3 +134,48 @@ class Newton:
         moved = system.base
         moved[system.active] += step
         return moved
+
+
+class NewtonRunner:
+    """Newton's method from any iterate of one solve, whose driver counts and shows each step.
+
+    Attributes:
+        driver: runs the sweeps of the solve.
+        work: of sweeps and Newton steps; whoever sweeps adds to it.
+    """
+
+    def __init__(self, equations: Equations, driver: IterationDriver) -> None:
+        self.equations, self.driver = equations, driver
+        self.work = Work(equations.entries)
+        self._newton = NewtonMethod(equations, driver.monitor.clock, driver.monitor.stop.tolerance, self.work)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the solve has reached a limit."""
+        return self.reached_limit is not None
+
+    @property
+    def reached_limit(self) -> Status | None:
+        """The limit that the solve has reached, or None."""
+        monitor = self.driver.monitor
+        return monitor.clock.reached_limit(monitor.stop, self.driver.iteration)
+
+    def run(
+        self, settings: NewtonSettings, impulses: FloatArray, residual: float, work_until: float = float("inf")
+    ) -> tuple[FloatArray, float]:
+        """Run Newton's method from ``impulses`` [N s], shape (n_rows,); return the best Λ and its residual.
+
+        No step starts once the solve has done ``work_until`` nominal seconds of work.
+        """
+        if self.is_over or self.work.seconds >= work_until:
+            return impulses, residual
+
+        def may_continue(reached: FloatArray) -> bool:
+            self.driver.record(reached)
+            return not self.is_over and self.work.seconds < work_until
+
+        return self._newton.run(settings, impulses, residual, may_continue)
+
+    def residual(self, impulses: FloatArray) -> float:
+        """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
+        return self._newton.residual(impulses)

@@ -1,1 +1,1 @@
-"""Solvers of others, called as they are: their wheels are installed apart, with the extra ``peers``."""
+"""Outside solvers, called unchanged; the extra ``peers`` installs their libraries."""

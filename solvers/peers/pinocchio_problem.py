@@ -1,18 +1,20 @@
-"""A contact problem as Pinocchio's constraint solvers take it, and one call of them.
+"""A contact problem in the form of Pinocchio's constraint solvers, and the import and call of Pinocchio.
 
 Pinocchio (Carpentier et al.) solves for σ over contacts
 
     K_μ ∋ σ  ⊥  Gσ + g + s(σ) ∈ K_μ*      s = μ‖(Gσ + g)_T‖ e_N
 
-which is Coulomb's law in De Saxcé's form. Its contacts have the rows T1, T2, N. What is handed over is in units of the
-problem's own (``Scaling``): G has a diagonal of about 1 and g is at most 1, so that absolute tolerances mean the same
-on every problem and, for ADMM, nearly what the judge's residual does. In SI units the tolerances that Pinocchio has by
-itself are met by any impulses of small bodies.
+which is Coulomb's law in De Saxcé's form. Its contacts have the rows T1, T2, N. The data are scaled by units of the
+problem (``Scaling``): G has a diagonal of about 1 and g is at most 1. Absolute tolerances then mean the same on every
+problem and, for ADMM, are nearly equal to the judge's residual. In SI units any impulses of small bodies would satisfy
+Pinocchio's default tolerances.
 """
 
+import importlib
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,25 +23,39 @@ import scipy.sparse as sp
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import SolverError
 from ..conic.programs import Scaling
-from .installed import imported
 
 STACK_BYTES, STACK_BYTES_OF_CONTACT = 64 * 2**20, 128 * 2**10
-"""Stack of a call, and more of it for each contact: the usual 8 MiB end in a segmentation fault beyond 341 contacts."""
+"""Stack of a call, and its growth per contact: the usual 8 MiB cause a segmentation fault beyond 341 contacts."""
+
+INSTALL = 'pip install ".[peers]"'
+"""The command that installs the libraries of all outside solvers."""
 
 Answer = TypeVar("Answer")
 
 
-def obstacle(problem: ContactProblem) -> str | None:
-    """Say why a problem cannot be written with Pinocchio's point contacts, or None."""
+def check_installed(solver: str) -> None:
+    """Raise ``SolverError`` unless Pinocchio is installed; this does not import it."""
+    if find_spec("pinocchio") is None:
+        raise SolverError(f"{solver} needs pinocchio, which is not installed; run {INSTALL} in a clone of proxbench")
+
+
+def pinocchio() -> Any:
+    """Import Pinocchio on first use; outside solvers run in child processes only."""
+    return importlib.import_module("pinocchio")
+
+
+def unsupported_reason(problem: ContactProblem) -> str | None:
+    """Return why Pinocchio's point contacts cannot represent ``problem``, or None."""
     laws = problem.laws
     n_contacts = laws.n_laws // 2
     equal = Laws.contacts(laws.friction_coefficient[1::2], 3, n_contacts) if 2 * n_contacts == laws.n_laws else None
     if equal is None or not np.array_equal(laws.kind, equal.kind) or not np.array_equal(laws.partner, equal.partner):
         kinds = sorted({LawKind(kind).name.lower().replace("_", " ") for kind in laws.kind.tolist()})
-        return f"Pinocchio takes contacts with spatial Coulomb friction only, and the laws are {', '.join(kinds)}"
+        return f"Pinocchio supports only contacts with spatial Coulomb friction, and the laws are {', '.join(kinds)}"
     if laws.fixed_bound.any():
-        return "it has fixed friction bounds, which Pinocchio's contacts lack"
+        return "it has fixed friction bounds, which Pinocchio does not support"
     if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:
         return "G is not symmetric"
     return None
@@ -52,10 +68,10 @@ class Contacts:
     Attributes:
         matrix: scaled G, rows in Pinocchio's order, as scipy's csc_matrix with 32-bit indices.
         velocity: scaled c in that order, shape (n_rows,).
-        order: row of the problem that each of its rows is, shape (n_rows,).
+        order: row of the problem for each row of the matrix, shape (n_rows,).
         impulse: unit of the impulse of each row of the problem [N s], shape (n_rows,).
-        models: constraint models, one a contact; their kinematics are never looked at.
-        datas: their data.
+        models: constraint models, one per contact; their kinematics are not used.
+        datas: data of the constraint models.
     """
 
     matrix: Any
@@ -67,8 +83,8 @@ class Contacts:
 
     @staticmethod
     def of(problem: ContactProblem) -> "Contacts":
-        """Return the contacts of a problem without an ``obstacle``."""
-        pin = imported("pinocchio")
+        """Return the contacts of a problem that Pinocchio supports."""
+        pin = pinocchio()
         scaling = Scaling(problem)
         order = np.arange(problem.n_rows).reshape(-1, 3)[:, [1, 2, 0]].ravel()
         unit = sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
@@ -87,23 +103,23 @@ class Contacts:
             datas.append(models[len(models) - 1].createData())
         return Contacts(matrix, velocity, order, scaling.impulse, models, datas)
 
-    def ours(self, answer: FloatArray) -> FloatArray:
-        """Return Λ over rows [N s] from what Pinocchio returns."""
+    def from_pinocchio(self, answer: FloatArray) -> FloatArray:
+        """Return Λ over rows [N s] from a solution of Pinocchio."""
         impulses = np.empty_like(answer)
         impulses[self.order] = answer
         return impulses * self.impulse
 
-    def theirs(self, impulses: FloatArray) -> FloatArray:
-        """Return what Pinocchio begins with from Λ over rows [N s]."""
+    def to_pinocchio(self, impulses: FloatArray) -> FloatArray:
+        """Return the initial impulses for Pinocchio from Λ over rows [N s]."""
         first: FloatArray = (impulses / self.impulse)[self.order]
         return first
 
 
 def on_deep_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
-    """Return what a call returns, made in a thread whose stack is deep enough for so many contacts.
+    """Return the result of a call in a thread whose stack is deep enough for ``n_contacts``.
 
     Raises:
-        Exception: whatever the call raises.
+        Exception: the exception of the call.
     """
     answers: list[Answer] = []
     errors: list[BaseException] = []

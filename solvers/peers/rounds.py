@@ -1,8 +1,8 @@
-"""Solving in rounds: an outside solver goes on from where it was, and the judge looks in between.
+"""Solving in rounds: an outside solver continues where it stopped, and the judge's residual is checked in between.
 
-Outside solvers have neither a limit of time nor the judge's residual. So they are called for a number of iterations
-that fits into the time left, as measured on the rounds before, and what they return is judged: a claim of theirs ends
-nothing, it makes the next round's tolerance tighter.
+Outside solvers have neither a time limit nor the judge's residual. They are called for a number of iterations that fits
+into the time left, as measured in earlier rounds. If a solver claims convergence and the judge's residual is too large,
+the next round has a tighter tolerance.
 """
 
 import time
@@ -17,22 +17,22 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.clock import Clock
-from ..iteration.loop import first_impulses, judged, refuted
+from ..iteration.loop import infeasible_solution, initial_impulses
+from ..iteration.stopping import Clock
 
-TIGHTEST = 1e-15
-"""Own tolerances below mean nothing in double precision."""
+MIN_TOLERANCE = 1e-15
+"""Smaller tolerances are meaningless in double precision."""
 
 TIGHTENING = 0.1
-"""Factor of a tolerance that was met while the judge says otherwise."""
+"""Factor of a tolerance that was met although the residual is too large."""
 
-SHARE = 0.9
-"""Of the time left that a round may be expected to take."""
+TIME_SHARE = 0.9
+"""Largest expected time of a round, relative to the time left."""
 
 
 @dataclass(frozen=True)
 class Round:
-    """What one call returned: Λ over rows [N s], its iterations, and whether its own tolerance is met."""
+    """The result of one call: Λ over rows [N s], its iterations, and whether its own tolerance is met."""
 
     impulses: FloatArray
     iterations: int
@@ -40,60 +40,60 @@ class Round:
 
 
 Call = Callable[[FloatArray, float, int], Round]
-"""``call(impulses, tolerance, iterations)`` goes on from Λ to a tolerance of its own, for so many iterations."""
+"""``call(impulses, tolerance, iterations)`` continues from Λ to its own tolerance, for at most ``iterations``."""
 
 
-class InRounds(ABC):
-    """A solver made ready for one problem, which works in rounds.
+class PreparedRounds(ABC):
+    """An outside solver, made ready for one problem, that works in rounds.
 
     Attributes:
         problem: the problem.
-        residual: the judge's residual of it.
+        residual: its residual.
     """
 
     first_iterations: ClassVar[int] = 20
     """Iterations of the first round."""
 
     growth: ClassVar[float] = 2.0
-    """Factor from one round's iterations to the next one's."""
+    """Factor of the iterations from one round to the next."""
 
     def __init__(self, problem: ContactProblem) -> None:
         self.problem, self.residual = problem, Residual(problem)
 
     @abstractmethod
     def begin(self, max_seconds: float) -> Call:
-        """Return the solver as it is called in one solve with this time limit [s]."""
+        """Return the call of the solver for one solve with this time limit [s]."""
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve to the judge's residual; no iterates are shown."""
+        """Solve to the judge's residual; the observer is ignored."""
         if self.residual.infeasible:
-            return refuted(self.problem)
-        clock, best = Clock(stop.max_seconds), first_impulses(self.problem, self.residual, start)
-        lowest, done, planned = judged(self.problem, self.residual, best), 0, float(self.first_iterations)
+            return infeasible_solution(self.problem)
+        clock, best = Clock(stop.max_seconds), initial_impulses(self.problem, self.residual, start)
+        lowest, done, planned = self.residual.judged(self.problem, best), 0, float(self.first_iterations)
         impulses, tolerance, seconds = best, min(stop.tolerance, 0.1), 0.0
         call = self.begin(stop.max_seconds)
         while lowest > stop.tolerance:
-            limit = clock.limit_met(stop, done)
+            limit = clock.reached_limit(stop, done)
             if limit is not None:
                 return Solution(best, limit, done, f"residual {lowest:.1e} after {done} iterations")
-            affordable = SHARE * clock.left * done / seconds if seconds > 0.0 else planned
+            affordable = TIME_SHARE * clock.remaining * done / seconds if seconds > 0.0 else planned
             count = int(max(1.0, min(planned, affordable, stop.max_iterations - done)))
             began = time.perf_counter()
             made = call(impulses, tolerance, count)
             seconds += time.perf_counter() - began
             done += max(made.iterations, 1)
             if not np.isfinite(made.impulses).all():
-                reason = f"it returns numbers that are not finite after {done} iterations"
+                reason = f"the impulses are not finite after {done} iterations"
                 return Solution(best, Status.DIVERGED, done, reason)
             impulses = made.impulses
-            found = judged(self.problem, self.residual, impulses)
+            found = self.residual.judged(self.problem, impulses)
             if found < lowest:
                 best, lowest = impulses, found
             if not made.is_converged:
                 planned *= self.growth
-            elif tolerance > TIGHTEST:
+            elif tolerance > MIN_TOLERANCE:
                 tolerance *= TIGHTENING
             elif lowest > stop.tolerance:
-                reason = f"its own tolerance {tolerance:.0e} is met at residual {lowest:.1e}"
+                reason = f"its own tolerance {tolerance:.0e} is met, but the residual is {lowest:.1e}"
                 return Solution(best, Status.STALLED, done, reason)
         return Solution(best, Status.SOLVED, done)

@@ -1,1 +1,1 @@
-"""Projected iterations, one method a file: those of Studer & Glocker 2005, section 4, and splittings to compare."""
+"""Projected iterations: the methods of Studer & Glocker 2005, section 4, accelerations, and splittings."""

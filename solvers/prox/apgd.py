@@ -2,11 +2,10 @@
 
 Nesterov's method for ½ΛᵀGΛ + cᵀΛ over the product K of friction cones,
 
-    Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k),
+    Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k).
 
-with a step t that is halved as long as the function lies above its quadratic bound, grows by a tenth after each
-iteration, and with a restart, β = 0, where the gradient and the last step are at an acute angle (O'Donoghue & Candès
-2015).
+The step t is halved while the function lies above its quadratic bound, and grows by a tenth after each iteration. The
+method restarts with β = 0 where the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).
 """
 
 from collections.abc import Iterator
@@ -19,17 +18,17 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
 from ..iteration.loop import PreparedIteration, iterate
-from ..iteration.method import Method, beyond_contacts
+from ..iteration.method import Method, unsupported_laws
 from ..sweeps.cone import ConeProblem
 
 SHRINK, GROW = 0.5, 1.1
-"""What t is multiplied with where the bound fails, and after an iteration."""
+"""Factor of t where the bound fails, and after each iteration."""
 
-LONGEST = 100.0
-"""Largest t relative to 1/λ_max(G): impulses that move nothing must not grow until rounding hides what they miss."""
+MAX_STEP = 100.0
+"""Largest t relative to 1/λ_max(G): impulses that move nothing must not grow until rounding dominates."""
 
-MOST_HALVINGS = 60
-"""Of one iteration."""
+MAX_HALVINGS = 60
+"""Largest number of halvings of t in one iteration."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,8 @@ class APGD(Method):
         return Model.CONVEX
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return beyond_contacts(problem) or convex_obstacle(problem)
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_laws(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and estimate its largest eigenvalue."""
@@ -56,14 +55,14 @@ class APGD(Method):
 
 
 def _steps(cone: ConeProblem, step: float, start: FloatArray) -> Iterator[FloatArray]:
-    present, theta, longest = cone.projected(start), 1.0, LONGEST * step
+    present, theta, longest = cone.projected(start), 1.0, MAX_STEP * step
     ahead = present
     while True:
         gradient = np.asarray(cone.matrix @ ahead + cone.free)
-        for _ in range(MOST_HALVINGS):
+        for _ in range(MAX_HALVINGS):
             newest = cone.projected(ahead - step * gradient)
             change = newest - ahead
-            # the quadratic part of the bound: the linear one is the same on both sides
+            # only the quadratic part of the bound; the linear parts cancel
             if step * float(change @ (cone.matrix @ change)) <= float(change @ change):
                 break
             step *= SHRINK

@@ -1,4 +1,8 @@
-"""JORprox: projected Jacobi over-relaxation (Studer & Glocker 2005, [51–53]), with the sweeps of ``sweeps.jacobi``."""
+"""JORprox and Jprox: projected Jacobi (over-)relaxation (Studer & Glocker 2005, [46], [51–53]); see ``sweeps.jacobi``.
+
+With r_i = 1/α_i and G_ii = α_i I + B_i the argument of the prox reads −1/α_i ( Σ_{j≠i} G_ij Λ_j + c_i + B_i Λ_i ), the
+form [46] of Jprox.
+"""
 
 from dataclasses import dataclass
 from functools import partial
@@ -17,8 +21,8 @@ class JORprox(Method):
     """Projected Jacobi over-relaxation.
 
     Attributes:
-        step_size: r by the "diagonal" [52] or by the "row_sum" [53] of G.
-        relaxation: ω; many contacts need values well below 1.
+        step_size: r from the "diagonal" [52] or from the "row_sum" [53] of G.
+        relaxation: ω; problems with many contacts need values well below 1.
 
     Raises:
         SolverError: for an option out of range.
@@ -35,3 +39,12 @@ class JORprox(Method):
         sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
         sweep = DelassusSweep.over(problem, sizes)
         return PreparedIteration(problem, Residual(problem), partial(JacobiIterates, sweep))
+
+
+@dataclass(frozen=True)
+class Jprox(Method):
+    """Projected Jacobi [46]: JORprox with r_i = 1/α_i, the paper's first and simplest method."""
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Assemble G and the step sizes."""
+        return JORprox().prepare(problem)

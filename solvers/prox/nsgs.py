@@ -1,7 +1,7 @@
-"""NSGS: nonsmooth Gauss–Seidel, contact by contact, each solved exactly (Jean & Moreau's method), by ``sweeps.blocks``.
+"""NSGS: nonsmooth Gauss–Seidel (Jean & Moreau), which solves one contact after the other; see ``sweeps.blocks``.
 
-Normal and tangential direction of a contact are never at odds, which is what makes single laws in turn cycle at high
-friction.
+Normal and tangential direction of a contact always agree. Methods that visit single laws may cycle at high friction
+because they do not.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from ..sweeps.step_size import check_relaxation
 
 @dataclass(frozen=True)
 class NSGS(Method):
-    """Nonsmooth (block) Gauss–Seidel: every contact is solved exactly, to rounding, with all others held still.
+    """Nonsmooth (block) Gauss–Seidel: each contact is solved to rounding with all other impulses fixed.
 
-    Contacts of high friction may oscillate among each other; ω is cut at those that do (``sweeps.safeguarded``).
+    Contacts of high friction may still oscillate against each other; ω is reduced at these (``sweeps.safeguarded``).
 
     Attributes:
         relaxation: ω; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.

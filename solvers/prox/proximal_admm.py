@@ -1,13 +1,13 @@
-"""ProximalADMM: impulses that obey the equations and impulses that obey the laws, drawn together by multipliers.
+"""ProximalADMM: multipliers enforce that impulses of the equations and impulses of the laws agree.
 
     x ← −(G + (ρ+η) I)⁻¹ (c + s e_N − η x − ρ y + z),      y ← P_K(x + z/ρ),      z ← z + ρ (x − y)
 
-with De Saxcé's shift s = μ‖z_T‖ renewed in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
-& Montaut, RSS 2024). ρ begins at √(Lm) (L/m)^0.2, L and m the largest eigenvalue and the proximal η, and is changed by
+De Saxcé's shift s = μ‖z_T‖ is updated in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
+& Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2 with L the largest eigenvalue and m the proximal η; it changes by
 (L/m)^±0.05 where primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ tenfold. Each ρ costs a factorisation.
 
-Anderson's acceleration works on w = x + z/ρ, on which one iteration is a map; it begins anew where ρ changes or where
-w moves further than before.
+Anderson acceleration acts on w = x + z/ρ, on which one iteration is a map; it restarts where ρ changes or where w moves
+further than before.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,24 +22,24 @@ from ...problems.contact.residual import convex_obstacle
 from ...problems.contact.solver import SolverError
 from ..iteration.anderson import Anderson
 from ..iteration.loop import PreparedIteration, iterate
-from ..iteration.method import Method, beyond_contacts, check_option
-from ..newton.linear_solver import factorised
+from ..iteration.method import Method, check_option, unsupported_laws
+from ..newton.linear_solver import factorise
 from ..sweeps.cone import ConeProblem
 
 PROXIMAL = 1e-6
 """η relative to L."""
 
 EXPONENT, UPDATE, TENFOLD = 0.2, 0.05, 10.0
-"""Of the first ρ, of its changes, and the ratio of residuals from which on there is one."""
+"""Exponents of the first ρ and of its changes, and the ratio of residuals that triggers a change."""
 
 INTERVAL = 10
-"""Iterations from one look at the residuals to the next: a change costs as much as some dozen of them."""
+"""Iterations between comparisons of the residuals: a change of ρ costs as much as some dozens of iterations."""
 
-MOST = 1e3
+MAX_PENALTY = 1e3
 """Largest ρ relative to L."""
 
 GROWTH = 2.0
-"""Acceleration begins anew where w moves this many times as far as before."""
+"""The acceleration restarts where w moves this many times as far as before."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class ProximalADMM(Method):
     """The alternating direction method of multipliers with a proximal term; one iteration is one pass over x, y, z.
 
     Attributes:
-        memory: differences that Anderson's acceleration keeps, 0 for none.
+        memory: number of differences that Anderson acceleration keeps, 0 for no acceleration.
 
     Raises:
         SolverError: for an option out of range.
@@ -59,8 +59,8 @@ class ProximalADMM(Method):
         check_option("memory", self.memory, type(self.memory) is int and self.memory >= 0, "a whole number, 0 or more")
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
-        return beyond_contacts(problem) or convex_obstacle(problem)
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_laws(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and estimate its largest eigenvalue."""
@@ -75,7 +75,7 @@ class ProximalADMM(Method):
 def _passes(cone: ConeProblem, largest: float, memory: int, start: FloatArray) -> Iterator[FloatArray]:
     eta = PROXIMAL * largest
     rho = float(np.sqrt(largest * eta) * (largest / eta) ** EXPONENT)
-    solve = _solution(cone, rho + eta)
+    solve = _factorise(cone, rho + eta)
     velocity = cone.matrix @ start + cone.free
     x, y = start, start
     w = x - (velocity + cone.lift(velocity)) / rho
@@ -88,24 +88,24 @@ def _passes(cone: ConeProblem, largest: float, memory: int, start: FloatArray) -
         image, passes = x + z / rho, passes + 1
         further = float(np.linalg.norm(image - w))
         if further > GROWTH * moved:
-            acceleration.forget()
+            acceleration.restart()
         moved, w = further, acceleration.next(w, image)
         if passes % INTERVAL:
             continue
         primal, dual = float(np.linalg.norm(x - y)), rho * float(np.linalg.norm(y - y_before))
         if primal > TENFOLD * dual or dual > TENFOLD * primal:
             factor = (largest / eta) ** (UPDATE if primal > dual else -UPDATE)
-            rho = float(np.clip(factor * rho, eta, MOST * largest))
-            solve = _solution(cone, rho + eta)
+            rho = float(np.clip(factor * rho, eta, MAX_PENALTY * largest))
+            solve = _factorise(cone, rho + eta)
             w, moved = x + z / rho, np.inf
-            acceleration.forget()
+            acceleration.restart()
 
 
-def _solution(cone: ConeProblem, weight: float) -> Callable[[FloatArray], FloatArray]:
-    """Return what solves (G + weight · I) x = b."""
+def _factorise(cone: ConeProblem, weight: float) -> Callable[[FloatArray], FloatArray]:
+    """Factorise G + weight · I and return its solve function."""
     if len(cone.free) == 0:
         return lambda right: right
-    factors = factorised(sp.csr_array(cone.matrix + weight * sp.eye_array(len(cone.free))))
+    factors = factorise(sp.csr_array(cone.matrix + weight * sp.eye_array(len(cone.free))))
     if factors is None:
-        raise SolverError("G + (rho + eta) I is singular; ProximalADMM needs a positive semidefinite G.")
+        raise SolverError("G + (rho + eta) I is singular; use a positive semidefinite G.")
     return lambda right: np.asarray(factors.solve(right))

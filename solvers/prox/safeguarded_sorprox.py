@@ -1,4 +1,4 @@
-"""SafeguardedSORprox: SORprox whose contacts give up over-relaxation one by one where they oscillate."""
+"""SafeguardedSORprox: SORprox that reduces the over-relaxation of single contacts where they oscillate."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 
 @dataclass(frozen=True)
 class SafeguardedSORprox(Method):
-    """SORprox over the Delassus matrix, with the step size of each contact cut where its impulses oscillate.
+    """SORprox over the Delassus matrix, with a reduced step size for each contact whose impulses oscillate.
 
     Attributes:
-        relaxation: ω that every contact begins with.
+        relaxation: initial ω of every contact.
 
     Raises:
         SolverError: for an option out of range.
@@ -28,7 +28,7 @@ class SafeguardedSORprox(Method):
         check_relaxation(self.relaxation)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Assemble G and the first step sizes."""
+        """Assemble G and the initial step sizes."""
         sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
         return PreparedIteration(
             problem, Residual(problem), lambda start: SafeguardedIterates(DelassusIterates(sweep, start))

@@ -1,10 +1,10 @@
 """SORprox: the projected successive over-relaxation of Studer & Glocker 2005, [54, 55].
 
-One sweep visits the laws in order and updates each with the newest impulses of all others,
+One sweep visits the laws in order and updates each with the newest impulses of the other laws,
 
     Λ_i ← prox_{C_i}( Λ_i − r_i ( Σ_{j<i} G_ij Λ_j^{ν+1} + Σ_{j≥i} G_ij Λ_j^ν + c_i ) ).
 
-The unilateral law of a contact comes before its friction law, so the friction bound μ Λ_N is the newest one.
+The unilateral law of a contact precedes its friction law, so the friction bound μ Λ_N is up to date.
 """
 
 from dataclasses import dataclass
@@ -22,15 +22,16 @@ from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, row_
 
 @dataclass(frozen=True)
 class SORprox(Method):
-    """Projected Gauss–Seidel with relaxation; the paper's method of choice for many contacts.
+    """Projected Gauss–Seidel with relaxation, the method that the paper prefers for many contacts.
 
     Attributes:
-        step_size: r by the "diagonal" [52] or by the "row_sum" [53] of G.
-        relaxation: ω; values between 1 and 2 speed up systems with many contacts, values below 1 tame friction.
-        form: sweep over the assembled "delassus" matrix, or over the "factors" W and M⁻¹, where G is never assembled
-            and the generalised velocity is kept up to date instead. Both give the same iterates to rounding.
-        momentum: β, how much of its last change each sweep is given on the way (see ``momentum``); 0 is the method of
-            the paper. On a thousand flowing balls ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5 without.
+        step_size: r from the "diagonal" [52] or from the "row_sum" [53] of G.
+        relaxation: ω; values between 1 and 2 accelerate systems with many contacts, values below 1 stabilise friction.
+        form: sweep over the assembled "delassus" matrix, or over the "factors" W and M⁻¹, which update the generalised
+            velocity and never assemble G. Both give the same iterates to rounding.
+        momentum: β, the share of the last change that is added before each sweep (see ``iteration.momentum``); 0 is the
+            method of the paper. On a thousand flowing balls ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5
+            without momentum.
 
     Raises:
         SolverError: for an option out of range.
@@ -48,13 +49,13 @@ class SORprox(Method):
         check_option("momentum", self.momentum, is_valid, "a number from 0 to below 1")
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None."""
+        """Return why the solver cannot solve ``problem``, or None."""
         if self.form == "factors" and problem.factors is None:
-            return "the problem holds G only, and this form sweeps over the factors W and M⁻¹"
+            return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"
         return None
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Assemble what the form needs, and the step sizes."""
+        """Assemble the step sizes and the data of the form."""
         self.check_supports(problem)
         sweep: DelassusSweep | FactorSweep
         if self.form == "factors":

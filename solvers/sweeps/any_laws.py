@@ -1,17 +1,17 @@
-"""Sweeps over blocks with joints and rolling friction beside contacts, in all forms of the projected iterations.
+"""Sweeps over contacts, joints and rolling friction, in all forms of the projected iterations.
 
 A block has the lanes N, T and R of ``BlockLayout``, as many as the problem needs. Its laws are updated one after the
-other, with Λ_N of a unilateral law cut at 0 and that of a bilateral law at nothing,
+other, with the lower bound l = 0 for Λ_N of a unilateral law and l = −∞ for a bilateral law,
 
-    Λ_N ← max(Λ_N − r_N ξ_N, l),                                l = 0 or −∞,
+    Λ_N ← max(Λ_N − r_N ξ_N, l),
     Λ_T ← prox of the disc of radius a + μ Λ_N  of  Λ_T − r_T ξ_T,
     Λ_R ← prox of the ball of radius a_r + μ_r Λ_N  of  Λ_R − r_R ξ_R.
 
-With the newest Λ_N held, the cone of a rolling contact is the product of a disc and a ball, so that both are projected
-on alone. Problems of contacts with sliding friction alone have kernels of their own, which know their width.
+For fixed Λ_N the cone of a rolling contact is the product of a disc and a ball, with separate projections. Problems
+of contacts with sliding friction alone have specialised kernels of fixed width.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, uint64
@@ -19,24 +19,53 @@ from numba import njit, uint64
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
 
-AnyLaws = tuple[FloatArray, FloatArray, FloatArray, Any, FloatArray, FloatArray, FloatArray, tuple[int, ...], int]
-"""What a kernel reads of the laws: step sizes (of N, T and R in turn), μ, a, N lane of each partner, l, μ_r, a_r, the
-lanes of a block, and how many of them are tangential. The lanes are a tuple, whose length the compiler knows, so that
-it unrolls the loops over them."""
 
+class AnyLawArrays(NamedTuple):
+    """Laws of any kind as kernels read them.
 
-def any_laws(layout: BlockLayout, sizes: FloatArray) -> AnyLaws:
-    """Return the laws of ``layout`` as kernels take them, with step sizes [kg] of shape (n_blocks, 3)."""
-    lowest = np.where(layout.is_bilateral, -np.inf, 0.0)
-    partner_lanes = (layout.width * layout.partner).astype(np.int64)
-    sliding = (layout.friction_coefficient, layout.fixed_bound, partner_lanes)
-    rolling = (layout.rolling_coefficient, layout.rolling_bound)
-    return sizes.reshape(-1), *sliding, lowest, *rolling, tuple(range(layout.width)), layout.sliding
+    Attributes:
+        step_sizes: r of N, T and R of each block, flat [kg].
+        friction: μ of each block.
+        fixed_bound: a of each block [N s].
+        partner_lanes: N lane of the block whose normal impulse bounds each block's friction.
+        lower_bound: l of each block.
+        rolling: μ_r of each block [m].
+        rolling_bound: a_r of each block [N m s].
+        axes: the lanes of a block, a tuple of known length, so that the compiler unrolls loops over it.
+        sliding: number of tangential lanes.
+    """
+
+    step_sizes: FloatArray
+    friction: FloatArray
+    fixed_bound: FloatArray
+    partner_lanes: Any
+    lower_bound: FloatArray
+    rolling: FloatArray
+    rolling_bound: FloatArray
+    axes: tuple[int, ...]
+    sliding: int
+
+    @staticmethod
+    def of(layout: BlockLayout, sizes: FloatArray) -> "AnyLawArrays":
+        """Return the laws of ``layout`` with step sizes [kg] of shape (n_blocks, 3)."""
+        lower_bound = np.where(layout.is_bilateral, -np.inf, 0.0)
+        partner_lanes = (layout.width * layout.partner).astype(np.int64)
+        return AnyLawArrays(
+            sizes.reshape(-1),
+            layout.friction_coefficient,
+            layout.fixed_bound,
+            partner_lanes,
+            lower_bound,
+            layout.rolling_coefficient,
+            layout.rolling_bound,
+            tuple(range(layout.width)),
+            layout.sliding,
+        )
 
 
 @njit(cache=True)
 def velocity_of_block(i, first, axes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
-    """Write ξ of the lanes of block i from G in block rows, all but its ``first`` stored blocks counted."""
+    """Write ξ of the lanes of block i from G in block rows, without its ``first`` stored blocks."""
     width = uint64(len(axes))
     for lane in range(width):
         xi[lane] = free[width * uint64(i) + lane]

@@ -1,16 +1,15 @@
-"""Sweeps over spatial contacts in batches that the processor's vector units update at once.
+"""Sweeps over spatial contacts in batches that the vector units of the processor update simultaneously.
 
-Contacts that share no body do not see each other's updates. The contacts of a sweep are dealt into batches of ``LANES``
-such that no two of a batch share a body, and that of any two which do, the earlier one is in the earlier batch: each
-contact then reads exactly the velocities that it would read in a sweep one by one, and the iterates are the same.
+Contacts without a common body do not affect each other's updates. The contacts of a sweep are assigned to batches of
+``LANES`` such that no two contacts of a batch share a body, and of two contacts that share one the earlier contact is
+in the earlier batch. Each contact then reads exactly the velocities of a sequential sweep: the iterates are the same.
 
-A batch is kept as a record: for each number of a contact (its two pieces of W̃, c, step sizes, a, μ and coupling) the
-values of all its contacts side by side. The loop over a batch has no branches, and the compiler makes it vector
-instructions; what it reads and writes through indices is copied before and after. Lanes left empty hold zeros and touch
-the idle chunk.
+A batch is stored as a record: for each number of a contact (its two pieces of W̃, c, step sizes, a, μ and coupling) the
+values of all contacts are adjacent. The loop over a batch has no branches, so that the compiler vectorises it; indexed
+data are copied before and after. Empty lanes hold zeros and use the idle chunk.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, uint64
@@ -19,34 +18,41 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.matrices.pieces import Pieces
 
 LANES = 16
-"""Contacts in a batch: the fewest for which compilers make vector instructions of a loop of known length."""
+"""Contacts in a batch: the smallest number for which compilers vectorise a loop of known length."""
 
-FULLNESS = 0.75
-"""Least share of lanes in use for which batches pay."""
+MIN_FILL = 0.75
+"""Smallest share of used lanes for which batches pay."""
 
 
-def deal_into_batches(pieces: Pieces) -> tuple[Any, int]:
-    """Return the place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
+class Batches(NamedTuple):
+    """The place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
+
+    places: Any
+    n_batches: int
+
+
+def assign_batches(pieces: Pieces) -> Batches:
+    """Assign each block to a lane of a batch."""
     places, n_batches = _deal(pieces.chunks, pieces.n_chunks)
-    return places, int(n_batches)
+    return Batches(places, int(n_batches))
 
 
 def batch_arguments(
-    pieces: Pieces, places: Any, n_batches: int, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
+    pieces: Pieces, batches: Batches, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
 ) -> tuple[Any, ...]:
-    """Return what ``sweep_batches`` reads: axes of a chunk, bodies of the contacts, and the records.
+    """Return the constant arguments of ``sweep_batches``: axes of a chunk, bodies of the contacts, and the records.
 
-    W̃ comes in pairs of pieces of width 3, c padded and flat; the laws are step sizes (N, T in turn), μ and a, the
-    coupling is G_T1N and G_T2N of each block, in turn.
+    W̃ has pairs of pieces of width 3, c is padded and flat; the laws are step sizes (N and T of each block), μ and a;
+    the coupling is G_T1N and G_T2N of each block.
     """
-    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, places, n_batches, free, *laws, coupling)
+    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, *batches, free, *laws, coupling)
     return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)
 
 
 def slots_in_batches(places: Any) -> IntArray:
-    """Return where Λ_N, Λ_T1 and Λ_T2 of each block stand for ``sweep_batches``, shape (3 · n_blocks,).
+    """Return the positions of Λ_N, Λ_T1 and Λ_T2 of each block for ``sweep_batches``, shape (3 · n_blocks,).
 
-    The lanes of a batch stand side by side: all its Λ_N, then all its Λ_T1, then all its Λ_T2.
+    A batch holds Λ_N of all its contacts, then Λ_T1, then Λ_T2.
     """
     normal = 2 * LANES * (places // LANES) + places
     slots: IntArray = (normal[:, None] + LANES * np.arange(3)).reshape(-1)

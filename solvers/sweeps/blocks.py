@@ -1,7 +1,7 @@
-"""Block Gauss–Seidel sweeps over the assembled Delassus matrix: contact by contact, each solved exactly.
+"""Block Gauss–Seidel sweeps over the assembled Delassus matrix, which solve one contact after the other exactly.
 
-One sweep visits the contacts in order and replaces the impulse of each by the solution Λ* of its own problem with the
-newest impulses of all others (``one_contact``); with relaxation ω it moves to Λ + ω(Λ* − Λ), projected onto its cone.
+One sweep visits the contacts in order. For each it computes the solution Λ* with the newest impulses of the other
+contacts fixed (``one_contact``), and moves Λ to Λ + ω(Λ* − Λ), projected onto the cone; ω is the relaxation.
 """
 
 from collections.abc import Callable
@@ -13,8 +13,8 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from .any_laws import any_laws, into_ball, velocity_of_block
-from .delassus import DelassusState, FlatDelassus, law_arguments, planar_velocity, spatial_velocity
+from .any_laws import AnyLawArrays, into_ball, velocity_of_block
+from .delassus import DelassusState, FlatDelassus, LawArrays, planar_velocity, spatial_velocity
 from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial
 from .rolling_contact import solve_rolling
 from .slip_angle import WORKSPACE
@@ -23,12 +23,12 @@ from .step_size import diagonal_step_sizes
 
 @dataclass(frozen=True, eq=False)
 class BlockSweep:
-    """Everything a sweep reads and never writes.
+    """The constant data of a sweep.
 
     Attributes:
         delassus: G and c.
-        laws: μ of the contact's own normal impulse, μ of another's, a, and the N lane of each block's partner; where
-            there are joints or rolling friction, then the rest of ``AnyLaws``.
+        laws: μ for the contact's own normal impulse and μ for that of another contact, then ``LawArrays`` or
+            ``AnyLawArrays`` without step sizes and friction.
         step_sizes: 1/α for the lanes of each block [kg], as in ``step_size``.
         relaxation: ω.
     """
@@ -43,12 +43,8 @@ class BlockSweep:
         """Return the sweep of ``problem``."""
         layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
         own_friction, remote = _of_own_and_others(layout.friction_coefficient, layout.partner)
-        if layout.has_contacts_only:
-            return BlockSweep(
-                FlatDelassus.of(problem), (own_friction, remote, *law_arguments(layout, sizes)[2:]), sizes, relaxation
-            )
-        laws = (own_friction, remote, *any_laws(layout, sizes)[2:])
-        return BlockSweep(FlatDelassus.of(problem), laws, sizes, relaxation)
+        laws = (LawArrays if layout.has_contacts_only else AnyLawArrays).of(layout, sizes)
+        return BlockSweep(FlatDelassus.of(problem), (own_friction, remote, *laws[2:]), sizes, relaxation)
 
 
 @njit(cache=True)
@@ -85,7 +81,7 @@ class BlockIterates(DelassusState):
         self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
-        """Let ω of each block be this fraction of what it was at first, shape (n_blocks,)."""
+        """Set ω of each block to this fraction of its initial value, shape (n_blocks,)."""
         self._relaxation[:] = self._sweep.relaxation * fraction
 
 

@@ -1,22 +1,20 @@
-"""The contact problem over whole friction cones, in units of its contacts, and sweeps over it.
+"""The contact problem over whole friction cones, in units of its contacts.
 
-With Λ = d x, d_i = 1/√α_i for all rows of contact i and α_i its largest diagonal entry, the matrix d G d has the
-diagonal 1 whatever the masses are, and the cones keep their form,
+With Λ = d x, d_i = 1/√α_i for all rows of contact i and α_i its largest diagonal entry, the matrix d G d has unit
+diagonal for any masses, and the cones keep their form,
 
     K = {x_N ≥ 0, ‖x_T‖ ≤ a/d + μ x_N}.
 
-Splittings and gradient methods, which weigh all contacts alike, work on x.
+Splittings and gradient methods, which weight all contacts equally, work on x.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.matrices.delassus import blocks_from_matrix
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.projections import onto_friction_cone
 
@@ -68,7 +66,7 @@ class ConeProblem:
         return self.layout.unpad(lifted)
 
     def largest_eigenvalue(self) -> float:
-        """Return about the largest eigenvalue of d G d, from below, by the power method; 1 where that is zero."""
+        """Return a lower estimate of the largest eigenvalue of d G d by the power method; 1 if it is zero."""
         vector = np.random.default_rng(0).uniform(0.5, 1.0, len(self.free))
         for _ in range(POWER_STEPS):
             length = float(np.linalg.norm(vector))
@@ -76,49 +74,3 @@ class ConeProblem:
                 return 1.0
             vector = self.matrix @ (vector / length)
         return float(np.linalg.norm(vector)) or 1.0
-
-
-class ConeSweep:
-    """Block sweeps that descend ½ xᵀ(d G d + w I) x + qᵀx over K: a projected step of each contact in turn.
-
-    x_i ← P_{K_i}( x_i − (row i of the gradient) / (β_i + w) ), β_i at least the largest eigenvalue of block ii.
-    """
-
-    def __init__(self, cone: ConeProblem) -> None:
-        self._cone, blocks = cone, blocks_from_matrix(cone.matrix, cone.layout)
-        own = blocks.values[blocks.starts[:-1]]
-        self._curvature = np.abs(own).sum(axis=2).max(axis=1, initial=0.0)
-        self._matrix = (blocks.starts, blocks.columns, blocks.values)
-
-    def swept(self, count: int, x: FloatArray, linear: FloatArray, weight: float) -> FloatArray:
-        """Return x after ``count`` sweeps, with q = ``linear``, both of shape (n_rows,), and w = ``weight``."""
-        layout, padded = self._cone.layout, self._cone.layout.pad(x)
-        laws = (layout.friction_coefficient, self._cone.fixed_bound)
-        _sweep(count, *self._matrix, self._curvature, *laws, weight, layout.pad(linear), padded)
-        return layout.unpad(padded)
-
-
-@njit(cache=True)
-def _sweep(count, starts, columns, values, curvature, friction, fixed, weight, linear, x):  # type: ignore[no-untyped-def]
-    width = x.shape[1]
-    moved = np.empty(width)
-    for _ in range(count):
-        for i in range(len(curvature)):
-            if curvature[i] + weight <= 0.0:
-                continue
-            length = 0.0
-            for lane in range(width):
-                slope = linear[i, lane] + weight * x[i, lane]
-                for p in range(starts[i], starts[i + 1]):
-                    for other in range(width):
-                        slope += values[p, lane, other] * x[columns[p], other]
-                moved[lane] = x[i, lane] - slope / (curvature[i] + weight)
-                length += moved[lane] * moved[lane] if lane > 0 else 0.0
-            length, normal = np.sqrt(length), moved[0]
-            if length > fixed[i] + friction[i] * normal:
-                normal = (normal + friction[i] * (length - fixed[i])) / (1.0 + friction[i] * friction[i])
-            normal = max(normal, 0.0)
-            bound = fixed[i] + friction[i] * normal
-            x[i, 0] = normal
-            for lane in range(1, width):
-                x[i, lane] = moved[lane] * (bound / length if length > bound else 1.0)

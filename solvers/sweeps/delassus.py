@@ -1,15 +1,16 @@
 """Gauss–Seidel sweeps over the assembled Delassus matrix, one kernel for each block width.
 
-A block i holds the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of its lanes N, T1, T2 from the newest impulses, updates
-Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T: law by law the sweep of [54, 55], with G read once.
+For each block i a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the newest
+impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of [54, 55] law by law; it reads G
+once.
 
-The kernels address flat arrays with unsigned numbers: numba then needs neither strides nor a test for negative indices,
-which makes a sweep about a third faster than the same loops over blocks of three axes.
+The kernels index flat arrays with unsigned numbers: numba then needs neither strides nor tests for negative indices,
+which makes a sweep about a third faster than the same loops over three-dimensional blocks.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, uint64
@@ -19,22 +20,59 @@ from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import with_momentum
-from .any_laws import AnyLaws, any_laws, sweep_delassus
+from .any_laws import AnyLawArrays, sweep_delassus
 from .one_contact import disc_scale
+
+
+class DelassusArrays(NamedTuple):
+    """G and c as kernels read them: the first arguments of each kernel after the number of sweeps.
+
+    Attributes:
+        starts: first stored block of each block row.
+        lanes: first lane of the column of each stored block.
+        values: the stored blocks, flat [1/kg].
+        free: c, padded and flat [m/s].
+    """
+
+    starts: Any
+    lanes: Any
+    values: FloatArray
+    free: FloatArray
+
+
+class LawArrays(NamedTuple):
+    """The laws of contacts with sliding friction as kernels read them.
+
+    Attributes:
+        step_sizes: r of N and T of each block, flat [kg].
+        friction: μ of each block.
+        fixed_bound: a of each block [N s].
+        partner_lanes: N lane of the block whose normal impulse bounds each block's friction.
+    """
+
+    step_sizes: FloatArray
+    friction: FloatArray
+    fixed_bound: FloatArray
+    partner_lanes: Any
+
+    @staticmethod
+    def of(layout: BlockLayout, sizes: FloatArray) -> "LawArrays":
+        """Return the laws of ``layout`` with step sizes as in ``step_size``."""
+        partner_lanes = (layout.width * layout.partner).view(np.uint64)
+        return LawArrays(sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes)
 
 
 @dataclass(frozen=True, eq=False)
 class FlatDelassus:
-    """G and c as kernels read them.
+    """G and c of one problem, in flat arrays.
 
     Attributes:
         layout: the padded blocks.
-        arrays: first stored block of each row, first lane of each stored block's column, the values of G, flat, and c,
-            padded and flat.
+        arrays: G and c.
     """
 
     layout: BlockLayout
-    arrays: tuple[Any, Any, FloatArray, FloatArray]
+    arrays: DelassusArrays
 
     @staticmethod
     def of(problem: ContactProblem) -> "FlatDelassus":
@@ -42,19 +80,19 @@ class FlatDelassus:
         layout, blocks = problem.layout, problem.delassus_blocks()
         lanes = (layout.width * blocks.columns).view(np.uint32)
         free = layout.pad(problem.free_velocity).reshape(-1)
-        return FlatDelassus(layout, (blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free))
+        arrays = DelassusArrays(blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free)
+        return FlatDelassus(layout, arrays)
 
     def relative_velocity(self, impulses: FloatArray, velocity: FloatArray) -> None:
         """Write ξ = GΛ + c, padded and flat."""
-        starts, lanes, values, free = self.arrays
         if self.layout.width == 3:
-            _product_spatial(starts, lanes, values, free, impulses, velocity)
+            _product_spatial(*self.arrays, impulses, velocity)
         else:
-            _product(self.layout.width, starts, lanes, values, free, impulses, velocity)
+            _product(self.layout.width, *self.arrays, impulses, velocity)
 
 
 class DelassusState:
-    """Λ of an iteration over the assembled G, whose sweeps change it in place.
+    """Λ of an iteration over the assembled G; sweeps change it in place.
 
     Attributes:
         layout: the padded blocks.
@@ -77,23 +115,22 @@ class DelassusState:
 
 @dataclass(frozen=True, eq=False)
 class DelassusSweep:
-    """Everything a sweep reads and never writes.
+    """The constant data of a sweep.
 
     Attributes:
         delassus: G and c.
-        laws: step sizes (N, T in turn), μ, a, and the N lane of each block's partner; where there are joints or rolling
-            friction, ``AnyLaws``.
+        laws: ``LawArrays``, or ``AnyLawArrays`` where there are joints or rolling friction.
     """
 
     delassus: FlatDelassus
-    laws: tuple[FloatArray, FloatArray, FloatArray, Any] | AnyLaws
+    laws: LawArrays | AnyLawArrays
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "DelassusSweep":
         """Return the sweep of ``problem`` with step sizes as in ``step_size``."""
         layout = problem.layout
-        laws = law_arguments(layout, sizes) if layout.has_contacts_only else any_laws(layout, sizes)
-        return DelassusSweep(FlatDelassus.of(problem), laws)
+        kind = LawArrays if layout.has_contacts_only else AnyLawArrays
+        return DelassusSweep(FlatDelassus.of(problem), kind.of(layout, sizes))
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
@@ -110,35 +147,27 @@ class DelassusIterates(DelassusState):
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
         self._kernel: Callable[..., None] = sweep_delassus
-        self.step_sizes = sweep.laws[0].reshape(-1, 2 if self.layout.has_contacts_only else 3)
+        self.step_sizes = sweep.laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
         if self.layout.has_contacts_only:
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
-        self._laws = sweep.laws[1:]
-        self._arguments = (*self._delassus.arrays, *sweep.laws, self.padded)
+        self._laws = sweep.laws
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._kernel(count, *self._arguments)
+        self._kernel(count, *self._delassus.arrays, *self._laws, self.padded)
 
     def scale_steps(self, fraction: FloatArray) -> None:
-        """Let the step of each block be this fraction of what it was at first, shape (n_blocks,)."""
-        sizes = (self.step_sizes * fraction[:, None]).reshape(-1)
-        self._arguments = (*self._delassus.arrays, sizes, *self._laws, self.padded)
+        """Set the step of each block to this fraction of its initial step, shape (n_blocks,)."""
+        self._laws = self._laws._replace(step_sizes=(self.step_sizes * fraction[:, None]).reshape(-1))
 
-    def linear(self) -> tuple[FloatArray, int]:
-        """Return Λ, which sweeps change in place, and its length."""
+    def linear_state(self) -> tuple[FloatArray, int]:
+        """Return Λ and its length; see ``LinearIterates``."""
         return self.padded, len(self.padded)
-
-
-def law_arguments(layout: BlockLayout, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Any]:
-    """Return step sizes, μ, a and the N lane of each partner, as every sweep kernel takes them."""
-    partner_lanes = (layout.width * layout.partner).view(np.uint64)
-    return sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def planar_velocity(i, first, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
-    """Return ξ_N, ξ_T of block i, all but its ``first`` stored blocks counted."""
+    """Return ξ_N, ξ_T of block i, without its ``first`` stored blocks."""
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
     normal, tangent = free[two * i], free[two * i + one]
     for p in range(starts[i] + uint64(first), starts[i + one]):
@@ -151,7 +180,7 @@ def planar_velocity(i, first, starts, lanes, values, free, impulses):  # type: i
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def spatial_velocity(i, first, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
-    """Return ξ_N, ξ_T1, ξ_T2 of block i, all but its ``first`` stored blocks counted."""
+    """Return ξ_N, ξ_T1, ξ_T2 of block i, without its ``first`` stored blocks."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     normal, tangent, other = free[three * i], free[three * i + one], free[three * i + two]
     for p in range(starts[i] + uint64(first), starts[i + one]):

@@ -1,12 +1,12 @@
 """Gauss–Seidel sweeps over the factors: G = W̃ᵀ W̃ is never assembled.
 
-With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep keeps the scaled velocity v = W̃ Λ up to date, so that a contact costs only
-the degrees of freedom that it touches:
+With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep updates the scaled velocity v = W̃ Λ, so that the cost of a contact depends
+only on the degrees of freedom that it touches:
 
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 
-W̃ serves for reading and for writing, which halves the memory that W and M⁻¹ W would need. Contacts between two bodies
-have a kernel of their own, whose two pieces of W̃ need no inner loop over pieces; many of them are swept in batches.
+W̃ is both read and written with, which halves the memory of W and M⁻¹ W. Contacts between two bodies have a specialised
+kernel without a loop over pieces of W̃; many such contacts are swept in batches.
 """
 
 from collections.abc import Callable
@@ -20,28 +20,28 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.matrices.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
-from ..iteration.loop import Accelerated, Iterates
-from ..iteration.momentum import with_momentum
-from .any_laws import any_laws, sweep_factors
-from .batches import FULLNESS, LANES, batch_arguments, deal_into_batches, slots_in_batches, sweep_batches
-from .delassus import law_arguments
+from ..iteration.loop import Iterates
+from ..iteration.momentum import MomentumState, with_momentum
+from .any_laws import AnyLawArrays, sweep_factors
+from .batches import LANES, MIN_FILL, assign_batches, batch_arguments, slots_in_batches, sweep_batches
+from .delassus import LawArrays
 from .one_contact import disc_scale
 
 
 @dataclass(frozen=True, eq=False)
 class FactorSweep:
-    """Everything a sweep reads and never writes.
+    """The constant data of a sweep.
 
     Attributes:
         layout: the padded blocks.
         pieces: W̃ in pieces.
-        kernel: does sweeps; called with their number, ``arguments``, Λ and v; for batches see there.
-        arguments: what the kernel reads.
-        product: writes ξ from v; called with ``factor``, c, v and ξ.
+        kernel: does sweeps; its arguments are their number, ``arguments``, Λ and v, and more for ``sweep_batches``.
+        arguments: constant arguments of the kernel.
+        product: writes ξ from v; its arguments are ``factor``, c, v and ξ.
         factor: W̃ as the product reads it.
         free: c, padded and flat.
-        slots: where the kernel keeps each entry of padded Λ, None if in that order.
-        n_held: length of Λ as the kernel keeps it.
+        slots: position of each entry of padded Λ in the kernel's order, None if the order is the same.
+        n_held: length of Λ in the kernel's order.
     """
 
     layout: BlockLayout
@@ -58,27 +58,34 @@ class FactorSweep:
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
         """Return the sweep of ``problem``, which holds factors, with step sizes as in ``step_size``.
 
-        Spatial contacts between two bodies, or one and the ground, have kernels of their own, in batches if these fill.
+        Spatial contacts of two bodies, or of a body and the ground, have specialised kernels, in batches if these fill.
         """
         layout, pieces = problem.layout, problem.factor_pieces()
         free = layout.pad(problem.free_velocity).reshape(-1)
         if not layout.has_contacts_only:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-            given: tuple[Any, ...] = (pieces.starts, pieces.chunks, pieces.values, free, *any_laws(layout, sizes))
+            given: tuple[Any, ...] = (
+                pieces.starts,
+                pieces.chunks,
+                pieces.values,
+                free,
+                *AnyLawArrays.of(layout, sizes),
+            )
             return FactorSweep(layout, pieces, sweep_factors, given, _product, factor, free, None, len(free))
-        laws = law_arguments(layout, sizes)
+        laws = LawArrays.of(layout, sizes)
         coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
             arguments: tuple[Any, ...] = (*factor, free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
         product = (_product_spatial_pairs, _pairs(pieces), free)
-        places, n_batches = deal_into_batches(pieces)
-        if len(places) < FULLNESS * LANES * n_batches or not layout.bounds_are_own:
+        batches = assign_batches(pieces)
+        n_lanes = LANES * batches.n_batches
+        if len(batches.places) < MIN_FILL * n_lanes or not layout.bounds_are_own:
             arguments = (*_pairs(pieces), free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))
-        arguments = batch_arguments(pieces, places, n_batches, free, laws[:3], coupling)
-        slots, n_held = slots_in_batches(places), 3 * LANES * n_batches
+        arguments = batch_arguments(pieces, batches, free, laws[:3], coupling)
+        slots, n_held = slots_in_batches(batches.places), 3 * n_lanes
         return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_held)
 
     def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
@@ -90,7 +97,7 @@ class FactorSweep:
 
 
 class FactorIterates:
-    """Λ, arranged as the kernel keeps it, and v = W̃ Λ of a Gauss–Seidel iteration."""
+    """Λ, in the kernel's order, and v = W̃ Λ of a Gauss–Seidel iteration."""
 
     def __init__(self, sweep: FactorSweep, start: FloatArray) -> None:
         self._sweep = sweep
@@ -107,8 +114,8 @@ class FactorIterates:
         """Do ``count`` sweeps."""
         self._sweep.kernel(count, *self._sweep.arguments, self._held, self._scaled)
 
-    def linear(self) -> tuple[FloatArray, int]:
-        """Return Λ and v one after the other, which sweeps change in place, and the length of Λ."""
+    def linear_state(self) -> tuple[FloatArray, int]:
+        """Return Λ followed by v, and the length of Λ; see ``LinearIterates``."""
         return self._both, len(self._held)
 
     def impulses(self) -> FloatArray:
@@ -124,10 +131,10 @@ class FactorIterates:
 
 
 class AnyLawIterates(FactorIterates):
-    """The same with joints or rolling friction: v is computed anew whenever ξ is looked at.
+    """The same with joints or rolling friction: v is recomputed whenever ξ is read.
 
-    Nothing bounds the impulses of joints. With momentum, those of redundant ones grow and shrink again by many orders
-    on the way, and the rounding of their largest would stay in v.
+    Nothing bounds the impulses of joints. With momentum, those of redundant joints grow and shrink by many orders of
+    magnitude, and the rounding of their largest values would remain in v.
     """
 
     def relative_velocity(self) -> FloatArray:
@@ -137,12 +144,12 @@ class AnyLawIterates(FactorIterates):
         return super().relative_velocity()
 
 
-class BatchIterates(FactorIterates, Accelerated):
-    """The same for sweeps in batches, which see to momentum themselves."""
+class BatchIterates(FactorIterates, MomentumState):
+    """The same for sweeps in batches, whose kernel includes the momentum."""
 
     def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float) -> None:
         FactorIterates.__init__(self, sweep, start)
-        Accelerated.__init__(self, momentum)
+        MomentumState.__init__(self, momentum)
         self._change = np.zeros_like(self._held)
         self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
 
@@ -156,7 +163,7 @@ class BatchIterates(FactorIterates, Accelerated):
 def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
     """Return axes of a chunk, first coordinate of each piece, and the pieces flat, two a block.
 
-    The axes are a tuple whose length the compiler knows, so that it unrolls the loops over them.
+    The axes are a tuple of known length, so that the compiler unrolls loops over it.
     """
     firsts = (pieces.length * pieces.chunks).astype(np.uint64)
     return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, pieces.values.reshape(-1)

@@ -4,7 +4,7 @@ One sweep updates every law from the same iterate ν,
 
     Λ_i ← prox_{C_i}( Λ_i^ν − r_i ( Σ_j G_ij Λ_j^ν + c_i ) ),
 
-except that the friction bound μ Λ_N takes the normal impulse that the same sweep has just computed (Studer & Glocker
+except that the friction bound μ Λ_N uses the normal impulse that the same sweep has just computed (Studer & Glocker
 2005, [41–51]).
 """
 

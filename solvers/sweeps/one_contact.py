@@ -1,16 +1,16 @@
-"""One contact with everything else held still, solved to rounding.
+"""Exact solution of one contact with all other impulses fixed.
 
-A contact of block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and free velocity q, other impulses included, has the laws
+A contact with block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and velocity q from all other impulses has the laws
 
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,      −ξ_T ∈ N_D(Λ_T),  D = {‖x‖ ≤ a + μΛ_N},      ξ = GΛ + q.
 
-Its states are tried in turn: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
-Λ_T against ξ_T). A contact that bore an impulse prefers to go on: stick, slip, open; one that bore none stays open if
-it can. So where several solutions exist (Painlevé) the answer depends on the past, and nowhere else. A block without
-rank leaves part of Λ_T free; that part stays as it was, or moves as little as the cone allows.
+Its states are tried one after the other: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
+Λ_T opposed to ξ_T). A contact with an impulse tries stick, slip, open; a contact without one stays open if possible.
+Only where several solutions exist (Painlevé) does the result depend on the present impulse. A rank-deficient block
+leaves part of Λ_T undetermined; that part stays unchanged, or moves as little as the cone allows.
 
-Where no state fits (a singular block may have no solution, and rounding may shut out two neighbouring states) the
-answer is the candidate that violates the laws least, by the judge's measure.
+If no state is consistent (a singular block may have no solution, and rounding may exclude two neighbouring states), the
+result is the candidate with the smallest violation, as the judge measures it.
 """
 
 import numpy as np
@@ -19,13 +19,13 @@ from numba import njit
 from .slip_angle import refined_angle, slip_angles, slip_polynomial
 
 SINGULAR = 1e-12
-"""A curvature below this fraction of the largest in its block is taken for zero: it is rounding."""
+"""A curvature below this fraction of the largest one of its block is rounding, and counts as zero."""
 
 REFINEMENTS = 8
-"""Most Newton steps on a slip that does not fit."""
+"""Largest number of Newton steps on an inconsistent slip."""
 
 STRAY = 1e-13
-"""Relative velocity along the wrong side of a bound, and excess over a bound, that passes as rounding."""
+"""Relative velocity in the wrong direction, and excess over a bound, that counts as rounding."""
 
 
 @njit(cache=True, inline="always")
@@ -55,7 +55,7 @@ def planar_violation(nn, nt, tn, tt, qn, qt, mu, a, n, t):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[no-untyped-def]
-    """Return (Λ_N, Λ_T) of a planar contact, or of a lone friction law (nn = nt = tn = qn = 0)."""
+    """Return (Λ_N, Λ_T) of a planar contact, or of a friction law without a normal law (nn = nt = tn = qn = 0)."""
     # open
     open_t = min(max(-qt / tt, -a), a) if tt > 0.0 else min(max(old_t, -a), a)
     gap = qn + nt * open_t
@@ -101,7 +101,7 @@ def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[n
 
 @njit(cache=True, error_model="numpy")
 def _free_tangent(n0, h, mu, a, old):  # type: ignore[no-untyped-def]
-    """Return the Λ_T next to ``old`` with |Λ_T| ≤ a + μ(n0 − hΛ_T) and n0 − hΛ_T ≥ 0, and whether there is one."""
+    """Return the Λ_T closest to ``old`` with |Λ_T| ≤ a + μ(n0 − hΛ_T) and n0 − hΛ_T ≥ 0, and whether there is one."""
     low, high, fits = -np.inf, np.inf, True
     for slope, room in ((1.0 + mu * h, a + mu * n0), (-1.0 + mu * h, a + mu * n0), (h, n0)):  # slope · Λ_T ≤ room
         if slope > 0.0:
@@ -131,11 +131,11 @@ def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyp
 
 @njit(cache=True, error_model="numpy")
 def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ignore[no-untyped-def]
-    """Return (Λ_N, Λ_T1, Λ_T2) of a spatial contact, or of a lone spatial friction law (first row and column zero).
+    """Return (Λ_N, Λ_T1, Λ_T2) of a spatial contact, or of a friction law alone (first row and column zero).
 
     ``g`` is the block, flat; ``qn``, ``q1``, ``q2`` the velocity without the contact's own impulse, ``old_n``,
-    ``old_1``, ``old_2`` the present impulse; the friction bound is a + μΛ_N; ``work`` has room for
-    ``slip_angle.WORKSPACE`` numbers.
+    ``old_1``, ``old_2`` the present impulse; the friction bound is a + μΛ_N; ``work`` has
+    ``slip_angle.WORKSPACE`` entries.
     """
     nn, scale = g[0], max(g[4], g[8])
     if nn <= 0.0:
@@ -176,10 +176,10 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
 
 @njit(cache=True, error_model="numpy")
 def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-def]
-    """Return an impulse of slip after Newton steps in Λ_N and its direction, while they help, and its violation.
+    """Refine a slip by Newton steps in Λ_N and its direction; return the impulse and its violation.
 
-    Where 1 + μhᵀt nearly vanishes a contact jams: its impulses are large, and what rounding Λ_N = n0 − hᵀΛ_T leaves of
-    them is no slip yet.
+    Where 1 + μhᵀt nearly vanishes a contact jams: its impulses are large, and the rounding of Λ_N = n0 − hᵀΛ_T makes
+    them inconsistent.
     """
     least = spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2)
     for _ in range(REFINEMENTS):
@@ -296,8 +296,8 @@ def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, o
 def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
     """Return x with S x + r = 0 by elimination with the largest entry as pivot.
 
-    What is left of the equations is rounding of their terms, however near S is to a singular matrix; Cramer's rule
-    leaves as much more as S is ill-conditioned.
+    The error of the equations is the rounding of their terms for any S; with Cramer's rule it would grow with the
+    condition of S.
     """
     if max(abs(s21), abs(s22)) > max(abs(s11), abs(s12)):
         s11, s12, r1, s21, s22, r2 = s21, s22, r2, s11, s12, r1
@@ -312,7 +312,7 @@ def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2):  # type: ignore[no-untyped-def]
-    """As ``_stick`` for S of rank one: Λ_T = x u + y v with S v = 0, of which only x is determined."""
+    """Do the same for S of rank one: Λ_T = x u + y v with S v = 0, where only x is determined."""
     if abs(s11) + abs(s12) >= abs(s21) + abs(s22):
         u1, u2 = s11, s12
     else:

@@ -1,16 +1,16 @@
-"""One contact with rolling friction and everything else held still, solved to rounding.
+"""Exact solution of one contact with rolling friction and all other impulses fixed.
 
-A contact of block G and free velocity q, other impulses included, has the laws
+A contact with block G and velocity q from all other impulses has the laws
 
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,   −ξ_T ∈ N(Λ_T) of the disc ‖Λ_T‖ ≤ a + μΛ_N,   −ξ_R ∈ N(Λ_R) of the ball ‖Λ_R‖ ≤ a_r + μ_rΛ_N
 
-with ξ = GΛ + q. Two of its laws may slip at once, each in a direction of its own, so there is no list of states to go
-through as without rolling (``one_contact``). Newton's method on the projection equations Λ_i = prox(Λ_i − ξ_i/α_i) with
-a search along its steps finds the solution from the present impulse almost always; where it does not, projected sweeps
-over the three laws lead on, and Newton's method begins again. The answer is the admissible impulse that violates the
-laws least, by the judge's measure; where that is the present one, it stays.
+with ξ = GΛ + q. Two laws may slip simultaneously in independent directions, so the states cannot be enumerated as
+without rolling (``one_contact``). Newton's method with a line search on the projection equations
+Λ_i = prox(Λ_i − ξ_i/α_i) almost always finds the solution from the present impulse. Otherwise projected sweeps over the
+three laws follow, and Newton's method restarts. The result is the admissible impulse with the smallest violation, as
+the judge measures it, which may be the present impulse.
 
-Rolling rows are counted in the length √(α_N/α_R), so that all rows are velocities and all impulses of one unit.
+Rolling rows are scaled by the length √(α_N/α_R), so that all rows are velocities and all impulses have one unit.
 """
 
 import numpy as np
@@ -19,30 +19,30 @@ from numba import njit
 from .any_laws import into_ball
 
 ROUNDS = 4
-"""Times that Newton's method begins."""
+"""Number of starts of Newton's method."""
 
 NEWTON_STEPS = 25
-"""Newton steps of one round."""
+"""Newton steps per start."""
 
 SWEEPS = 40
-"""Projected sweeps between two rounds."""
+"""Projected sweeps between two starts."""
 
 PRECISION = 1e-14
-"""A violation below this part of the free velocity is rounding."""
+"""A violation below this fraction of the free velocity is rounding."""
 
-SHORTEST = 1.0 / 64.0
-"""The shortest part of a step that the search takes."""
+MIN_STEP = 1.0 / 64.0
+"""The shortest fraction of a step in the line search."""
 
 PIVOT = 1e-13
-"""A pivot below this part of the largest entry of its system is taken for zero."""
+"""A pivot below this fraction of the largest entry of its system counts as zero."""
 
 
 @njit(cache=True, error_model="numpy")
 def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no-untyped-def]
     """Replace ``held``, the present Λ, by the solution of its contact.
 
-    ``block`` is G, shape (d, d), ``q`` the velocity without the contact's own impulse, shape (d,), of whose lanes the
-    first is N, the next ``sliding`` are T, and the others R.
+    ``block`` is G, shape (d, d), ``q`` the velocity without the contact's own impulse, shape (d,), with the lanes
+    N, then ``sliding`` lanes of T, then R.
     """
     d = len(q)
     first = 1 + sliding
@@ -67,7 +67,7 @@ def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no
 
 @njit(cache=True, error_model="numpy")
 def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
-    """Replace ``x`` by the solution, all rows velocities of one unit."""
+    """Replace ``x`` by the solution, with all rows in one unit."""
     d = len(q)
     alpha = _curvatures(g, sliding)
     speed = 0.0
@@ -98,7 +98,7 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
                 for k in range(d):
                     trial[k] = x[k] + part * system[k, d]
                 present = _violation(g, q, sliding, laws, alpha, trial, xi)
-                if present < (1.0 - 1e-4 * part) * before or part <= SHORTEST:
+                if present < (1.0 - 1e-4 * part) * before or part <= MIN_STEP:
                     break
                 part *= 0.5
             x[:] = trial
@@ -184,7 +184,7 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
 
 @njit(cache=True, error_model="numpy")
 def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-untyped-def]
-    """Write the equations of the step, and their right side as the last column, from ξ as ``_violation`` left it.
+    """Write the equations of the step, and their right side as the last column, from ξ as written by ``_violation``.
 
     With x_i = Λ_i − ξ_i/α_i a law is at rest (ξ = 0) where x_i lies in its set. Else Λ_N = 0, or with t = x_i/‖x_i‖,
     κ = b/‖x_i‖ and P = κ(I − t tᵀ):  P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).
@@ -230,7 +230,7 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
 def _eliminated(system):  # type: ignore[no-untyped-def]
     """Replace the last column by the solution, by Gaussian elimination with row pivots; return whether there is one.
 
-    Where a column has no pivot its unknown is damped: it hardly moves.
+    An unknown without a pivot is damped, so that it hardly changes.
     """
     d = len(system)
     largest = 0.0

@@ -1,4 +1,4 @@
-"""The directions in which one spatial contact can slip, all of them.
+"""All directions in which one spatial contact can slip.
 
 With Λ_N eliminated by ξ_N = 0 (or open), the tangential velocity of a contact is ξ_T = S Λ_T + r and its friction bound
 b = a + μ(n_0 − hᵀΛ_T). Slip at Λ_T = b t, t = (cos θ, sin θ), makes b = b_0/(1 + μhᵀt) with b_0 = a + μn_0, and ξ_T is
@@ -7,24 +7,24 @@ parallel to t where (x × y the scalar cross product)
     f(θ) = b_0 t × S t + (1 + μhᵀt) t × r = A cos²θ + B cosθ sinθ + C sin²θ + D cosθ + E sinθ = 0,
 
 which has at most four solutions: a quartic in tan(θ/2) (Bonnefon & Daviet, Quartic formulation of Coulomb 3D frictional
-contact, 2011). Newton's method from the present direction finds the one wanted almost always; where it does not, the
-quartic is taken apart by bracketing it between the zeros of its derivatives, which misses none.
+contact, 2011). Newton's method from the present direction almost always finds the required one. Otherwise all zeros of
+the quartic are bracketed between the zeros of its derivatives.
 """
 
 import numpy as np
 from numba import njit
 
 NEWTON_STEPS = 12
-"""Steps from the present direction; it takes three or four near a solution."""
+"""Largest number of steps from the present direction; three or four suffice near a solution."""
 
 POLES = 8
-"""Directions tried for the pole of tan(θ/2); |f| is the leading coefficient there, so the largest is best."""
+"""Candidates for the pole of tan(θ/2); |f| is the leading coefficient there, so the largest is best."""
 
 BRACKET_STEPS = 120
-"""Most steps of one bracketed search; bisection alone needs fewer to reach rounding."""
+"""Largest number of steps of one bracketed search; bisection alone needs fewer to reach rounding."""
 
 WORKSPACE = 16
-"""Numbers that ``slip_angles`` needs to work on."""
+"""Number of entries in the workspace of ``slip_angles``."""
 
 
 @njit(cache=True, inline="always")
@@ -41,7 +41,7 @@ def slip_polynomial(s11, s12, s21, s22, r1, r2, m1, m2, b0):  # type: ignore[no-
 
 @njit(cache=True, error_model="numpy")
 def refined_angle(a, b, c, d, e, x, y):  # type: ignore[no-untyped-def]
-    """Return the unit vector (x, y) moved to a zero of f by Newton's method, and whether it has arrived."""
+    """Return the unit vector (x, y) moved to a zero of f by Newton's method, and whether it converged."""
     arrived = False
     size = abs(a) + abs(b) + abs(c) + abs(d) + abs(e)
     for _ in range(NEWTON_STEPS):
@@ -65,9 +65,9 @@ def refined_angle(a, b, c, d, e, x, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def slip_angles(a, b, c, d, e, work):  # type: ignore[no-untyped-def]
-    """Write cosine and sine of every direction where f vanishes, or comes closest to it; return their number.
+    """Write cosine and sine of every zero of f, and of its extrema, to ``work``; return the number of directions.
 
-    They stand in ``work[0], work[1]``, ``work[2], work[3]``, …: at most seven pairs.
+    They are pairs ``work[0], work[1]``, ``work[2], work[3]``, …: at most seven.
     """
     cos_pole, sin_pole, best = 1.0, 0.0, -1.0
     for k in range(POLES):

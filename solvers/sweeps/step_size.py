@@ -1,12 +1,12 @@
 """The step sizes r of the projected iterations, one for each law.
 
-They come as an array with one row a block: r of its N lane, of its T lanes, and, where a problem has joints or rolling
-friction, of its R lanes, shape (n_blocks, 2) or (n_blocks, 3). In the formulas
+They are an array with one row per block: r of the N lane, of the T lanes, and, for problems with joints or rolling
+friction, of the R lanes, shape (n_blocks, 2) or (n_blocks, 3). The rules are
 
     diagonal [52]:   r_i = ω / α_i,      α_i = largest diagonal entry of the law's block of G
     row sum [53]:    r_i = ω / max_h Σ_k |G_hk|,      h over the rows of law i
 
-(Studer & Glocker 2005). A law whose row of G is zero gets r = 0: no impulse of that law moves anything.
+(Studer & Glocker 2005). A law whose rows of G are zero has r = 0, because its impulses move nothing.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ StepSize = Literal["diagonal", "row_sum"]
 
 
 def check_options(step_size: str, relaxation: float) -> None:
-    """Raise ``SolverError`` unless both options make sense."""
+    """Raise ``SolverError`` unless both options are valid."""
     check_option("step_size", step_size, step_size in get_args(StepSize), "'diagonal' or 'row_sum'")
     check_relaxation(relaxation)
 
@@ -40,9 +40,9 @@ def check_relaxation(relaxation: float) -> None:
 def step_sizes(
     problem: ContactProblem, step_size: StepSize, relaxation: float, row_sums: Callable[[ContactProblem], FloatArray]
 ) -> FloatArray:
-    """Return r for the lanes of each block [kg], see the module, by one of both rules.
+    """Return r for the lanes of each block [kg] by one of the two rules.
 
-    ``row_sums`` returns Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), for the second.
+    ``row_sums`` returns Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), for the second rule.
     """
     if step_size == "diagonal":
         return diagonal_step_sizes(problem, relaxation)
@@ -50,7 +50,7 @@ def step_sizes(
 
 
 def diagonal_step_sizes(problem: ContactProblem, relaxation: float) -> FloatArray:
-    """Return ω/α for the lanes of each block [kg], see the module."""
+    """Return r = ω/α for the lanes of each block [kg]."""
     return _per_law(problem, problem.delassus_diagonal, relaxation)
 
 
@@ -80,7 +80,7 @@ def lane_weights(layout: BlockLayout, sizes: FloatArray) -> FloatArray:
 def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
     """Return Σ_k |G_hk| of every row h [1/kg], shape (n_rows,), from the assembled matrix.
 
-    Rolling rows count in the lengths ℓ of their laws (``residual``): Σ_k |G_hk| ℓ_k/ℓ_h.
+    Rolling rows are scaled by the lengths ℓ of their laws (``residual``): Σ_k |G_hk| ℓ_k/ℓ_h.
     """
     if problem.layout.rolling:
         length = row_lengths(problem)
@@ -92,7 +92,7 @@ def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
 
 
 def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
-    """Return the same, one row of G at a time and none kept."""
+    """Return the same from the factors, computing one row of G at a time."""
     assert problem.factors is not None
     by_row, length = problem.factors.scaled_directions, None
     if problem.layout.rolling:
@@ -106,7 +106,7 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 
 @njit(cache=True)
 def _write_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
-    """Write ω over the largest number of the rows of each law, 0 where that is 0."""
+    """Write ω over the largest entry of the rows of each law, 0 where that is 0."""
     for row in range(len(slot)):
         block, lane = slot[row] // width, min(slot[row] % width, 1)
         sizes[block, lane] = max(sizes[block, lane], of_row[row])

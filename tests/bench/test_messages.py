@@ -1,57 +1,41 @@
-"""Messages name options as their reader gives them: ``--run-id`` on the command line, ``run_id=`` in Python."""
+"""Messages name options as Python has them, and the command line prints them in its own spelling."""
 
 import ast
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import proxbench.bench
 import pytest
 from proxbench.bench import resume, run
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.cli.options import spell_options
 from proxbench.bench.errors import BenchError, InterruptedRunError, InterruptedSimulationError
 from proxbench.bench.recordings.file import refuse_bad_path
 from proxbench.bench.report.layout.output_file import output_file, refuse_taken
 from proxbench.problems import ProxbenchError
-from proxbench.problems.spelling import for_command_line
 
 BENCH = Path(proxbench.bench.__file__).parent
-OF_THE_COMMAND_LINE = ("cli", "simulation", "report/layout/output_file.py")
-"""Rooms that only the command line enters."""
-
-OPTION = re.compile(r"(?<![\w-])--[a-z]")
-
-
-def texts(tree: ast.AST) -> Iterator[str]:
-    """Yield all texts of a file but docstrings, names of options by themselves, and what is spelt for each reader."""
-    for node in ast.iter_child_nodes(tree):
-        is_docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        is_spelt = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "either"
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value.strip():
-            yield node.value
-        if not (is_docstring or is_spelt):
-            yield from texts(node)
+NAMED = re.compile(r"`([a-z_]+)(?:=True)?`")
 
 
 @pytest.mark.slow
-def test_no_message_that_python_may_raise_spells_an_option_for_the_command_line_alone() -> None:
-    for file in sorted(BENCH.rglob("*.py")):
-        if not file.relative_to(BENCH).as_posix().startswith(OF_THE_COMMAND_LINE):
-            found = [text for text in texts(ast.parse(file.read_text())) if OPTION.search(text)]
-            assert found == [], file
-
-
-@pytest.mark.slow
-def test_what_is_spelt_for_python_names_no_option_of_the_command_line() -> None:
-    spelt = 0
+def test_options_in_messages_are_parameters_of_functions_or_commands() -> None:
+    names, parameters = set(), set()
     for file in sorted(BENCH.rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "either":
-                command_line, python = map(ast.unparse, node.args)
-                assert OPTION.search(command_line.replace("'", " ").replace('"', " ")), file
-                assert not OPTION.search(python), file
-                spelt += 1
-    assert spelt >= 5
+            if isinstance(node, ast.arg):
+                parameters.add(node.arg)
+            if isinstance(node, ast.Raise):
+                texts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+                names |= {name for text in texts if isinstance(text, str) for name in NAMED.findall(text)}
+    assert len(names) >= 5
+    assert names <= parameters
+
+
+def test_the_command_line_spells_options_its_own_way() -> None:
+    assert spell_options("choose another `run_id`, or use `force=True`.") == "choose another --run-id, or use --force."
+    assert spell_options("`G` has shape (3, 2); `a.b` has none.") == "`G` has shape (3, 2); `a.b` has none."
 
 
 def taken(folder: Path) -> Path:
@@ -78,30 +62,24 @@ def interrupted_simulation(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("act", "command_line", "python"),
+    ("act", "words"),
     [
-        (taken_run, ["--resume", "--run-id"], ["resume('{folder}/it')", "run_id="]),
-        (blocked, ["--output"], ["results="]),
-        (interrupted, ["proxbench run --resume {folder}"], ["proxbench.bench.resume('{folder}')"]),
-        (interrupted_simulation, ["--resume {folder}/a.npz"], ["resume_simulation('{folder}/a.npz')"]),
-        (lambda folder: output_file(taken(folder), "a", ".json", False), ["--resume", "--force"], ["force=True"]),
-        (lambda folder: output_file(folder / "a.txt", "a", ".json", False), ["--output {folder}/a.txt"], ["a.txt"]),
-        (lambda folder: output_file(taken(folder) / "b.json", "a", ".json", False), ["--output"], ["output="]),
-        (lambda folder: refuse_taken([taken(folder)], False), ["--force"], ["force=True"]),
-        (lambda folder: refuse_bad_path(taken(folder).rename(folder / "a.rrd"), False), ["--force"], ["force=True"]),
+        (taken_run, ["`resume`", "`run_id`"]),
+        (blocked, ["`results`"]),
+        (interrupted, ["resume with: proxbench run --resume {folder}"]),
+        (interrupted_simulation, ["resume with: proxbench simulate --resume {folder}/a.npz"]),
+        (lambda folder: output_file(taken(folder), "a", ".json", False), ["`resume`", "`force=True`"]),
+        (lambda folder: output_file(folder / "a.txt", "a", ".json", False), ["`output` {folder}/a.txt"]),
+        (lambda folder: output_file(taken(folder) / "b.json", "a", ".json", False), ["`output`"]),
+        (lambda folder: refuse_taken([taken(folder)], False), ["`force=True`"]),
+        (lambda folder: refuse_bad_path(taken(folder).rename(folder / "a.rrd"), False), ["`force=True`"]),
     ],
 )
-def test_each_reader_gets_its_own_spelling(
-    act: Callable[[Path], object], command_line: list[str], python: list[str], tmp_path: Path
-) -> None:
+def test_a_message_names_the_remedy(act: Callable[[Path], object], words: list[str], tmp_path: Path) -> None:
     with pytest.raises(ProxbenchError) as caught:
         act(tmp_path)
-    error = caught.value
-    assert not OPTION.search(str(error))
-    for words in python:
-        assert words.format(folder=tmp_path) in str(error)
-    for words in command_line:
-        assert words.format(folder=tmp_path) in for_command_line(error.sentence)
+    for word in words:
+        assert word.format(folder=tmp_path) in str(caught.value)
 
 
 def test_the_command_line_prints_its_own_spelling(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,8 +87,10 @@ def test_the_command_line_prints_its_own_spelling(tmp_path: Path, capsys: pytest
     taken(tmp_path / "it")
     line = f"run --problem hard-no-motion --solver SORprox --output {tmp_path} --run-id it"
     assert run_command(line.split()) == 2
-    assert "--resume" in (said := capsys.readouterr().err)
-    assert "resume(" not in said
+    printed = capsys.readouterr().err
+    assert "--resume" in printed
+    assert "--run-id" in printed
+    assert "`" not in printed
     with pytest.raises(BenchError, match="no stored run"):
         resume(tmp_path)
 

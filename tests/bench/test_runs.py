@@ -224,6 +224,7 @@ def test_bench_shows_the_names_that_it_exports() -> None:
         "compare",
         "load",
         "merge",
+        "plot_convergence",
         "rejudge",
         "resume",
         "run",

@@ -43,12 +43,6 @@ ONE_BY_ONE = (
 KNOWN = {
     ("Lemke", "hard-resting-block-mu10"): {"units"},
     ("ClarabelSOCP", "hard-oblique-impacts-21"): {"units"},
-    ("CvxpySOCP", "hard-oblique-impacts-21"): {"units"},
-    ("CvxpySOCP", "hard-touching"): {"units"},
-    ("CvxpySOCP", "hard-scaled-rows"): {"units"},
-    ("CvxpySOCP", "hard-tower-10-bottom-1e8"): {"units"},
-    ("CvxpyQP", "hard-scaled-rows"): {"units"},
-    ("CvxpyQP", "hard-stack-10-top-1e6"): {"tolerances"},
 }
 """Checks that are not passed: at high friction the rounding of other units alone may lead Lemke's path on to a ray, and
 interior point methods end near 1e-6 on the convex model of some cases (at 1.6e-3 with a mass ratio of a million), where
@@ -57,7 +51,7 @@ rounding decides on which side."""
 SHORT = Stop(1e-6, max_iterations=500, max_seconds=10.0)
 
 FOR_COMPARISON = {
-    *("FBF", "ProximalADMM", "ProximalPoint", "TrescaFixedPoint", "APGD", "SAP"),
+    *("ProximalADMM", "ProximalPoint", "APGD", "SAP"),
     *("AdaptiveSORprox", "NesterovSORprox", "CentralPath"),
 }
 """Solvers that are there for comparison or as parts of others; the full profile alone takes all cases with them."""

@@ -54,7 +54,9 @@ def test_the_columns_of_a_pour_are_those_that_are_printed() -> None:
     print_simulation(simulation, console)
     head = console.file.getvalue().splitlines()[2]  # type: ignore[attr-defined]
     (shown,) = (line for line in PAGE.splitlines() if line.startswith(" t [s]"))
-    assert shown.split() == head.split()
+    only_if_hidden = "local"  # shown where fast contacts hide the violations of others, which needs a step
+    assert only_if_hidden in shown.split()
+    assert [word for word in shown.split() if word != only_if_hidden] == head.split()
 
 
 def test_the_sample_of_the_woodpecker_is_its_limit_cycle() -> None:

@@ -1,4 +1,4 @@
-"""Names become solvers, with parts, and solvers name themselves so."""
+"""Names create solvers and their parts, and solvers have these names."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError, load, save_problem
 from proxbench.solvers import Solver, SolverError, available, create, solve
-from proxbench.solvers.registry import composites, find, plain_names
+from proxbench.solvers.registry import composites, find_offer, plain_names
 
 NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, iterations=10), warm_iterations=7)"
 
@@ -14,26 +14,26 @@ NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, ite
 @pytest.mark.parametrize(
     "name", ["Refined(ClarabelCoulomb)", "Refined(CvxpyCoulomb(solver='SCS'))", "Fallback(NSGS)", NESTED]
 )
-def test_a_name_with_parts_makes_the_solver_that_has_it(name: str) -> None:
+def test_a_name_with_parts_creates_the_solver_of_that_name(name: str) -> None:
     solver = create(name)
     assert isinstance(solver, Solver)
     assert solver.name == name
     assert create(solver.name) == solver
 
 
-def test_options_may_be_given_apart_from_the_name() -> None:
+def test_options_may_be_keyword_arguments() -> None:
     assert create("Fallback(SORprox, NSGS)", iterations=100).name == "Fallback(SORprox, NSGS, iterations=100)"
 
 
-def test_examples_of_composites_can_be_created_and_are_not_among_the_plain_names() -> None:
+def test_examples_of_composites_can_be_created_and_are_not_available_names() -> None:
     for name, example in composites().items():
         assert create(example).name == example
         assert name not in available()
 
 
-def test_all_names_in_a_name_are_known() -> None:
+def test_plain_names_lists_the_solver_and_its_parts() -> None:
     assert plain_names(NESTED) == ["Fallback", "SORprox", "Fallback", "NSGS", "SemismoothNewton"]
-    assert find(NESTED) is None
+    assert find_offer(NESTED) is None
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_all_names_in_a_name_are_known() -> None:
         ("Fallback", r"name them as in Fallback\(SORprox, NSGS\)"),
         ("Refined", r"name them as in Refined\(ClarabelCoulomb\)"),
         ("Refined(ClarabelCoulomb, CvxpyCoulomb)", "name them as in"),
-        ("SORprox(NSGS)", "SORprox is not made of other solvers"),
+        ("SORprox(NSGS)", "SORprox has no parts"),
         ("Fallback(SORporx)", "did you mean 'SORprox'"),
         ("Fallbak(SORprox)", "did you mean 'Fallback'"),
         ("Fallback(SORprox, iteration=3)", "did you mean 'iterations'"),
@@ -50,12 +50,12 @@ def test_all_names_in_a_name_are_known() -> None:
         ("Fallback(SORprox, 3)", "cannot read"),
     ],
 )
-def test_a_name_that_makes_no_solver_says_why(name: str, reason: str) -> None:
+def test_an_invalid_name_is_refused_with_the_reason(name: str, reason: str) -> None:
     with pytest.raises(SolverError, match=reason):
         create(name)
 
 
-def test_a_problem_is_solved_by_its_name_and_from_its_file(tmp_path: Path) -> None:
+def test_solve_accepts_the_name_and_the_file_of_a_problem(tmp_path: Path) -> None:
     problem = load("hard-groove")
     save_problem(problem, tmp_path / "groove.npz")
     expected = solve(problem).impulses
@@ -63,8 +63,8 @@ def test_a_problem_is_solved_by_its_name_and_from_its_file(tmp_path: Path) -> No
         np.testing.assert_array_equal(solve(given).impulses, expected)
 
 
-def test_what_is_no_problem_is_refused() -> None:
-    with pytest.raises(SolverError, match="a problem is a ContactProblem or its name, not ndarray"):
+def test_anything_but_a_problem_is_refused() -> None:
+    with pytest.raises(SolverError, match="problem must be a ContactProblem, a name or a path, not ndarray"):
         solve(np.eye(3))  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="there is no problem 'funel-30'; did you mean 'funnel-30'"):
         solve("funel-30")

@@ -1,4 +1,4 @@
-"""A census of stalls: what ends stalled is run on for ten times as long, without the rule and from what it returned.
+"""Stalled solves are continued ten times as long, without the rule and from the returned impulses.
 
 A stall is false if that brings the judged residual below half of what it was, unless it was rounding already.
 """
@@ -13,8 +13,7 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Solution, Status, Stop, create
 from proxbench.solvers.interior.progress import Progress
 from proxbench.solvers.iteration import loop
-from proxbench.solvers.iteration.loop import judged
-from proxbench.solvers.iteration.stopping import Monitor
+from proxbench.solvers.iteration.stopping import Monitor, Outcome
 
 SOLVERS = (
     "Jprox",
@@ -55,10 +54,10 @@ UNIT_ROUNDING = 0.01
 
 
 def without_rules(patch: pytest.MonkeyPatch) -> None:
-    """Let sweeps and interior points go on where nothing moves or rounding is all."""
-    cycle, end = Monitor.cycle, Progress.end
+    """Disable the rules that end sweeps and interior points as stalled."""
+    cycle, end = Monitor.check_cycle, Progress.end
 
-    def no_stall(monitor: Monitor, *iterates: Any) -> tuple[Status, str] | None:
+    def no_stall(monitor: Monitor, *iterates: Any) -> Outcome | None:
         ended = cycle(monitor, *iterates)
         return None if ended is not None and ended[0] is Status.STALLED else ended
 
@@ -66,8 +65,8 @@ def without_rules(patch: pytest.MonkeyPatch) -> None:
         if status is not Status.STALLED or "singular" in reason or "path" in reason:
             end(progress, status, reason)
 
-    patch.setattr(Monitor, "cycle", no_stall)
-    patch.setattr(loop, "left_by_rounding", lambda *arguments: None)
+    patch.setattr(Monitor, "check_cycle", no_stall)
+    patch.setattr(loop, "check_rounding_limit", lambda *arguments: None)
     patch.setattr(Progress, "end", no_end)
 
 
@@ -91,14 +90,14 @@ def test_no_stall_is_false(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(found) >= 10
     for name, problem, solve, solution in found:
         residual = Residual(problem)
-        stalled = judged(problem, residual, solution.impulses)
+        stalled = residual.judged(problem, solution.impulses)
         longer = Stop(TOLERANCE, 10 * max(solution.iterations, 1), 2.0)
-        again = judged(problem, residual, solve(longer, solution.impulses).impulses)
+        again = residual.judged(problem, solve(longer, solution.impulses).impulses)
         on = np.inf
         if stalled > max(1e-13, UNIT_ROUNDING * residual.rounding(solution.impulses)):
             with monkeypatch.context() as patch:
                 without_rules(patch)
-                on = judged(problem, residual, solve(longer).impulses)
+                on = residual.judged(problem, solve(longer).impulses)
         if min(again, on) < 0.5 * stalled:
             false.append(f"{name} on {problem.name}: {stalled:.1e}, again {again:.1e}, on {on:.1e}")
     assert false == []

@@ -1,9 +1,12 @@
-"""Speeds of one run of this suite against another, with the speed of the machine taken out.
+"""Compare two runs of this suite, with the speed of the machine divided out.
 
     ratio = (median / median before) / (calibration / calibration before)
 
-``python tests/speed/compare_speeds.py NEW.json OLD`` prints them as a table; where OLD is a folder, it takes the run
-that was measured last before NEW among its files.
+The interval of a ratio is that of ``proxbench.bench.store.ratios`` between the quartiles of both runs, all that
+pytest-benchmark stores of their rounds.
+
+``python tests/speed/compare_speeds.py NEW.json OLD`` prints a table. If OLD is a folder, it takes the last run there
+that was measured before NEW.
 """
 
 import json
@@ -16,32 +19,38 @@ from pathlib import Path
 from statistics import geometric_mean
 from typing import Any
 
+import numpy as np
 from proxbench.bench.errors import BenchError
+from proxbench.bench.report.cells import duration
+from proxbench.bench.store.ratios import Ratio, bootstrap_ratio
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 CALIBRATION = "test_calibration"
-"""How the names of those benchmarks begin whose ratio all others are divided by."""
+"""Prefix of the benchmarks whose ratio divides all others."""
 
 SLOWER = 1.3
 """Ratio above which a benchmark is marked as slower; below its inverse it is marked as faster."""
 
+MAX_EXTRA_LOAD = 0.3
+"""Cores kept busy by other programs in one run only that may explain a difference."""
 
-DISTURBED = 0.3
-"""Cores that other programs kept busy in one of two runs only, from which on a difference may be their doing."""
+QUARTILES = ("q1", "median", "q3")
+"""Times of a benchmark that enter its ratio."""
 
 
 class Mark(StrEnum):
-    """What became of a benchmark."""
+    """Result of the comparison of a benchmark."""
 
     SAME = ""
     SLOWER = "slower"
     FASTER = "faster"
-    DISTURBED = "disturbed"
+    UNDECIDED = "undecided"
+    UNDER_LOAD = "under load"
     NEW = "new"
     GONE = "gone"
-    OTHER = "another problem"
+    OTHER = "other problem"
 
 
 @dataclass(frozen=True)
@@ -51,24 +60,28 @@ class Speeds:
     Attributes:
         path: its file.
         taken: when it was measured.
-        machine: processor and version of Python, which ratios presume to be the same.
-        medians: median time [s] of each benchmark, by its name with the file.
-        extra: what else each benchmark noted (``digest``, ``iterations``, …).
+        machine: processor and version of Python, which must agree for ratios to hold.
+        quartiles: of the times [s] of each benchmark, by its name with the file.
+        extra: other values that each benchmark recorded (``digest``, ``iterations``, …).
     """
 
     path: Path
     taken: datetime
     machine: str
-    medians: dict[str, float]
+    quartiles: dict[str, list[float]]
     extra: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def calibration(self) -> float:
         """Geometric mean of the calibrations [s], which are spread over the run."""
-        return geometric_mean([seconds for name, seconds in self.medians.items() if is_calibration(name)])
+        return geometric_mean([self.median(name) for name in self.quartiles if is_calibration(name)])
+
+    def median(self, name: str) -> float:
+        """Median time of a benchmark [s]."""
+        return self.quartiles[name][1]
 
     def load_of_others(self, name: str) -> float:
-        """Cores that other programs kept busy during a benchmark, 0 where it was not noted."""
+        """Cores that other programs kept busy during a benchmark, 0 if it is not recorded."""
         return float(self.extra[name].get("load_of_others", 0.0))
 
 
@@ -79,14 +92,14 @@ class Row:
     Attributes:
         name: name of the benchmark, with its file.
         median: median time [s] now, or before for one that is gone.
-        ratio: the calibrated ratio, None where there is none.
-        mark: what became of it.
-        note: what else it noted.
+        ratio: the calibrated ratio, None if it is in one run only.
+        mark: result of the comparison.
+        note: other values that it recorded.
     """
 
     name: str
     median: float
-    ratio: float | None
+    ratio: Ratio | None
     mark: Mark
     note: str
 
@@ -104,16 +117,16 @@ def read(path: Path) -> Speeds:
             path,
             datetime.fromisoformat(document["datetime"]),
             f"{machine['processor']}, Python {machine['python']}",
-            {entry["fullname"]: float(entry["stats"]["median"]) for entry in document["benchmarks"]},
+            {entry["fullname"]: [float(entry["stats"][key]) for key in QUARTILES] for entry in document["benchmarks"]},
             {entry["fullname"]: entry["extra_info"] for entry in document["benchmarks"]},
         )
     except OSError as error:
         raise BenchError(f"{path} cannot be read ({error.strerror}); nox -s speed writes such files.") from None
     except (ValueError, KeyError, TypeError):
         raise BenchError(f"{path} holds no speeds; it must be what nox -s speed writes.") from None
-    if not all(0.0 < seconds < float("inf") for seconds in speeds.medians.values()):
+    if not all(0.0 < seconds < float("inf") for times in speeds.quartiles.values() for seconds in times):
         raise BenchError(f"{path} holds a time that is not positive; it must be what nox -s speed writes.")
-    if not any(map(is_calibration, speeds.medians)):
+    if not any(map(is_calibration, speeds.quartiles)):
         raise BenchError(f"{path} holds no {CALIBRATION}, so its times cannot be compared; run it with the others.")
     return speeds
 
@@ -136,37 +149,38 @@ def last_before(new: Speeds, folder: Path) -> Speeds | None:
 
 def compare(new: Speeds, old: Speeds | None) -> list[Row]:
     """Return a row for each benchmark of ``new``, and then for those that only ``old`` has."""
-    machine = new.calibration / old.calibration if old else 1.0
-    before = old.medians if old else {}
     rows = []
-    for name, median in new.medians.items():
+    for name in new.quartiles:
         ratio, mark = None, Mark.NEW
-        if old and name in before:
+        if old and name in old.quartiles:
             if new.extra[name].get("digest") != old.extra[name].get("digest"):
                 mark = Mark.OTHER
-            elif is_calibration(name):  # its ratio is the machine's, which is no merit or fault
-                ratio, mark = median / before[name], Mark.SAME
+            elif is_calibration(name):  # its ratio is that of the machine
+                ratio, mark = calibrated_ratio(new, old, name, 1.0), Mark.SAME
             else:
-                ratio = median / before[name] / machine
+                ratio = calibrated_ratio(new, old, name, new.calibration / old.calibration)
                 mark = marked(ratio, new.load_of_others(name) - old.load_of_others(name))
-        rows.append(Row(name, median, ratio, mark, noted(new.extra[name])))
-    for name, median in before.items():
-        if name not in new.medians:
-            rows.append(Row(name, median, None, Mark.GONE, ""))
-    return rows
+        rows.append(Row(name, new.median(name), ratio, mark, noted(new.extra[name])))
+    gone = [name for name in old.quartiles if name not in new.quartiles] if old else []
+    return [*rows, *(Row(name, old.median(name), None, Mark.GONE, "") for name in gone if old)]
 
 
-def marked(ratio: float, more_load: float) -> Mark:
-    """Return the mark that a ratio deserves, if other programs kept ``more_load`` cores more busy than before."""
-    if ratio > SLOWER:
-        return Mark.DISTURBED if more_load > DISTURBED else Mark.SLOWER
-    if ratio < 1.0 / SLOWER:
-        return Mark.DISTURBED if more_load < -DISTURBED else Mark.FASTER
+def calibrated_ratio(new: Speeds, old: Speeds, name: str, machine: float) -> Ratio:
+    """Return the ratio of the times of a benchmark, divided by that of the machine."""
+    return bootstrap_ratio(np.log(new.quartiles[name]) - np.log(machine), np.log(old.quartiles[name]))
+
+
+def marked(ratio: Ratio, more_load: float) -> Mark:
+    """Return the mark of a ratio, if other programs kept ``more_load`` cores more busy than before."""
+    if ratio.value > SLOWER:
+        return Mark.UNDER_LOAD if more_load > MAX_EXTRA_LOAD else Mark.SLOWER if ratio.low > 1.0 else Mark.UNDECIDED
+    if ratio.value < 1.0 / SLOWER:
+        return Mark.UNDER_LOAD if more_load < -MAX_EXTRA_LOAD else Mark.FASTER if ratio.high < 1.0 else Mark.UNDECIDED
     return Mark.SAME
 
 
 def noted(extra: dict[str, Any]) -> str:
-    """Return what a benchmark noted in words, without what is for programs."""
+    """Return the recorded values of a benchmark as text, without those that only programs read."""
     parts = []
     for key, value in extra.items():
         if key in ("digest", "load_of_others"):
@@ -185,27 +199,22 @@ def short(name: str) -> str:
 
 
 def is_calibration(name: str) -> bool:
-    """Say whether a benchmark measures the machine."""
+    """Return whether a benchmark measures the machine."""
     return name.rpartition("::")[2].startswith(CALIBRATION)
-
-
-def shown(seconds: float) -> str:
-    """Return a time with a unit that suits it."""
-    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
-        if seconds * factor >= 1.0:
-            return f"{seconds * factor:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"
 
 
 def table(rows: Sequence[Row], title: str) -> Table:
     """Return the rows as a table for a terminal."""
     drawn = Table(title=title, box=None, padding=(0, 1))
-    for column in ("name", "median", "ratio", "", "note"):
-        drawn.add_column(column, justify="right" if column in ("median", "ratio") else "left", overflow="fold")
+    for column in ("name", "median", "ratio", "interval", "", "note"):
+        is_number = column in ("median", "ratio", "interval")
+        drawn.add_column(column, justify="right" if is_number else "left", overflow="fold")
     colours = {Mark.SLOWER: "bold red", Mark.FASTER: "green"}
     for row in rows:
-        ratio = "" if row.ratio is None else f"{row.ratio:.2f}"
-        cells = (short(row.name), shown(row.median), ratio, row.mark, row.note)
+        ratio = (
+            ("", "") if row.ratio is None else (f"{row.ratio.value:.2f}", f"{row.ratio.low:.2f}–{row.ratio.high:.2f}")
+        )
+        cells = (short(row.name), duration(row.median), *ratio, row.mark, row.note)
         drawn.add_row(*(Text(cell) for cell in cells), style=colours.get(row.mark))
     return drawn
 
@@ -218,25 +227,28 @@ def report(new: Speeds, old: Speeds | None, console: Console) -> None:
     rows = compare(new, old)
     console.print(table([row for row in rows if row.mark is not Mark.GONE], f"{new.path.name} against {old.path.name}"))
     if new.machine != old.machine:
-        console.print(f"Another machine: {old.machine} before, {new.machine} now; ratios hold roughly at best.")
+        console.print(f"The machines differ: {old.machine} before, {new.machine} now; ratios are rough at best.")
     for mark, words in (
-        (Mark.GONE, "measured before and not now"),
-        (Mark.DISTURBED, "disturbed by other programs in one of the runs"),
+        (Mark.GONE, "in the earlier run only"),
+        (Mark.UNDER_LOAD, "measured under load in one of the runs"),
+        (Mark.UNDECIDED, f"beyond {SLOWER} times with an interval that contains 1"),
         (Mark.SLOWER, f"slower than {SLOWER} times"),
     ):
         names = [short(row.name) for row in rows if row.mark is mark]
         console.print(Text(f"{len(names)} {words}{': ' if names else ''}{listed(names)}"))
-    console.print(f"The machine took {new.calibration / old.calibration:.2f} times as long; ratios are free of that.")
+    console.print(
+        f"The calibrations took {new.calibration / old.calibration:.2f} times as long; ratios are divided by that."
+    )
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:
-    """Return names with commas, the first ``most`` of them."""
+    """Return the first ``most`` names, separated by commas."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def main(words: Sequence[str]) -> int:
-    """Compare the run named first with that named second; return the exit code, 2 for wrong usage."""
+    """Compare the first run with the second; return the exit code, 2 for wrong usage."""
     console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
     try:
         if len(words) != 2:

@@ -28,7 +28,7 @@ def test_an_excuse_holds_for_a_solver_with_any_options_and_for_its_size_alone() 
     ("entry", "problem", "reason"),
     [
         ("SORprox", "funnel-30", ""),
-        ("CvxpyQP", "funnel-frictionless-30", "funnel-planar-30: "),
+        ("CvxpyCoulomb(solver='OSQP')", "funnel-planar-30", "funnel-30: "),
         ("Enumeration", None, "funnel-30: it has spatial friction"),
     ],
 )

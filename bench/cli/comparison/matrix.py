@@ -28,7 +28,6 @@ def matrix(
     from rich.console import Console
 
     from ....problems.contact.solver import Stop
-    from ....problems.spelling import for_command_line
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
@@ -59,7 +58,7 @@ def matrix(
 
         cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
-        print(f"proxbench: {for_command_line(sentence)}", file=sys.stderr)
+        print(f"proxbench: {options.spell_options(sentence)}", file=sys.stderr)
     command = _command(suite, problem, solver, tolerance, output)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:

@@ -19,6 +19,7 @@ from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
 from ...simulation.view.live import LiveSummary
 from ...simulation.view.table import document, print_simulation
+from .. import options
 from .interrupts import deferred_interrupts
 
 
@@ -122,7 +123,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     except UnwritableError as error:
         if quiet:
             raise
-        print(f"proxbench: {error.sentence}", file=sys.stderr)
+        print(f"proxbench: {options.spell_options(str(error))}", file=sys.stderr)
     return _outcome(simulation)
 
 

@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from ....problems.errors import first_line
 from ....problems.exchange.plugins import registered
 from ....problems.exchange.storage import packed_problem
-from ....problems.spelling import either
 from ...errors import BenchError
 from ...plugins.problems import problem_of
 from ...plugins.solver_specs import SolverSpec
@@ -90,8 +89,10 @@ class DistributedExecutor(RunExecutor):
         if self._lost:
             count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
             why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
-            again = either(f"proxbench run --resume {folder}", f"proxbench.bench.resume({str(folder)!r})")
-            raise BenchError(f"{count} could not be measured ({why}); the others are kept; resume with: {again}")
+            raise BenchError(
+                f"{count} could not be measured ({why}); the others are kept; resume with: "
+                f"proxbench run --resume {folder}"
+            )
 
     def _task(self, name: str) -> ProblemTask:
         record, plan = self._record, self._record.plan

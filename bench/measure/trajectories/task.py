@@ -49,7 +49,7 @@ class TrajectoryTask:
         try:
             return task._simulated(value, member), b""
         except UnsupportedStepError as refusal:
-            return {"refusal": refusal.sentence}, b""
+            return {"refusal": str(refusal)}, b""
 
     def _known(self) -> dict[str, Any]:
         """Return the exact end of the motion, empty where the scene does not know it; its start; and its length."""
@@ -129,4 +129,4 @@ def _reason(failure: FailedSimulationError) -> str:
         cause = cause.__cause__
     if isinstance(cause, UnsupportedStepError) or not isinstance(cause, ProxbenchError):
         raise cause
-    return failure.sentence.rstrip(".")
+    return str(failure).rstrip(".")

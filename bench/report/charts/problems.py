@@ -12,7 +12,6 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from ....problems.spelling import for_command_line
 from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
@@ -22,22 +21,20 @@ from ..layout.text import counted
 from ..studies import headline, motion_warning, spreads
 from ..tables import ending
 from .drawing import (
-    FONT_SIZE,
-    Label,
-    Points,
+    SEPARATE_LEGENDS,
     by_name,
     heading,
-    key,
     log_axis,
-    placed_labels,
     round_values,
+    side_by_side,
+    solver_legend,
     stacked,
     write_drawing,
 )
 from .palette import Look, looks
 from .summary import summary_charts
 
-SMALLEST_RESIDUAL = 1e-16
+MIN_RESIDUAL = 1e-16
 """Residuals of zero are drawn here: a logarithmic axis has no place for them."""
 
 POWERS = [10.0**power for power in range(-16, 4)]
@@ -48,13 +45,13 @@ RESIDUAL_AXIS: dict[str, Any] = {"format": ".0e", "values": POWERS, "labelOverla
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
 
-LARGEST_RESIDUAL = 1e3
+MAX_RESIDUAL = 1e3
 """Curves of diverging solvers leave the chart here, so that those of the others keep their shape."""
 
 WIDTH, HEIGHT = 620, 330
 
 MARGIN = 150
-"""How far labels may stand out to the right of a panel [pixels]."""
+"""Room for the legend to the right of a panel [pixels]."""
 
 MARKS = 3
 """Marks along a curve of iterations, each solver's at places of its own, so that curves that coincide are seen."""
@@ -62,7 +59,7 @@ MARKS = 3
 MAX_REASON_LENGTH = 70
 """Characters of the reason why a solver is not shown; the tables have all of it."""
 
-LEAST_SHARE = 0.05
+MIN_SHARE = 0.05
 """A mean deviation that is smaller than this part of the upper end of its bar is noise, and drawn there."""
 
 WORKS = {"wall": "wall time [s]", "iterations": "one-step solves"}
@@ -70,12 +67,12 @@ WORKS = {"wall": "wall time [s]", "iterations": "one-step solves"}
 
 ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 
-_TIME_TITLE = "time, preparing included [ms] (better below)"
+_TIME_TITLE = "time, preparation included [ms] (better below)"
 
 
 @dataclass(frozen=True)
 class _Curves:
-    """What solvers have to show on a problem, along two logarithmic axes with the ends ``across`` and ``up``."""
+    """Rows of a chart of a problem, with the columns and ends of its two logarithmic axes."""
 
     rows: pd.DataFrame
     x: str
@@ -83,23 +80,8 @@ class _Curves:
     across: list[float]
     up: list[float]
 
-    @property
-    def labels(self) -> dict[str, Label]:
-        """The names of solvers at the ends of their curves, as far as there is room."""
-        points: dict[str, Points] = {}
-        for solver, curve in self.rows.groupby("solver", sort=False):
-            columns = (_pixels(curve[self.x], self.across, WIDTH), HEIGHT - _pixels(curve[self.y], self.up, HEIGHT))
-            points[str(solver)] = np.column_stack(columns)
-        return placed_labels(points, WIDTH, HEIGHT, MARGIN)
-
-    def panel(self, layers: list[alt.Chart], named: dict[str, Look], title: str, notes: list[str]) -> alt.LayerChart:
-        """Return layers and the labels as a chart with a title and notes."""
-        labels = self.labels
-        for align in sorted({label.align for label in labels.values()}):
-            rows = [{"solver": name, "x": at.x, "y": at.y} for name, at in labels.items() if at.align == align]
-            text = alt.Chart(pd.DataFrame(rows)).mark_text(align=align, baseline="middle", fontSize=FONT_SIZE)
-            places = {"x": alt.X("x:Q", scale=None), "y": alt.Y("y:Q", scale=None)}
-            layers.append(text.encode(**places, text="solver:N", color=by_name(alt.Color, "solver", named, "colour")))
+    def panel(self, layers: list[alt.Chart], title: str, notes: list[str]) -> alt.LayerChart:
+        """Return layers as a chart with a title and notes."""
         head = heading(title, notes, WIDTH + MARGIN, 13)
         panel: alt.LayerChart = alt.LayerChart(layer=layers, width=WIDTH, height=HEIGHT, title=head)
         return panel
@@ -118,12 +100,17 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
     files = []
     draw = trajectory_chart if frames.is_study else problem_chart
     for problem in frames.cases["problem"].unique():
-        drawn = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
-        if len(drawn) or len(_iterations(frames, problem).rows):
+        if has_drawable_rows(frames, problem):
             files += write_drawing(draw(frames, problem), folder / plain_name(problem))
     for name, chart in ({} if frames.is_study else summary_charts(frames)).items():
         files += write_drawing(chart, folder / name)
     return files
+
+
+def has_drawable_rows(frames: RunFrames, problem: str) -> bool:
+    """Return whether a chart of a problem has anything to show."""
+    costs = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
+    return len(costs) > 0 or len(_iterations(frames, problem).rows) > 0
 
 
 def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
@@ -136,27 +123,33 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     points = frames.points[frames.points["problem"] == problem].merge(
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
-    least = np.maximum(LEAST_SHARE * points["high"], SMALLEST_RESIDUAL)
+    least = np.maximum(MIN_SHARE * points["high"], MIN_RESIDUAL)
     shown = {name: np.maximum(points[own], least) for name, own in (("residual", "error"), ("low", "low"))}
-    shown["high"] = np.maximum(points["high"], SMALLEST_RESIDUAL)
+    shown["high"] = np.maximum(points["high"], MIN_RESIDUAL)
     points = points.assign(wall=points["total_seconds"], **shown)
     floors = {quantity: floor for quantity, (_, floor) in spreads(trajectory).items() if floor > 0.0}
     rows: list[alt.HConcatChart] = []
     for quantity in points["quantity"].unique():
         of_one = points[points["quantity"] == quantity]
         name = "error" if len(points) == len(of_one) else f"error of {quantity}"
-        panels = [_cost_panel(frames, of_one, work, name, floors.get(quantity)) for work in WORKS]
-        rows.append(alt.hconcat(*panels, spacing=40))
-    drawn = set(points["solver"])
-    names = key({name: look for name, look in _looks(frames).items() if name in drawn}, 2 * WIDTH + MARGIN)
-    state = map(for_command_line, run_state(frames))
+        shown = set() if rows else set(points["solver"])
+        panels = [
+            _cost_panel(frames, of_one, work, name, floors.get(quantity), shown if work == "iterations" else set())
+            for work in WORKS
+        ]
+        rows.append(side_by_side(panels, spacing=40))
+    state = run_state(frames)
     notes = [*state, _absent(frames, problem, points), motion_warning(trajectory)]
     title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + MARGIN)
-    return stacked([*rows, names], title, {"color": "independent"}, spacing=20)
+    return stacked(rows, title, SEPARATE_LEGENDS, spacing=20)
 
 
-def _cost_panel(frames: RunFrames, points: pd.DataFrame, work: str, title: str, floor: float | None) -> alt.LayerChart:
-    """Return what the errors of a quantity cost, accuracy growing to the right."""
+def _cost_panel(
+    frames: RunFrames, points: pd.DataFrame, work: str, title: str, floor: float | None, in_legend: set[str]
+) -> alt.LayerChart:
+    """Return the cost over the error of a quantity, more accurate to the right."""
+    named = _looks(frames)
+    legend = solver_legend(named, in_legend) if in_legend else None
     ends = [points["low"].min(), points["high"].max(), *([] if floor is None else [floor])]
     errors, costs = _padded(min(ends), max(ends))[::-1], _padded(points[work].min(), points[work].max())
     columns = ["solver", "tolerance", "residual", "low", "high", "wall", "iterations", "outcome"]
@@ -167,14 +160,14 @@ def _cost_panel(frames: RunFrames, points: pd.DataFrame, work: str, title: str, 
         y=alt.Y(f"{work}:Q", title=f"{WORKS[work]} (better below)")
         .scale(type="log", domain=costs, nice=False)
         .axis(format="~g", values=round_values(costs)),
-        color=by_name(alt.Color, "solver", _looks(frames), "colour"),
+        color=by_name(alt.Color, "solver", named, "colour", legend),
     )
     bars = base.mark_rule(strokeWidth=1, opacity=0.55).encode(x=alt.X("low:Q", title=label), x2="high:Q")
-    dash = by_name(alt.StrokeDash, "solver", _looks(frames), "dash")
+    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
     layers = [
         bars,
         base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q"),
-        *solve_marks(base, _looks(frames), "wall"),
+        *solve_marks(base, named, "wall", legend),
     ]
     if floor is not None:
         rule = alt.Chart(pd.DataFrame({"floor": [floor]})).mark_rule(strokeDash=[5, 3], color="#666666")
@@ -183,73 +176,76 @@ def _cost_panel(frames: RunFrames, points: pd.DataFrame, work: str, title: str, 
 
 
 def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
-    """Return what accuracy costs on a problem above how the iterations converge, as far as there is anything to show.
+    """Return what accuracy costs on a problem above the convergence of its solvers, each if it has anything to show.
 
-    A solver has the same colour, shape and dashes in all charts of a run. Its name stands at the end of its curve where
-    there is room; unless all do, a key below names all.
+    A solver has the same colour, shape and dashes in all charts of a run.
     """
-    panels, has_key = [], False
-    shown: set[str] = set()
-    for curves, draw in ((_costs(frames, problem), work_precision), (_iterations(frames, problem), convergence)):
-        if len(curves.rows):
-            panels.append(draw(frames, problem))
-            own = set(curves.rows["solver"])
-            shown, has_key = shown | own, has_key or own != set(curves.labels)
-    if has_key:
-        panels.append(key({name: look for name, look in _looks(frames).items() if name in shown}, WIDTH + MARGIN))
+    panels = [
+        draw(frames, problem)
+        for curves, draw in ((_costs(frames, problem), work_precision), (_iterations(frames, problem), convergence))
+        if len(curves.rows)
+    ]
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
-    title = heading(problem, [size, *map(for_command_line, run_state(frames))], WIDTH + MARGIN)
-    return stacked(panels, title, {"color": "independent"}, spacing=20)
+    title = heading(problem, [size, *run_state(frames)], WIDTH + MARGIN)
+    return stacked(panels, title, SEPARATE_LEGENDS, spacing=20)
 
 
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
-    """Return median time over the residual that the frames go by, one line a solver, accuracy growing to the right.
+    """Return median time over the residual of the frames, one line for each solver, more accurate to the right.
 
-    The tolerance of a solve appears nowhere. A filled mark is a solve that ended solved, at its true residual;
-    a hollow one is the best iterate of a solve that did not; a cross is a wrong claim.
+    The tolerance of a solve appears nowhere. A filled mark is a solved solve at its judged residual; a hollow one is
+    the best iterate of another solve; a cross is a wrong claim.
     """
     costs, named = _costs(frames, problem), _looks(frames)
+    legend = solver_legend(named, costs.rows["solver"])
     columns = ["solver", "tolerance", "residual", "milliseconds", "low", "high", "iterations", "outcome"]
     residual = f"{frames.residual} residual (velocity error, relative; better to the right)"
     base = alt.Chart(costs.rows[columns], width=WIDTH, height=HEIGHT).encode(
         x=log_axis(alt.X, "residual", residual, costs.across).axis(**RESIDUAL_AXIS),
         y=log_axis(alt.Y, "milliseconds", _TIME_TITLE, costs.up).axis(format="~g", values=round_values(costs.up)),
-        color=by_name(alt.Color, "solver", named, "colour"),
+        color=by_name(alt.Color, "solver", named, "colour", legend),
     )
     spread = base.mark_rule(strokeWidth=1).encode(y=alt.Y("low:Q", title=_TIME_TITLE), y2="high:Q")
-    dash = by_name(alt.StrokeDash, "solver", named, "dash")
+    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
     line = base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q")
-    legend = "upright lines: quartiles; hollow: ended short of its tolerance; ×: wrong claim"
-    layers = [spread, line, *solve_marks(base, named)]
-    return costs.panel(layers, named, "What accuracy costs", [legend, _absent(frames, problem, costs.rows)])
+    note = (
+        "Each curve is a solver, each mark a solve: lower is faster, further to the right is more accurate. "
+        "Vertical lines are quartiles, hollow marks stop short of their tolerance, × is a wrong claim."
+    )
+    layers = [spread, line, *solve_marks(base, named, legend=legend)]
+    return costs.panel(layers, "What accuracy costs", [note, _absent(frames, problem, costs.rows)])
 
 
 def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return the judged residual over iterations of the observed solves, one line a solver.
 
-    Curves that grow beyond LARGEST_RESIDUAL leave the chart there.
+    Curves that grow beyond MAX_RESIDUAL leave the chart there.
     """
     curves, named = _iterations(frames, problem), _looks(frames)
+    legend = solver_legend(named, curves.rows["solver"])
     columns = ["solver", "iteration", "residual"]
     values = round_values(curves.across)
     residual = "judged residual (velocity error, relative)"
     base = alt.Chart(curves.rows[columns], width=WIDTH, height=HEIGHT).encode(
         x=log_axis(alt.X, "iteration", "iteration", curves.across).axis(format="~s", values=values),
         y=log_axis(alt.Y, "residual", residual, curves.up).axis(**RESIDUAL_AXIS),
-        color=by_name(alt.Color, "solver", named, "colour"),
+        color=by_name(alt.Color, "solver", named, "colour", legend),
     )
     line = base.mark_line(strokeWidth=1.8, clip=True)
-    line = line.encode(strokeDash=by_name(alt.StrokeDash, "solver", named, "dash"))
+    line = line.encode(strokeDash=by_name(alt.StrokeDash, "solver", named, "dash", legend))
     marks = base.mark_point(filled=True, size=45, opacity=1, clip=True).properties(data=_marked(curves.rows)[columns])
-    marks = marks.encode(shape=by_name(alt.Shape, "solver", named, "shape"))
-    return curves.panel([line, marks], named, "How the iterations converge", [_absent(frames, problem, curves.rows)])
+    marks = marks.encode(shape=by_name(alt.Shape, "solver", named, "shape", legend))
+    note = "Each curve is a solver: the sooner it falls, the fewer iterations it needs."
+    return curves.panel([line, marks], "Convergence", [note, _absent(frames, problem, curves.rows)])
 
 
-def solve_marks(base: alt.Chart, named: dict[str, Look], time: str = "milliseconds") -> list[alt.Chart]:
-    """Return marks of the solves by how they ended: filled, hollow, crossed."""
+def solve_marks(
+    base: alt.Chart, named: dict[str, Look], time: str = "milliseconds", legend: alt.Legend | None = None
+) -> list[alt.Chart]:
+    """Return the marks of solves: filled if solved, hollow if not, crossed if the claim is wrong."""
     shaped = base.encode(
-        shape=by_name(alt.Shape, "solver", named, "shape"),
+        shape=by_name(alt.Shape, "solver", named, "shape", legend),
         tooltip=["solver:N", "residual:Q", f"{time}:Q", "iterations:Q", "outcome:N"],
     )
     ended = alt.FieldOneOfPredicate(field="outcome", oneOf=list(ANSWERED))
@@ -291,8 +287,8 @@ def _iterations(frames: RunFrames, problem: str) -> _Curves:
     """Return judged residual over iterations."""
     curves = _drawable(frames.iterations, problem)
     curves = curves[curves["iteration"] > 0]
-    largest = min(2.0 * float(curves["residual"].max()), LARGEST_RESIDUAL)
-    smallest = min(float(curves["residual"].min()), LARGEST_RESIDUAL) / 2.0
+    largest = min(2.0 * float(curves["residual"].max()), MAX_RESIDUAL)
+    smallest = min(float(curves["residual"].min()), MAX_RESIDUAL) / 2.0
     last = max(float(curves["iteration"].max()), 2.0)
     # a little before the first one, whose mark would be cut
     return _Curves(curves, "iteration", "residual", [0.9, 1.05 * last], [smallest, largest])
@@ -301,7 +297,7 @@ def _iterations(frames: RunFrames, problem: str) -> _Curves:
 def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
     """Return the rows of a problem with a finite residual, which a logarithmic axis can show."""
     chosen = rows[rows["problem"] == problem]
-    residual = chosen["residual"].astype(float).clip(lower=SMALLEST_RESIDUAL)
+    residual = chosen["residual"].astype(float).clip(lower=MIN_RESIDUAL)
     drawable: pd.DataFrame = chosen.assign(residual=residual)[np.isfinite(residual)]
     return drawable
 
@@ -312,19 +308,12 @@ def _padded(low: float, high: float) -> list[float]:
     return [float(low) / room, float(high) * room]
 
 
-def _pixels(values: "pd.Series[float]", domain: list[float], length: float) -> Points:
-    """Return where a logarithmic axis has values [pixels]."""
-    begin, end = np.log(domain)
-    pixels: Points = length * (np.log(values.to_numpy(dtype=float)) - begin) / (end - begin)
-    return pixels
-
-
 def _looks(frames: RunFrames) -> dict[str, Look]:
     return looks(frames.info.plan.solvers)
 
 
 def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
-    """Say which solvers have no points on a problem, or no curve although they have points, and why."""
+    """Return which solvers have no points on a problem, or points and no curve, with the reasons."""
     with_points = set(_costs(frames, problem).rows["solver"])
     cases = frames.cases[frames.cases["problem"] == problem].set_index("solver", drop=False)
     reasons: dict[str, list[str]] = {}

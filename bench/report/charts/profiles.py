@@ -1,13 +1,12 @@
 """Charts of profiles, for the folder of a run and for its page: ratios, times, accuracies, and speed-ups."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import altair as alt
 import pandas as pd
 
-from ....problems.spelling import for_command_line
 from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
@@ -15,7 +14,7 @@ from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted, csv_content
 from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, profile_accuracies, profile_tables
-from .drawing import by_name, heading, key, stacked, write_drawing
+from .drawing import SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_legend, stacked, write_drawing
 from .palette import Look, looks
 
 WIDTH, HEIGHT = 300, 220
@@ -31,8 +30,8 @@ SHARE = "share of problems"
 """Title of the axis of shares whose problems a page names."""
 
 _FAMILY_VIEWS = {
-    COMMON: "over the problems of a family that all solvers support which support any of it",
-    EVERY: "over all problems of a family, unsupported ones counted as not solved",
+    COMMON: "over the problems of a family that all solvers support (solvers that support none are left out)",
+    EVERY: "over all problems of a family; unsupported ones count as not solved",
 }
 """What the shares of a family are of in each view."""
 
@@ -44,10 +43,10 @@ _TITLES = {
 }
 
 _NOTES = {
-    "performance": "share of problems solved within a ratio to the least time of any solver shown",
-    "data": "share of problems solved within a time; dotted: 1, 10, 100 ms and 1 s",
-    "accuracy": "share of problems brought to a residual of at most ε within the time limit",
-    "speedup": "time of {} over that of each solver: a tick a problem that both solve, a mark their geometric mean",
+    "performance": "share of problems solved within a ratio to the least time of any solver shown; higher is better",
+    "data": "share of problems solved within a time; dotted lines mark 1, 10 and 100 ms and 1 s",
+    "accuracy": "share of problems solved to a residual of at most ε within the time limit",
+    "speedup": "time of {} over that of the solver; ticks are problems that both solve, large marks geometric means",
 }
 
 
@@ -85,25 +84,29 @@ def profile_charts(
         view: the one of ``VIEWS`` that is shown; all problems where none is common, which the title says.
     """
     named = looks(frames.info.plan.solvers)
-    shown = {name: _seen(table[table["family"] == ALL], view) for name, table in tables.items()}
+    shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
     over = _over(frames, shown["accuracy"], view)
     charts = {}
     for name in (*CURVES, "speedup"):
         table, levels = shown[name], profile_accuracies(frames) if "accuracy" in shown[name] else (None,)
         panels = [
-            profile_panel(name, named, table if level is None else table[table["accuracy"] == level])
+            profile_panel(
+                name,
+                named,
+                table if level is None else table[table["accuracy"] == level],
+                set(table["solver"]) if level == levels[-1] else (),
+            )
             .properties(width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT)
             .properties(title="" if level is None else f"to a {frames.residual} residual of {exponent(level)}")
             for level in levels
         ]
-        row = alt.hconcat(*panels, spacing=30)
+        row = side_by_side(panels, spacing=30)
         charts[name] = _page(
             frames,
             _TITLES[name],
             [*([over] if name in CURVES else []), _NOTES[name].format(baseline)],
             [row],
             len(panels),
-            name != "speedup",
         )
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
     return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
@@ -116,21 +119,22 @@ def _families_chart(
     level, named = summary_accuracies(frames)[-1], looks(frames.info.plan.solvers)
     levels = profile_accuracies(frames)
     level = level if level in levels else levels[-1]
-    rows = []
+    rows, solvers = [], set(tables["accuracy"]["solver"])
     for family in families:
         panels = []
         for name in CURVES:
-            own = _seen(tables[name][tables[name]["family"] == family], view)
+            own = _of_view(tables[name][tables[name]["family"] == family], view)
             own = own[own["accuracy"] == level] if "accuracy" in own else own
             of_level = f" to {exponent(level)}" if name != "accuracy" else ""
             title = f"{family}: {_TITLES[name].split()[0].lower()}{of_level}"
-            panels.append(profile_panel(name, named, own).properties(width=WIDTH, height=HEIGHT, title=title))
-        rows.append(alt.hconcat(*panels, spacing=30))
+            panel = profile_panel(name, named, own, legend_of=solvers if not rows and name == CURVES[-1] else ())
+            panels.append(panel.properties(width=WIDTH, height=HEIGHT, title=title))
+        rows.append(side_by_side(panels, spacing=30))
     notes = [_FAMILY_VIEWS[view], "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)]
-    return _page(frames, "Profiles by family", notes, rows, len(CURVES), True)
+    return _page(frames, "Profiles by family", notes, rows, len(CURVES))
 
 
-def _seen(table: pd.DataFrame, view: str) -> pd.DataFrame:
+def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
     """Return the rows of a view; those of all problems where it has none, and the whole of a table without views."""
     if "view" not in table:
         return table
@@ -144,54 +148,55 @@ def _over(frames: RunFrames, shown: pd.DataFrame, view: str) -> str:
     all_problems = counted(frames.cases["problem"].nunique(), "problem")
     if (shown["view"] == COMMON).all():
         left_out = frames.cases["solver"].nunique() - solvers
-        without = f"; {counted(left_out, 'solver')} that support none left out" if left_out else ""
-        return f"over the {count} of {all_problems} that {solvers} solvers all support{without}"
+        without = f"; {counted(left_out, 'solver')} without a supported problem left out" if left_out else ""
+        return f"over the {count} of {all_problems} that all {solvers} solvers support{without}"
     none = "no problem is supported by all solvers: " if view == COMMON else ""
-    return f"{none}over all {all_problems}, unsupported ones counted as not solved"
+    return f"{none}over all {all_problems}; unsupported ones count as not solved"
 
 
 def _page(
-    frames: RunFrames, title: str, notes: list[str], rows: list[alt.HConcatChart], columns: int, has_key: bool
+    frames: RunFrames, title: str, notes: list[str], rows: list[alt.HConcatChart], columns: int
 ) -> alt.VConcatChart:
-    """Return rows of panels under a title, with the state of the run, above a key of all solvers."""
-    width = columns * (WIDTH + 60)
-    names = looks(frames.info.plan.solvers)
+    """Return rows of panels under a title, with the state of the run."""
+    width = max(columns * (WIDTH + 60), 620)
     problems = counted(frames.cases["problem"].nunique(), "problem")
     lines = notes if notes[1:] else [f"{problems}; {notes[0]}"]
-    head = heading(title, [*lines, *map(for_command_line, run_state(frames))], width)
-    return stacked([*rows, *([key(names, width)] if has_key else [])], head, {"color": "independent"}, spacing=20)
+    head = heading(title, [*lines, *run_state(frames)], width)
+    return stacked(rows, head, SEPARATE_LEGENDS, spacing=20)
 
 
-def profile_panel(name: str, named: Mapping[str, Look], data: Any) -> Any:
+def profile_panel(name: str, named: Mapping[str, Look], data: Any, legend_of: Collection[str] = ()) -> Any:
     """Return the chart of one kind of profile.
 
     Args:
         name: "performance", "data", "accuracy" or "speedup".
         named: the look of each solver.
         data: its rows as ``profile_tables`` has them, or data of altair that are filled in later.
+        legend_of: solvers in a legend to its right; none where empty, and for speed-ups, whose rows have names.
     """
     if name == "speedup":
         return _speedup_panel(named, data)
     shares = f"share of {_counts(data)}" if isinstance(data, pd.DataFrame) else SHARE
     column, title, scale = {
         "performance": ("ratio", "time over the least of any solver", alt.Scale(type="log", nice=False)),
-        "data": ("seconds", "time, preparing included [s]", alt.Scale(type="log", nice=False)),
+        "data": ("seconds", "time, preparation included [s]", alt.Scale(type="log", nice=False)),
         "accuracy": ("residual", "residual at most (finer to the right)", alt.Scale(type="log", reverse=True)),
     }[name]
     form = {"performance": "~g", "data": "~g", "accuracy": ".0e"}[name]
+    legend = solver_legend(named, legend_of, name == "accuracy") if legend_of else None
     across = alt.X(f"{column}:Q", title=title, scale=scale)
     ticks = {"values": list(RESIDUALS)} if name == "accuracy" else {"tickCount": 6}
     base = alt.Chart(data).encode(
         x=across.axis(format=form, labelOverlap=True, **ticks),
         y=alt.Y("share:Q", title=shares).scale(domain=[0.0, 1.0]).axis(format="%", tickCount=5),
-        color=by_name(alt.Color, "solver", named, "colour"),
+        color=by_name(alt.Color, "solver", named, "colour", legend),
         tooltip="solver:N",
     )
     steps: Literal["linear", "step-after"] = "linear" if name == "accuracy" else "step-after"
-    dash = by_name(alt.StrokeDash, "solver", named, "dash")
+    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
     layers = [base.mark_line(strokeWidth=2, interpolate=steps).encode(strokeDash=dash)]
     if name == "accuracy":
-        shape = by_name(alt.Shape, "solver", named, "shape")
+        shape = by_name(alt.Shape, "solver", named, "shape", legend)
         layers.append(base.mark_point(filled=True, size=40, opacity=1).encode(shape=shape))
     if name == "data":
         rules = alt.Chart(pd.DataFrame({"seconds": BUDGETS})).mark_rule(strokeDash=[2, 3], color="#777777")

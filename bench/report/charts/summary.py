@@ -5,7 +5,6 @@ from typing import Any
 import altair as alt
 import pandas as pd
 
-from ....problems.spelling import for_command_line
 from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
@@ -125,7 +124,7 @@ def _of_run(
     notes = [
         f"{counted(tried['problem'].nunique(), 'problem')}; {note}",
         f"not shown: {', '.join(absent)} (no supported problem)" if absent else "",
-        *map(for_command_line, run_state(frames)),
+        *run_state(frames),
     ]
     head = heading(title, notes, len(panels) * WIDTH + 150)
     return stacked([alt.hconcat(*panels, spacing=40)], head, {"color": "shared"}, label=0)
@@ -139,7 +138,7 @@ def _time_panel(
     columns = ["solver", "accuracy", "problem", "milliseconds"]
     dots, mean = tried[tried["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]
     rows = _rows(means["solver"].unique(), named=first, grid=True)
-    across = log_axis(alt.X, "milliseconds", "time, preparing included [ms]", domain).axis(
+    across = log_axis(alt.X, "milliseconds", "time, preparation included [ms]", domain).axis(
         format="~g", values=round_values(domain)
     )
     tick = alt.Chart(dots.dropna()).mark_tick(thickness=1.5, height=10, opacity=0.75)

@@ -48,7 +48,7 @@ def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]
 
 def _cost_panel(named: dict[str, Look], residual: str, rows: Any) -> alt.LayerChart:
     """Return time over residual, as ``work_precision`` has it, of rows that come later."""
-    title = "time, preparing included [ms] (better below)"
+    title = "time, preparation included [ms] (better below)"
     across = alt.X("residual:Q", title=f"{residual} residual (better to the right)")
     up = alt.Y("milliseconds:Q", title=title).scale(type="log", nice=False, padding=8)
     base = alt.Chart(rows).encode(

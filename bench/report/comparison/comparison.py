@@ -11,7 +11,7 @@ from ...store.frames import RunFrames
 from .conditions import Condition, read_conditions
 from .pairing import CASE, pair
 from .solved import SOLVED, UNSOLVED, compared_solved
-from .times import Times, compared_times
+from .times import Times, compare_times
 
 SLOWDOWN = 0.1
 """Part by which a solver must be slower, or have been slower, for a verdict to name it."""
@@ -60,7 +60,7 @@ class Comparison:
         return (
             f"<h4>{escape(self.before.info.run_id)} and {escape(self.after.info.run_id)}</h4>"
             f"<p>{escape(self.verdict)}</p>"
-            + (table.to_html(index=False, border=0, escape=True, float_format="%.3g") if len(table) else "")
+            + (table.to_html(index=False, border=0, escape=True, float_format="{:.3g}".format) if len(table) else "")
         )
 
     def slower(self, slowdown: float | None = None) -> list[str]:
@@ -133,7 +133,7 @@ class Comparison:
 def compared(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN) -> Comparison:
     """Compare two runs; see ``proxbench.bench.compare``."""
     pairing = pair(before, after)
-    times = compared_times(pairing)
+    times = compare_times(pairing)
     if pairing.obstacle:
         times = Times(times.points.iloc[:0], times.cases.iloc[:0], times.solvers.iloc[:0], scale=1.0)
     return Comparison(

@@ -4,7 +4,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ....problems.spelling import option
 from ...errors import BenchError
 
 _TIME = re.compile(r"time>(\d+(?:\.\d+)?)%")
@@ -39,6 +38,6 @@ def _read(text: str) -> Condition:
     if plain == "solved<":
         return Condition(plain)
     raise BenchError(
-        f"{option('fail_on')} {text!r} is no condition; write 'time>10%' (a solver is more than 10 % slower) or "
+        f"`fail_on` {text!r} is no condition; write 'time>10%' (a solver is more than 10 % slower) or "
         "'solved<' (an accuracy is no longer reached)."
     )

@@ -7,7 +7,6 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from ....problems.spelling import for_command_line
 from ..accuracy import accuracy_tag
 from ..cells import duration
 from ..layout.fitting import print_table
@@ -24,7 +23,7 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
         "verdict": comparison.verdict,
         "failures": failures,
         "obstacle": comparison.obstacle,
-        "notes": [for_command_line(note) for note in comparison.notes],
+        "notes": list(comparison.notes),
         "scale": comparison.scale,
         **{name: json_records(frame) for name, frame in frames.items()},
     }
@@ -33,7 +32,7 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
 def print_comparison(comparison: Comparison, failures: list[str], console: Console) -> None:
     """Print what differs, the verdict last."""
     for note in comparison.notes:
-        console.print(Text(for_command_line(note), style="yellow"))
+        console.print(Text(note, style="yellow"))
     for title, table in _tables(comparison):
         console.print(Text(title, style="bold"))
         print_table(console, table, words=("problem", "change", "reason", "is"), optional=("reason", "before"))
@@ -50,7 +49,7 @@ def markdown_page(comparison: Comparison, failures: list[str]) -> str:
     names = (inline(run.info.run_id) for run in (comparison.before, comparison.after))
     parts = ["### Proxbench: {} → {}".format(*names), f"**{inline(comparison.verdict)}**"]
     parts += [f"❌ {inline(failure)}" for failure in failures]
-    parts += [f"{inline(for_command_line(note))}" for note in comparison.notes]
+    parts += [f"{inline(note)}" for note in comparison.notes]
     parts += [f"{inline(title)}\n\n{_markdown(table)}" for title, table in _tables(comparison)]
     if len(comparison.solvers):
         cases = _markdown(_shown_times(comparison, comparison.cases))

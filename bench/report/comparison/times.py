@@ -1,18 +1,20 @@
-"""How times of two runs differ: at each point, in each case, and of each solver, with intervals.
+"""Ratios of the times of two runs: at each point, in each case, and of each solver, with intervals.
 
-A pass is one observation, because its rounds share their processes: the least of their times, since what disturbs a
-round makes it longer. Of all times the logarithms are compared. A point (solver, problem, accuracy) differs by the
-difference of the medians of its passes, a case by the mean over its points, and a solver by the mean over its cases.
-Times scatter by
+A pass is one observation, because its rounds share their processes. Its time is the least of its rounds, since a
+disturbance only makes a round longer. All times enter by their logarithms. The difference at a point (solver, problem,
+accuracy) is that of the medians of its passes; the difference of a case is the mean over its points, and that of a
+solver the mean over its cases. The sources of scatter are
 
-    passes     σ² (1/n + 1/m) of a case with n and m passes, with the larger one of two variances σ²: that of its own
-               passes, and the median over all cases. Medians of three passes or more scatter by EFFICIENCY times that.
-    problems   Student's t of the cases of a solver, whose problems are the clusters
-    runs       RUN_SPREAD of all times together, where nothing tells it apart from a change
+    passes     at a point ``bootstrap_ratio`` of its passes. In a case, whose two to five passes are too few for a
+               resample at the level of all cases together, σ² (1/n + 1/m) with n and m passes and the larger one of two
+               variances σ²: that of its own passes, and the median over all cases. Medians of three or more passes
+               scatter by EFFICIENCY times that.
+    problems   ``bootstrap_ratio`` of the cases of a solver, whose problems are the clusters
+    runs       RUN_SPREAD of all times together, where nothing distinguishes it from a change
 
 Ratios are relative to the scale, the median over the yardsticks: solvers that are the same program in both runs. Where
-the program has changed, no solver is known to be the same, and the median of all is taken for the machine's only up to
-``LARGEST_DRIFT``.
+the program has changed, no solver is known to be the same. The median of all solvers then counts as the scale only up
+to ``MAX_DRIFT``.
 """
 
 from collections.abc import Sequence
@@ -23,30 +25,27 @@ import pandas as pd
 from scipy import special
 
 from ....problems.arrays import FloatArray
-from ...store.certainty import LEAST_ROUNDS, interval_of_two, reaching
 from ...store.frames import RunFrames
+from ...store.ratios import MIN_PAIRS, MIN_ROUNDS, bootstrap_ratio, counted_rounds, reaching
 from .pairing import CASE, Pairing
 
 RUN_SPREAD = 0.04
 """Standard deviation by which the logarithms of all times of two runs of the same program differ together."""
 
-LARGEST_DRIFT = 2.0 * RUN_SPREAD
-"""Largest logarithm that is taken for the machine's, where no solver is known to be the same."""
+MAX_DRIFT = 2.0 * RUN_SPREAD
+"""Largest logarithm of a scale where no solver is known to be the same program."""
 
-LEAST_YARDSTICKS = 3
-"""Yardsticks that a scale needs."""
-
-LEAST_CLUSTERS = 3
-"""Problems of which the spread over problems is estimated."""
+MIN_YARDSTICKS = 3
+"""Number of yardsticks that a scale needs."""
 
 TAILS = 10
-"""Degrees of freedom of Student's t that intervals of cases have: a disturbance of minutes hits all passes of one."""
+"""Degrees of freedom of Student's t in intervals of cases: a disturbance of minutes hits all passes of a case."""
 
 EFFICIENCY = np.pi / 2.0
 """Variance of the median over that of the mean of many normal numbers."""
 
 ONE_SIDED = 0.95
-"""Chance that the true ratio lies above the lower end of an interval, and that it lies below the upper one."""
+"""Probability that the true ratio lies above the lower end of an interval, and that it lies below the upper end."""
 
 NORMAL = float(special.ndtri(ONE_SIDED))
 """Standard deviations that half an interval has."""
@@ -74,7 +73,7 @@ class Times(NamedTuple):
     scale: float
 
 
-def compared_times(pairing: Pairing) -> Times:
+def compare_times(pairing: Pairing) -> Times:
     """Return how the times of two runs differ."""
     passes, points = _reached_passes(pairing)
     cases = _with_noise(_cases(points), passes)
@@ -105,28 +104,28 @@ def reaching_tolerances(run: RunFrames, accuracies: Sequence[float]) -> pd.DataF
 
 def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the passes of all points that both runs reach, and the points."""
-    key, parts, rounds = [*CASE, "accuracy"], [], []
+    key, sides = [*CASE, "accuracy"], []
     for side, run in enumerate((pairing.before, pairing.after)):
-        kept = run.rounds[(run.rounds["total_seconds"] > 0.0) & (run.rounds["excluded"] == "")]
-        own = reaching_tolerances(run, pairing.accuracies).merge(kept, on=[*CASE, "tolerance"])
-        own = own.assign(side=side, time=np.log(own["total_seconds"]))
-        rounds.append(own)
-        parts.append(own.groupby([*key, "side", "session", "number"], sort=False)["time"].min().reset_index())
-    passes = pd.concat(parts, ignore_index=True)
-    both = passes.groupby(key, sort=False)["side"].transform("nunique") == 2
-    passes = passes[both]
-    samples = [{name: one.to_numpy() for name, one in frame.groupby(key)["time"]} for frame in rounds]
+        counted = counted_rounds(run.rounds).rename(columns={"logarithm": "time"})
+        own = reaching_tolerances(run, pairing.accuracies).merge(counted, on=[*CASE, "tolerance"])
+        sides.append(own.assign(side=side))
+    rounds = pd.concat(sides, ignore_index=True)
+    passes = rounds.groupby([*key, "side", "session", "number"], sort=False)["time"].min().reset_index()
+    passes = passes[passes.groupby(key, sort=False)["side"].transform("nunique") == 2]
+    samples = dict(iter(rounds.groupby(key, sort=False)))
     rows = []
     for name, point in passes.groupby(key, sort=False):
-        times = [point["time"][point["side"] == side].to_numpy() for side in (0, 1)]
-        if min(map(len, times)) < LEAST_ROUNDS:
-            times = [sample[name] for sample in samples]
-        found = [np.nan, 0.0, np.inf]
-        if min(map(len, times)) >= LEAST_ROUNDS:
-            found = list(interval_of_two(times[1], times[0]))
+        times = _by_side(point)
         medians = [float(np.exp(np.median(time))) for time in times]
-        rows.append((*name, *medians, medians[1] / medians[0], *found[1:]))
+        if min(map(len, times)) < MIN_ROUNDS:
+            times = _by_side(samples[name])
+        found = bootstrap_ratio(times[1], times[0])
+        rows.append((*name, *medians, medians[1] / medians[0], found.low, found.high))
     return passes, pd.DataFrame(rows, columns=POINTS)
+
+
+def _by_side(rows: pd.DataFrame) -> list[FloatArray]:
+    return [rows["time"][rows["side"] == side].to_numpy() for side in (0, 1)]
 
 
 def _cases(points: pd.DataFrame) -> pd.DataFrame:
@@ -147,8 +146,8 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
     counts, squares = sides.size().unstack(), sides.agg(lambda one: float((one**2).sum())).unstack()
     freedom = (counts - 1).sum(axis=1)
     own = squares.sum(axis=1) / freedom.where(freedom > 0)
-    usual = (own * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
-    variance = np.maximum(own.fillna(0.0), usual if np.isfinite(usual) else np.inf)
+    typical = (own * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
+    variance = np.maximum(own.fillna(0.0), typical if np.isfinite(typical) else np.inf)
     efficiency = counts.map(lambda n: EFFICIENCY if n > 2 else 1.0)
     noise = np.sqrt(variance * (efficiency / counts).sum(axis=1)).rename("noise")
     return cases.merge(noise.reset_index(), on=CASE, how="left")
@@ -157,16 +156,16 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
 def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
     """Return mean times and mean differences of solvers, and their standard deviation (noise).
 
-    That is taken from the spread over problems, so that a normal interval is as wide as Student's; over few problems,
+    The noise is that of a normal interval as wide as the bootstrapped one over problems; over few problems, it follows
     from the passes.
     """
     rows = []
     for solver, own in cases.groupby("solver", sort=False):
         n, differences = len(own), own["difference"].to_numpy()
         noise = np.sqrt((own["noise"] ** 2).sum()) / n
-        if n >= LEAST_CLUSTERS and np.isfinite(noise):
-            widening = special.stdtrit(n - 1, ONE_SIDED) / NORMAL
-            noise = widening * differences.std(ddof=1) / np.sqrt(n)
+        if n >= MIN_PAIRS and np.isfinite(noise):
+            found = bootstrap_ratio(differences, confidence=2.0 * ONE_SIDED - 1.0, statistic=np.mean)
+            noise = np.log(found.high / found.low) / (2.0 * NORMAL)
         before, after = (float(np.exp(np.log(own[side]).mean())) for side in ("before", "after"))
         rows.append((solver, n, before, after, differences.mean(), noise))
     return pd.DataFrame(rows, columns=["solver", "problems", "before", "after", "difference", "noise"])
@@ -174,10 +173,10 @@ def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
 
 def _scale(yardsticks: pd.DataFrame, is_known: bool) -> tuple[float, float]:
     """Return the logarithm of the scale and its standard deviation, from the differences of the yardsticks."""
-    if len(yardsticks) < LEAST_YARDSTICKS:
+    if len(yardsticks) < MIN_YARDSTICKS:
         return 0.0, RUN_SPREAD
     scale = float(yardsticks["difference"].median())
-    if not is_known and abs(scale) > LARGEST_DRIFT:
+    if not is_known and abs(scale) > MAX_DRIFT:
         return 0.0, RUN_SPREAD
     return scale, float(yardsticks["noise"].median() * np.sqrt(EFFICIENCY / len(yardsticks)))
 

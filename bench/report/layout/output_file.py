@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ....problems.errors import error_text
 from ....problems.exchange.atomic_file import replacing
-from ....problems.spelling import either, option, switch
 from ...errors import BenchError, UnwritableError
 from ...store.store import refuse_links_out
 
@@ -49,7 +48,7 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
         raise BenchError(
-            f"{either(f'--output {output}', str(output))} ends in {output.suffix}, and this result is a {suffix} file; "
+            f"`output` {output} ends in {output.suffix}, and this result is a {suffix} file; "
             f"name a file that ends in {suffix}, or a folder (one with a dot in its name must exist)."
         )
     is_file = output.suffix == suffix and not is_folder
@@ -59,10 +58,9 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         exists = file.exists()
     except OSError as error:
-        raise BenchError(f"cannot write {file}: {error.strerror}; choose another {option('output')}.") from None
+        raise BenchError(f"cannot write {file}: {error.strerror}; choose another `output`.") from None
     if exists and not force:
-        resume = either(f"resume it with --resume {file}", "resume it")
-        raise BenchError(f"{file} exists already; {resume}, or replace it with {switch('force')}.")
+        raise BenchError(f"{file} exists already; continue it with `resume`, or replace it with `force=True`.")
     return file
 
 
@@ -77,8 +75,7 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
         try:
             if file.exists():
                 if not force:
-                    force_it = switch("force")
-                    raise BenchError(f"{file} exists already; choose another name, or replace it with {force_it}.")
+                    raise BenchError(f"{file} exists already; choose another name, or replace it with `force=True`.")
                 with file.open("ab"):
                     continue
             folder = file.absolute().parent

@@ -1,6 +1,7 @@
 """Words and text in reports: numbers of things, JSON, and text of others that stays text in Markdown and CSV."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterable
 from html import escape
@@ -31,6 +32,14 @@ def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> 
     heads = list(map(str, head))
     lines = (map(str, line) for line in (heads, ["---"] * len(heads), *rows))
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def latex_table(shown: Any) -> str:
+    """Return a frame of texts as a LaTeX table with rules of ``booktabs``; texts between ``**`` become bold."""
+    heads = [str(column).replace("\n", " ") for column in shown.columns]
+    styled = shown.set_axis(heads, axis="columns").style.hide(axis="index")
+    made: str = styled.format(escape="latex").format_index(escape="latex", axis="columns").to_latex(hrules=True)
+    return re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", made).replace("≈", r"$\approx$")
 
 
 def csv_content(table: Any) -> bytes:

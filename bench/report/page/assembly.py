@@ -23,7 +23,7 @@ from .document import page_document
 FILE = "report.html"
 """Name of the page in the folder of a run."""
 
-SCRIPTS = ("elements.js", "model.js", "charts.js", "views.js", "main.js")
+SCRIPTS = ("elements.js", "model.js", "address.js", "charts.js", "views.js", "main.js")
 """Parts of the page's own script, in an order in which each needs only those before it."""
 
 

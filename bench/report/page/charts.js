@@ -1,18 +1,35 @@
-// Charts: specifications of Vega that came with the page, their rows filled in. Vega loads nothing and evaluates no code.
+// Charts: specifications of Vega that come with the page. The page fills in their rows. Vega loads nothing and evaluates no
+// code.
 
 const MARKS = { actions: false, ast: true, defaultStyle: false, mode: "vega", renderer: "svg" };
 
 const SHARE = "share_title";
 
-// Lets the axis of shares of a specification take its title from a signal.
+const THEME = {
+  axis: { labelColor: "var(--ink)", titleColor: "var(--ink)", gridColor: "var(--line)", domainColor: "var(--soft)", tickColor: "var(--soft)" },
+};
+
+// A specification with the colours of the page: variables of style, which follow the theme and the printer.
+function themed(chart, solvers) {
+  const colours = { white: "var(--paper)", black: "var(--ink)", "#cccccc": "var(--line)" };
+  for (const solver of solvers) colours[solver.colour] ??= `var(${solver.variable})`;
+  const own = (value) => colours[value] ?? value;
+  const isColour = (key) => ["fill", "stroke", "value", "range"].includes(key);
+  const made = JSON.parse(JSON.stringify(chart), (key, value) =>
+    (!isColour(key) ? value : Array.isArray(value) ? value.map(own) : typeof value === "string" ? own(value) : value));
+  for (const [part, colour] of Object.entries(THEME)) made.config[part] = { ...made.config[part], ...colour };
+  return made;
+}
+
+// Makes a signal the title of the axis of shares.
 function nameShares(chart, title, value) {
   chart.signals = [...(chart.signals ?? []), { name: SHARE, value }];
   for (const axis of chart.axes ?? []) if (axis.title === title) axis.title = { signal: SHARE };
 }
 
-// Charts of one kind in one place, one for each group of rows, redrawn as the rows change.
+// The charts of one kind, one for each group of rows; they are redrawn when the rows change.
 class Figure {
-  // With `across`, a group whose rows have one value of that name is not drawn: an axis needs two.
+  // With `across`, a group is drawn only if its rows have two values of that name: an axis needs two.
   constructor(run, name, id, across = "") {
     this.run = run;
     this.name = name;
@@ -34,7 +51,7 @@ class Figure {
 
   rows() {
     const single = this.groups.length === 1 && !this.groups[0].label;
-    return this.groups.flatMap(({ label, rows }) => rows.map(({ number, ...row }) => (single ? row : { family: label, ...row })));
+    return this.groups.flatMap(({ label, rows }) => rows.map((row) => (single ? row : { family: label, ...row })));
   }
 
   async redraw() {
@@ -63,7 +80,7 @@ class Figure {
     if (!rows.length || (this.across && rows.every((row) => row[this.across] === rows[0][this.across]))) {
       plot.view?.finalize();
       plot.view = null;
-      plot.drawing.replaceChildren(element("p", { class: "note" }, "Too little to draw for this choice."));
+      plot.drawing.replaceChildren(element("p", { class: "note" }, "This selection has too few values for a chart."));
       return;
     }
     const width = plot.drawing.clientWidth || 480;
@@ -72,7 +89,7 @@ class Figure {
       await plot.view.data(this.run.rows, structuredClone(rows)).width(width).runAsync();
       return;
     }
-    const chart = structuredClone(this.run.charts[this.name]);
+    const chart = themed(this.run.charts[this.name], this.run.solvers);
     chart.data.find((data) => data.name === this.run.rows).values = structuredClone(rows);
     chart.width = width;
     if (axis) nameShares(chart, this.run.share, axis);

@@ -1,7 +1,8 @@
-"""What a page knows of a run, as one JSON document: problems, solvers, cases, points and curves in columns of numbers.
+"""Data of a page as one JSON document: tables of problems, solvers, cases, points and curves, in columns with names.
 
-Texts that occur often are stored once and referred to by number. Times have seven digits. Residuals have six and are
-rounded up, so that they compare with every accuracy of at most six digits as the exact ones do.
+Python computes what no filter of the page changes: the time to each accuracy and the best point of every case. Times
+have seven digits. Residuals have six and are rounded up, so that they compare with every accuracy of at most six digits
+as the exact ones do.
 """
 
 import math
@@ -12,29 +13,33 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ....problems.contact.solver import Status
-from ....problems.spelling import for_command_line
-from ...store.certainty import reaching
 from ...store.condition import drift, run_state
 from ...store.frames import JUDGED, RunFrames
-from ...store.outcome import Outcome
+from ...store.ratios import reaching
 from ...store.records import Machine, RunRecord
 from ...store.store import plain_name
-from ..accuracy import SHIFT_SECONDS, counted_cases, summary_accuracies
-from ..charts.palette import looks
+from ..accuracy import (
+    SHIFT_SECONDS,
+    claimed_cases,
+    counted_cases,
+    excluded_cases,
+    summary_accuracies,
+    times_to_accuracies,
+)
+from ..charts.palette import looks, on_dark
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from ..tables import case_notes, ending
 from .commands import option, protocol_options, run_command
 
-LONGEST_TEXT = 4000
-"""Characters that a page has of what a failed case printed, from its end; the file of the case has all."""
+MAX_TEXT = 4000
+"""Last characters of the output of a failed case that a page holds; the file of the case has all."""
 
-MOST_CURVE_POINTS = 300_000
+MAX_CURVE_POINTS = 300_000
 """Points of convergence curves in a page, of all cases together."""
 
-LEAST_CURVE_POINTS = 20
+MIN_CURVE_POINTS = 20
 """Points that a curve keeps however many cases there are."""
 
 LAWS = {1: "no friction (1 row a contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
@@ -46,10 +51,9 @@ RECORDINGS = "recordings"
 _UP = Context(prec=6, rounding=ROUND_CEILING)
 
 _OF_ENDING = ("tolerance", "outcome", "status", "reason", "model_residual", "notes")
-"""Columns of points that say how a case ended."""
+"""Columns of points that decide how a case ended."""
 
-_COUNTS, _CLAIMS, _EXCLUDED = 1, 2, 4
-"""Marks of points: one that may reach an accuracy, one that says so itself, one whose time is excluded."""
+_IDENTITY = ["problem", "solver"]
 
 
 def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
@@ -59,8 +63,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         frames: the run, over contact problems and with at least one case.
         baseline: the solver that speed-ups are against at first.
     """
-    info, texts = frames.info, _Texts()
-    problems = list(dict.fromkeys(frames.cases["problem"]))
+    info = frames.info
     solvers = [name for name in info.plan.solvers if name in set(frames.cases["solver"])]
     named = looks(info.plan.solvers)
     accuracies = sorted({*info.plan.tolerances, *profile_accuracies(frames)}, reverse=True)
@@ -68,35 +71,33 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         "run": _about(frames),
         "machine": _machine(frames),
         "accuracies": accuracies,
-        "profiles": list(profile_accuracies(frames)),
         "accuracy": summary_accuracies(frames)[-1],
         "residuals": list(RESIDUALS),
         "budgets": list(BUDGETS),
-        "tolerances": list(info.plan.tolerances),
-        "outcomes": [one.value for one in Outcome],
         "solvers": _solvers(frames, solvers),
-        "baseline": solvers.index(baseline),
+        "baseline": baseline,
         "problems": _problems(frames),
-        "cases": _cases(frames, problems, solvers, texts),
+        "open": _first_drawable(frames),
+        "cases": _cases(frames, accuracies),
+        "points": _points(frames),
+        "curves": _curves(frames),
         "charts": templates({name: named[name] for name in solvers}, frames.residual),
         "rows": ROWS,
         "share": SHARE,
-        "texts": texts.all,
     }
 
 
-class _Texts:
-    """Texts that are stored once, by number."""
+def _first_drawable(frames: RunFrames) -> str:
+    """Return the first problem of which both charts of a page have something to draw, else the first one with points.
 
-    def __init__(self) -> None:
-        self._numbers: dict[str, int] = {"": 0}
-
-    def number(self, text: str) -> int:
-        return self._numbers.setdefault(text, len(self._numbers))
-
-    @property
-    def all(self) -> list[str]:
-        return list(self._numbers)
+    An axis needs two different values.
+    """
+    points = frames.points[np.isfinite(frames.points["residual"]) & frames.points["total_seconds"].notna()]
+    residuals = points.groupby("problem")["residual"].nunique()
+    iterations = frames.iterations.groupby("problem")["iteration"].nunique()
+    both = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
+    problems = list(dict.fromkeys(frames.cases["problem"]))
+    return next((name for chosen in (both, set(points["problem"])) for name in problems if name in chosen), problems[0])
 
 
 def _about(frames: RunFrames) -> dict[str, Any]:
@@ -112,7 +113,7 @@ def _about(frames: RunFrames) -> dict[str, Any]:
         "shift": SHIFT_SECONDS,
         "command": run_command(info),
         "protocol": protocol_options(info),
-        "sentences": [for_command_line(sentence) for sentence in sentences],
+        "sentences": sentences,
         "finished": frames.n_finished,
         "planned": frames.n_planned,
     }
@@ -180,6 +181,7 @@ def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
             "model": models[name],
             "file": plain_name(name),
             "option": option("solver", name),
+            "on_dark": "#{:02x}{:02x}{:02x}".format(*on_dark(named[name].colour)),
             **vars(named[name]),
         }
         for name in solvers
@@ -212,64 +214,83 @@ def _law(rows: int, contacts: int) -> str:
     return LAWS.get(rows // contacts, "more rows a contact") if rows % contacts == 0 else "mixed"
 
 
-def _cases(frames: RunFrames, problems: list[str], solvers: list[str], texts: _Texts) -> dict[str, list[Any]]:
-    """Return the columns of the cases; each has its points and its curve as columns of their own."""
-    identity = ["problem", "solver"]
-    measured = frames.points[frames.points["total_seconds"].notna()][[*identity, *_OF_ENDING]]
-    attempts = dict(iter(measured.groupby(identity, sort=False)))
-    columns_of_points, places = _points(frames, texts), frames.points.groupby(identity, sort=False).indices
-    curves = dict(iter(frames.iterations.groupby(identity, sort=False)))
-    counted = set(counted_cases(frames).index)
-    most = max(LEAST_CURVE_POINTS, MOST_CURVE_POINTS // len(frames.cases))
-    columns: dict[str, list[Any]] = {}
-    for place, case in zip(frames.cases.index, frames.cases.to_dict("records"), strict=True):
+def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
+    """Return the columns of the cases.
+
+    ``seconds``, ``excluded`` and ``claimed`` have a value for each accuracy: the time to it (null where it is not
+    reached), whether that time is of excluded rounds alone, and whether the solver claims to reach it.
+    """
+    points, limit = frames.points, frames.info.plan.limits.solve_seconds
+    attempted = points[points["total_seconds"].notna()]
+    attempts = dict(iter(attempted[[*_IDENTITY, *_OF_ENDING]].groupby(_IDENTITY, sort=False)))
+    counted, times = set(counted_cases(frames).index), times_to_accuracies(points, accuracies, limit)
+    seconds = dict(zip(times.index, times.to_numpy(), strict=True))
+    excluded = [excluded_cases(points, accuracy, limit) for accuracy in accuracies]
+    claimed = [claimed_cases(attempted, accuracy) for accuracy in accuracies]
+    best = reaching(attempted, np.inf, limit).sort_values("residual", kind="stable").drop_duplicates(_IDENTITY)
+    best = best.set_index(_IDENTITY)[["residual", "iterations"]].T.to_dict("list")
+    rows = []
+    for place, case in enumerate(frames.cases.to_dict("records")):
         name = case["problem"], case["solver"]
-        of_case = attempts.get(name, measured.iloc[:0])
+        of_case = attempts.get(name, attempted[list(_OF_ENDING)].iloc[:0])
         outcome, reason = ending(case, of_case)
-        own = places.get(name, ())
-        row = {
-            "problem": problems.index(name[0]),
-            "solver": solvers.index(name[1]),
-            "supported": int(place in counted),
-            "outcome": outcome,
-            "reason": texts.number("; ".join(filter(None, (reason, case_notes(of_case))))),
-            "traceback": texts.number(case["traceback"][-LONGEST_TEXT:]),
-            "stderr": texts.number(case["stderr"][-LONGEST_TEXT:]),
-            "wall": _digits([case["wall_seconds"]], 4)[0],
-            "memory": int(case["peak_memory_bytes"]),
-            "points": [[column[place] for place in own] for column in columns_of_points],
-            "curve": _curve(curves[name], most) if name in curves else [[], []],
-        }
-        for key, value in row.items():
-            columns.setdefault(key, []).append(value)
-    return columns
+        residual, iterations = best.get(name, (np.nan, np.nan))
+        rows.append(
+            {
+                "problem": name[0],
+                "solver": name[1],
+                "supported": int(place in counted),
+                "outcome": outcome,
+                "reason": "; ".join(filter(None, (reason, case_notes(of_case)))),
+                "traceback": case["traceback"][-MAX_TEXT:],
+                "stderr": case["stderr"][-MAX_TEXT:],
+                "wall": _digits([case["wall_seconds"]], 4)[0],
+                "memory": int(case["peak_memory_bytes"]),
+                "residual": _rounded_up(residual),
+                "iterations": None if np.isnan(iterations) else int(iterations),
+                "seconds": _digits(seconds.get(name, [np.nan] * len(accuracies)), 7),
+                "excluded": [int(name in cases) for cases in excluded],
+                "claimed": [int(name in cases) for cases in claimed],
+            }
+        )
+    return {key: [row[key] for row in rows] for key in rows[0]}
 
 
-def _points(frames: RunFrames, texts: _Texts) -> list[list[Any]]:
-    """Return the columns of all points, in the order in which the script of the page reads them."""
-    points, plan = frames.points, frames.info.plan
-    counts = points.index.isin(reaching(points, np.inf, plan.limits.solve_seconds).index)
-    marks = _COUNTS * counts + _CLAIMS * (points["status"] == Status.SOLVED).to_numpy(dtype=bool)
-    marks += _EXCLUDED * points["is_excluded"].fillna(False).to_numpy(dtype=bool)
-    distances = np.abs(np.subtract.outer(np.log(points["tolerance"].to_numpy()), np.log(plan.tolerances)))
-    outcomes = {one.value: number for number, one in enumerate(Outcome)}
-    return [
-        distances.argmin(axis=1).tolist(),
-        [outcomes[outcome] for outcome in points["outcome"]],
-        [texts.number("; ".join(filter(None, both))) for both in zip(points["reason"], points["notes"], strict=True)],
-        marks.astype(int).tolist(),
-        [None if np.isnan(count) else int(count) for count in points["iterations"].tolist()],
-        [_rounded_up(value) for value in points["residual"].tolist()],
-        _digits(points["model_residual"], 3),
-        _digits(points["prepare_seconds"], 4),
-        _digits(points["total_seconds"], 7),
-        _digits(points["total_seconds_q1"], 4),
-        _digits(points["total_seconds_q3"], 4),
-    ]
+def _points(frames: RunFrames) -> dict[str, list[Any]]:
+    """Return the columns of all points, each with the number of its case."""
+    points, numbers = frames.points, _case_numbers(frames)
+    reasons = zip(points["reason"], points["notes"], strict=True)
+    return {
+        "case": [numbers[name] for name in zip(points["problem"], points["solver"], strict=True)],
+        "tolerance": points["tolerance"].tolist(),
+        "outcome": points["outcome"].tolist(),
+        "reason": ["; ".join(filter(None, both)) for both in reasons],
+        "excluded": points["is_excluded"].fillna(False).astype(int).tolist(),
+        "iterations": [None if np.isnan(count) else int(count) for count in points["iterations"]],
+        "residual": [_rounded_up(value) for value in points["residual"]],
+        "model_residual": _digits(points["model_residual"], 3),
+        "prepare": _digits(points["prepare_seconds"], 4),
+        "seconds": _digits(points["total_seconds"], 7),
+        "low": _digits(points["total_seconds_q1"], 4),
+        "high": _digits(points["total_seconds_q3"], 4),
+    }
+
+
+def _curves(frames: RunFrames) -> dict[str, list[Any]]:
+    """Return the columns of the convergence curves: the number of the case, its iterations and its residuals."""
+    most, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
+    curves = [(numbers[name], *_curve(curve, most)) for name, curve in frames.iterations.groupby(_IDENTITY, sort=False)]
+    columns = zip(*curves, strict=True) if curves else ((), (), ())
+    return {name: list(column) for name, column in zip(("case", "iteration", "residual"), columns, strict=True)}
+
+
+def _case_numbers(frames: RunFrames) -> dict[Any, int]:
+    names = zip(frames.cases["problem"], frames.cases["solver"], strict=True)
+    return {name: number for number, name in enumerate(names)}
 
 
 def _curve(curve: pd.DataFrame, most: int) -> list[list[Any]]:
-    """Return iterations and residuals of a curve, at most so many, the last one among them."""
+    """Return the iterations and residuals of a curve, thinned to at most ``most`` points with the last one."""
     iterations, residuals = curve["iteration"].to_numpy(), curve["residual"].to_numpy()
     kept = np.flatnonzero((iterations > 0) & np.isfinite(residuals))
     if len(kept) > most:
@@ -278,10 +299,10 @@ def _curve(curve: pd.DataFrame, most: int) -> list[list[Any]]:
 
 
 def _rounded_up(residual: float) -> float | None:
-    """Return a residual with six digits; that which a person reads counts, so that 1e-10 stays what it is."""
+    """Return a residual rounded up to six digits from its shortest decimal form, so that 1e-10 stays 1e-10."""
     return float(_UP.create_decimal(repr(residual))) if math.isfinite(residual) else None
 
 
 def _digits(values: Iterable[float], digits: int) -> list[float | None]:
-    """Return numbers with so many digits; None for those that are not finite."""
+    """Return numbers rounded to significant digits; None for those that are not finite."""
     return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in values]

@@ -17,9 +17,13 @@ function fill(id, ...children) {
   place(id).replaceChildren(...children.map((child) => (child instanceof Node ? child : String(child))));
 }
 
+// A chart with its heading and the sentence that says how to read it.
+const figureOf = (title, note, id) => element("div", { class: "keep" },
+  element("h4", {}, title), element("p", { class: "note" }, note), element("div", { id, class: "figure" }));
+
 const NONE = "–";
 
-// A time in engineering units, as the tables of proxbench have it.
+// A time in engineering units, as in the tables of proxbench.
 function duration(seconds) {
   if (!Number.isFinite(seconds)) return NONE;
   for (const [unit, size] of [["s", 1], ["ms", 1e-3], ["µs", 1e-6]]) {
@@ -40,6 +44,13 @@ const SHAPES = {
   cross: "M-1.5,-4.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z",
 };
 
+// Defines the colour of each solver as a variable of style, with another value on a dark screen.
+function defineColours(solvers) {
+  const rules = (name) => solvers.map((solver) => `${solver.variable}:${solver[name]}`).join(";");
+  const style = `:root{${rules("colour")}} @media screen and (prefers-color-scheme: dark){:root{${rules("on_dark")}}}`;
+  document.head.append(element("style", {}, style));
+}
+
 // The line and mark of a solver, as all charts draw it.
 function swatch(solver) {
   const names = "http://www.w3.org/2000/svg";
@@ -48,18 +59,19 @@ function swatch(solver) {
   for (const [name, value] of Object.entries(attributes)) drawing.setAttribute(name, value);
   const line = document.createElementNS(names, "path");
   line.setAttribute("d", "M0,6H34");
-  line.setAttribute("stroke", solver.colour);
+  line.setAttribute("stroke", `var(${solver.variable})`);
   line.setAttribute("stroke-width", 2);
   line.setAttribute("stroke-dasharray", solver.dash.join(" "));
   const mark = document.createElementNS(names, "path");
   mark.setAttribute("d", SHAPES[solver.shape]);
   mark.setAttribute("transform", "translate(17,6)");
-  mark.setAttribute("fill", solver.colour);
+  mark.setAttribute("fill", `var(${solver.variable})`);
   drawing.append(line, mark);
   return drawing;
 }
 
-// A table that its heads sort. Columns: {name, numeric}; cells: {text, value, node, share}, or texts.
+// A table that its heads sort. Columns: {name, numeric}; cells: {text, value, node, share}, or texts. A cue shows when
+// columns are out of sight.
 function table(columns, rows, caption) {
   const body = element("tbody");
   let sorted = null;
@@ -90,7 +102,12 @@ function table(columns, rows, caption) {
       element("button", { type: "button", onclick: () => sort(index) }, column.name)));
   show(rows);
   const made = element("table", { "aria-label": caption }, element("thead", {}, element("tr", {}, heads)), body);
-  return element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption }, made);
+  const scroll = element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption }, made);
+  const frame = element("div", { class: "frame" }, element("p", { class: "cue" }, "Scroll sideways for more columns →"), scroll);
+  const mark = () => frame.classList.toggle("cut", scroll.scrollLeft + scroll.clientWidth < scroll.scrollWidth - 1);
+  scroll.addEventListener("scroll", mark);
+  new ResizeObserver(mark).observe(scroll);
+  return frame;
 }
 
 // Rows as a file that the browser saves: no request is made. Texts that a spreadsheet would run are quoted by a mark.

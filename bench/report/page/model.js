@@ -1,97 +1,78 @@
-// The numbers of the page: which problems and solvers are shown, and what follows for them. Equal to what the tables of
-// proxbench compute from the same part of a run.
+// The numbers of the page that depend on its filters. Each equals what Python computes from the same part of a run:
+// accuracy.py for means, profiles.py for profiles.
 
-const COUNTS = 1;
-const CLAIMS = 2;
-const EXCLUDED = 4;
-const ROOM = 1.1; // of the last corner of a profile to the largest value
-const POINT = ["tolerance", "outcome", "reason", "marks", "iterations", "residual", "own", "prepare", "seconds", "low", "high"];
+const ROOM = 1.1; // ratio of the last corner of a profile to the largest value
 
-// The run with its cases as objects, and `at(problem, solver)` to find one.
-function decoded(run) {
-  const names = Object.keys(run.cases);
-  const cases = run.cases.problem.map((_, k) => Object.fromEntries(names.map((name) => [name, run.cases[name][k]])));
-  const found = new Map();
+// The rows of a table that comes in columns.
+function records(columns) {
+  const names = Object.keys(columns);
+  return (columns[names[0]] ?? []).map((_, k) => Object.fromEntries(names.map((name) => [name, columns[name][k]])));
+}
+
+// The run with its tables as records; `find(problem, solver)` returns a case. Each case has its points and its curve.
+function decoded(document) {
+  const cases = records(document.cases).map((one) => ({ ...one, points: [], curve: { iteration: [], residual: [] } }));
+  for (const point of records(document.points)) cases[point.case].points.push(point);
+  for (const curve of records(document.curves)) cases[curve.case].curve = curve;
+  const level = new Map(document.accuracies.map((accuracy, k) => [accuracy, k]));
   for (const one of cases) {
-    const columns = one.points;
-    one.points = columns[0].map((_, k) => Object.fromEntries(POINT.map((name, column) => [name, columns[column][k]])));
-    for (const point of one.points) {
-      point.tolerance = run.tolerances[point.tolerance];
-      point.outcome = run.outcomes[point.outcome];
-    }
-    found.set(one.problem * run.solvers.length + one.solver, one);
+    const at = (column) => (accuracy) => one[column][level.get(accuracy)];
+    Object.assign(one, { timeTo: (accuracy) => at("seconds")(accuracy) ?? NaN, isExcluded: at("excluded"), claims: at("claimed") });
   }
-  return { ...run, cases, at: (problem, solver) => found.get(problem * run.solvers.length + solver) };
+  const known = new Map(cases.map((one) => [JSON.stringify([one.problem, one.solver]), one]));
+  const solvers = document.solvers.map((solver, k) => ({ ...solver, variable: `--solver-${k}` }));
+  return { ...document, solvers, cases, find: (problem, solver) => known.get(JSON.stringify([problem.name, solver.name])) };
 }
 
-const reaches = (point, accuracy) => Boolean(point.marks & COUNTS) && point.residual !== null && point.residual <= accuracy;
+const timeTo = (view, problem, solver) => view.run.find(problem, solver)?.timeTo(view.accuracy) ?? NaN;
+const supports = (view, problem, solver) => Boolean(view.run.find(problem, solver)?.supported);
+const supported = (view, problems, solvers) =>
+  problems.flatMap((problem) => solvers.map((solver) => view.run.find(problem, solver))).filter((one) => one?.supported);
+const share = (values, isIn) => (values.length ? values.filter(isIn).length / values.length : NaN);
+const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+const least = (values) => values.reduce((low, value) => (Number.isNaN(value) || low <= value ? low : value), NaN);
+const most = (values) => -least(values.map((value) => -value));
+const bestTime = (view, problem) => least(view.solvers.map((solver) => timeTo(view, problem, solver)));
 
-// The least time of a case to an accuracy [s]; NaN if it is not reached.
-function timeTo(one, accuracy) {
-  let least = NaN;
-  for (const point of one?.points ?? []) {
-    if (reaches(point, accuracy) && point.seconds !== null && !(least <= point.seconds)) least = point.seconds;
-  }
-  return least;
-}
-
-// Whether that time is of excluded rounds alone, so that it takes part in no comparison.
-function isExcluded(one, accuracy) {
-  const least = timeTo(one, accuracy);
-  const found = one?.points.find((point) => reaches(point, accuracy) && point.seconds === least);
-  return Boolean(found && found.marks & EXCLUDED);
+// Shifted geometric mean; missing times count as the time limit.
+function meanTime(run, times) {
+  if (!times.length) return NaN;
+  const filled = times.map((time) => (Number.isNaN(time) ? run.limit : Math.min(time, run.limit)));
+  return Math.exp(mean(filled.map((time) => Math.log(time + run.shift)))) - run.shift;
 }
 
 // The view without the problems of which a solver shown has an excluded time.
 function comparedView(view) {
-  const isCompared = (problem) => !view.solvers.some((solver) => isExcluded(view.run.at(problem, solver), view.accuracy));
-  return { ...view, problems: view.problems.filter(isCompared) };
+  const isExcluded = (problem, solver) => view.run.find(problem, solver)?.isExcluded(view.accuracy);
+  return { ...view, problems: view.problems.filter((problem) => !view.solvers.some((solver) => isExcluded(problem, solver))) };
 }
 
-// The least residual of a case that counts; NaN without one.
-function bestResidual(one) {
-  let least = NaN;
-  for (const point of one?.points ?? []) {
-    if (reaches(point, Infinity) && point.seconds !== null && !(least <= point.residual)) least = point.residual;
-  }
-  return least;
+// The solvers of a view that support any of its problems, and the problems that all of these support.
+function commonView(view) {
+  const solvers = view.solvers.filter((solver) => view.problems.some((problem) => supports(view, problem, solver)));
+  const isCommon = (problem) => solvers.every((solver) => supports(view, problem, solver));
+  return { ...view, solvers, problems: solvers.length ? view.problems.filter(isCommon) : [] };
 }
 
-const claims = (one, accuracy) => one.points.some((point) => point.marks & CLAIMS && point.tolerance <= accuracy * (1 + 1e-9));
-const matrix = (view, value) => view.solvers.map((solver) => view.problems.map((problem) => value(view.run.at(problem, solver))));
-const times = (view, accuracy) => matrix(view, (one) => timeTo(one, accuracy));
-const share = (values, isIn) => (values.length ? values.filter(isIn).length / values.length : NaN);
-const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
-
-function meanTime(run, values) {
-  if (!values.length) return NaN;
-  const filled = values.map((time) => (Number.isNaN(time) ? run.limit : Math.min(time, run.limit)));
-  return Math.exp(mean(filled.map((time) => Math.log(time + run.shift)))) - run.shift;
-}
-
-// One row a solver shown that supports any problem shown.
+// One row for each solver shown that supports any problem shown.
 function summary(view) {
   const { run, accuracy } = view;
-  const tried = view.solvers
-    .map((solver) => ({ solver, cases: view.problems.map((problem) => run.at(problem, solver)).filter((one) => one?.supported) }))
-    .filter((row) => row.cases.length);
-  const supporters = new Map();
-  for (const { cases } of tried) for (const one of cases) supporters.set(one.problem, (supporters.get(one.problem) ?? 0) + 1);
-  const isCommon = (one) => supporters.get(one.problem) === tried.length;
-  const gains = speedups(comparedView(view));
-  const compared = new Set(comparedView(view).problems);
-  return tried.map(({ solver, cases }) => {
-    const seconds = cases.map((one) => timeTo(one, accuracy));
-    const own = gains.filter((row) => row.number === solver).map((row) => Math.log(row.speedup));
+  const [common, compared] = [commonView(view), comparedView(view)];
+  const isIn = (part, one) => part.problems.some((problem) => problem.name === one.problem);
+  const best = new Map(view.problems.map((problem) => [problem.name, bestTime(view, problem)]));
+  const gains = speedups(compared);
+  return common.solvers.map((solver) => {
+    const cases = supported(view, view.problems, [solver]);
+    const times = (chosen) => cases.filter(chosen).map((one) => one.timeTo(accuracy));
+    const own = gains.filter((row) => row.solver === solver.name).map((row) => Math.log(row.speedup));
     return {
       solver,
       problems: cases.length,
-      common: cases.filter(isCommon).length,
-      says: cases.filter((one) => claims(one, accuracy)).length,
-      correct: seconds.filter((time) => !Number.isNaN(time)).length,
-      mean: meanTime(run.run, seconds.filter((_, k) => isCommon(cases[k]) && compared.has(cases[k].problem))),
-      ownMean: meanTime(run.run, seconds.filter((_, k) => !isExcluded(cases[k], accuracy))),
-      fastest: cases.filter((one, k) => compared.has(one.problem) && seconds[k] === virtualBest(view, one.problem)).length,
+      claimed: cases.filter((one) => one.claims(accuracy)).length,
+      confirmed: times((one) => !Number.isNaN(one.timeTo(accuracy))).length,
+      mean: meanTime(run.run, times((one) => isIn(common, one) && isIn(compared, one))),
+      ownMean: meanTime(run.run, times((one) => !one.isExcluded(accuracy))),
+      fastest: cases.filter((one) => isIn(compared, one) && one.timeTo(accuracy) === best.get(one.problem)).length,
       speedup: own.length ? Math.exp(mean(own)) : NaN,
       compared: own.length,
       wrong: cases.flatMap((one) => one.points).filter((point) => point.outcome === "wrong").length,
@@ -99,74 +80,63 @@ function summary(view) {
   });
 }
 
-const virtualBest = (view, problem) => least(view.solvers.map((solver) => timeTo(view.run.at(problem, solver), view.accuracy)));
-const least = (values) => values.reduce((low, value) => (Number.isNaN(value) || low <= value ? low : value), NaN);
-const most = (values) => -least(values.map((value) => -value));
-
-// Solvers of a view that support any of its problems, and the problems that all of these support.
-function commonView(view) {
-  const supports = (problem, solver) => Boolean(view.run.at(problem, solver)?.supported);
-  const solvers = view.solvers.filter((solver) => view.problems.some((problem) => supports(problem, solver)));
-  const problems = solvers.length ? view.problems.filter((problem) => solvers.every((solver) => supports(problem, solver))) : [];
-  return { ...view, problems, solvers };
-}
-
-// The part of a view that profiles are over, and what their shares are of, in a note and on an axis.
+// The part of a view that profiles are over, with a text for a note and a title for an axis.
 function profileView(view, isCommon) {
   const own = isCommon ? commonView(view) : view;
   const plural = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
   const all = plural(view.problems.length, "problem");
   if (isCommon && own.problems.length) {
     const without = view.solvers.length - own.solvers.length;
-    const left = without ? `; ${plural(without, "solver")} that support none left out` : "";
+    const left = without ? `; ${plural(without, "solver")} without a supported problem left out` : "";
     return {
       ...own,
-      over: `over the ${own.problems.length} of ${all} that ${own.solvers.length} solvers all support${left}`,
+      over: `over the ${own.problems.length} of ${all} that all ${own.solvers.length} solvers support${left}`,
       axis: `share of ${plural(own.problems.length, "common problem")}`,
     };
   }
   const none = isCommon && view.problems.length ? "no problem is supported by all solvers: " : "";
-  return { ...view, over: `${none}over all ${all}, unsupported ones counted as not solved`, axis: `share of ${all}` };
+  return { ...view, over: `${none}over all ${all}; unsupported ones count as not solved`, axis: `share of ${all}` };
 }
 
-// Corners of the stairs by which the share of values at most x grows with x, one staircase a solver.
-function stairs(view, values, column, first, last) {
+// Corners of the steps by which the share of values at most x grows with x, for each solver.
+function steps(view, values, column, first, last) {
   return values.flatMap((own, k) => {
     const solved = own.filter((value) => !Number.isNaN(value)).sort((a, b) => a - b);
     const corners = [...new Set([first, ...solved, last])].sort((a, b) => a - b);
     let below = 0;
     return corners.map((at) => {
       while (below < solved.length && solved[below] <= at) below += 1;
-      return { solver: view.run.solvers[view.solvers[k]].name, [column]: at, share: below / own.length };
+      return { solver: view.solvers[k].name, [column]: at, share: below / own.length };
     });
   });
 }
 
+const times = (view) => view.solvers.map((solver) => view.problems.map((problem) => timeTo(view, problem, solver)));
+
 function performanceProfile(view) {
-  const best = view.problems.map((problem) => virtualBest(view, problem));
-  const ratios = times(view, view.accuracy).map((own) => own.map((time, k) => time / best[k]));
-  return stairs(view, ratios, "ratio", 1, ROOM * most([1, ...ratios.flat()]));
+  const best = view.problems.map((problem) => bestTime(view, problem));
+  const ratios = times(view).map((own) => own.map((time, k) => time / best[k]));
+  return steps(view, ratios, "ratio", 1, ROOM * most([1, ...ratios.flat()]));
 }
 
 function dataProfile(view) {
-  const seconds = times(view, view.accuracy);
+  const seconds = times(view);
   const first = least(seconds.flat());
   const last = most([view.run.budgets.at(-1), ...seconds.flat().map((time) => ROOM * time)]);
-  return stairs(view, seconds, "seconds", Number.isNaN(first) ? view.run.budgets[0] : first, last);
+  return steps(view, seconds, "seconds", Number.isNaN(first) ? view.run.budgets[0] : first, last);
 }
 
 function accuracyProfile(view) {
-  return matrix(view, bestResidual).flatMap((own, k) =>
-    view.run.residuals.map((residual) => ({
-      solver: view.run.solvers[view.solvers[k]].name,
-      residual,
-      share: share(own, (value) => value <= residual),
-    })));
+  return view.solvers.flatMap((solver) => {
+    const reached = view.problems.map((problem) => view.run.find(problem, solver)?.residual ?? NaN);
+    return view.run.residuals.map((residual) =>
+      ({ solver: solver.name, residual, share: share(reached, (value) => value <= residual) }));
+  });
 }
 
-// Solved within each budget of time, one row a solver.
+// Problems solved within each budget of time, one row for each solver.
 function budgets(view) {
-  return times(view, view.accuracy).map((own, k) => ({
+  return times(view).map((own, k) => ({
     solver: view.solvers[k],
     solved: view.run.budgets.map((budget) => own.filter((time) => time <= budget).length),
     problems: own.length,
@@ -175,22 +145,17 @@ function budgets(view) {
 
 // The time of the baseline over that of each other solver shown, on problems that both solve.
 function speedups(view) {
-  const { run, accuracy } = view;
-  return view.solvers.filter((solver) => solver !== view.baseline).flatMap((solver) =>
+  const baseline = { name: view.baseline };
+  return view.solvers.filter((solver) => solver.name !== view.baseline).flatMap((solver) =>
     view.problems.map((problem) => ({
-      number: solver,
-      solver: run.solvers[solver].name,
-      problem: run.problems[problem].name,
-      speedup: timeTo(run.at(problem, view.baseline), accuracy) / timeTo(run.at(problem, solver), accuracy),
+      solver: solver.name,
+      problem: problem.name,
+      speedup: timeTo(view, problem, baseline) / timeTo(view, problem, solver),
     })).filter((row) => !Number.isNaN(row.speedup)));
 }
 
 // The parts of a view by family, each a view.
 function byFamily(view) {
-  const families = [...new Set(view.problems.map((problem) => view.run.problems[problem].family))];
-  return families.map((family) => ({
-    family,
-    ...view,
-    problems: view.problems.filter((problem) => view.run.problems[problem].family === family),
-  }));
+  const families = [...new Set(view.problems.map((problem) => problem.family))];
+  return families.map((family) => ({ ...view, family, problems: view.problems.filter((problem) => problem.family === family) }));
 }

@@ -2,7 +2,6 @@
 
 from html import escape
 
-from ....problems.spelling import for_python
 from ...store.condition import basis, steadiness, warnings
 from ...store.frames import RunFrames
 from ..accuracy import shown_means, summary_table
@@ -18,7 +17,7 @@ def run_page(frames: RunFrames) -> str:
     if frames.is_study:
         counts = f"{headline(info.plan, info.plan.problems[0])}, {n_solvers} methods"
     lines = [f"<h4>{escape(info.run_id)}: {counts}</h4>"]
-    lines += [f"<p><strong>{escape(for_python(warning))}</strong></p>" for warning in warnings(frames)]
+    lines += [f"<p><strong>{escape(warning)}</strong></p>" for warning in warnings(frames)]
     lines += [f"<p>{escape(sentence)}</p>" for sentence in (*basis(frames), steadiness(frames))]
     if frames.is_study:
         lines.append(points_table(frames).to_html(index=False, border=0, escape=True, na_rep="–"))

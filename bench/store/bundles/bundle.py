@@ -13,7 +13,6 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.errors import ProblemError
 from ....problems.exchange.catalog import is_held, load
 from ....problems.exchange.storage import packed_problem, read_problem
-from ....problems.spelling import either
 from ...errors import BenchError
 from ..conversion import content_of, sealed, unsealed
 from ..records import CaseRecord, RunRecord
@@ -67,8 +66,9 @@ def bundle_of_run(folder: Path) -> Bundle:
     run = store.read_run()
     cases, damaged = store.read_cases()
     if damaged:
-        resume = either(f"proxbench run --resume {folder}", f"resume({str(folder)!r})")
-        raise BenchError(f"{folder} is not whole: {damaged[0].removesuffix('.')}; finish it with: {resume}")
+        raise BenchError(
+            f"{folder} is not whole: {damaged[0].removesuffix('.')}; finish it with: proxbench run --resume {folder}"
+        )
     carried = {name: store.read_problem(digest).renamed(name) for name, digest in run.carried.items()}
     return _checked(Bundle(folder, run, cases, carried))
 

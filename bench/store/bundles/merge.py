@@ -17,7 +17,6 @@ from msgspec.structs import replace
 
 from ....problems.contact.problem import ContactProblem
 from ....problems.exchange.atomic_file import PART
-from ....problems.spelling import option
 from ...errors import BenchError
 from ..plans import PlanRecord
 from ..records import CaseRecord, Session, with_sessions
@@ -52,7 +51,7 @@ def merge(
     if not sources:
         raise BenchError("nothing to merge; name files of bundles, or folders of runs.")
     if folder.exists():
-        raise BenchError(f"{folder} exists already; choose another {option('run_id')}.")
+        raise BenchError(f"{folder} exists already; choose another `run_id`.")
     bundles = [bundle_of_run(source) if source.is_dir() else read_bundle(source) for source in sources]
     for bundle in bundles:
         disagreements = rejudge(bundle, on_case).disagreements

@@ -26,7 +26,6 @@ from ...contact.judge import judge
 from ...contact.matrices.symmetric import SYMMETRY_TOLERANCE
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
-from ...spelling import either
 from .contents import TEXTS, GlobalContents, LocalContents
 from .laws import contacts_of, laws_of, rows_in_order
 from .matrices import asymmetry
@@ -129,8 +128,7 @@ def _local(contents: LocalContents, treatment: Asymmetry, attributes: dict[str, 
     if off > SYMMETRY_TOLERANCE:
         misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
         if treatment == "refuse" or (treatment == "symmetrise" and not off <= LARGEST_ASYMMETRY):
-            keep = either("proxbench fclib import --asymmetry keep", "read_fclib(path, asymmetry='keep')")
-            raise ProblemError(f"{misses}; correct it, or read it as it is: {keep}")
+            raise ProblemError(f"{misses}; correct it, or keep it with `asymmetry` keep.")
         attributes["provenance"]["asymmetry"] = off
         if treatment == "keep":
             attributes["allow_asymmetric"] = True

@@ -44,7 +44,7 @@ def read_fclib(path: Path | str, asymmetry: Asymmetry = "symmetrise") -> Contact
         problem = problem_of(contents, path.stem, asymmetry, source="FCLIB", file=path.name)
         obstacle = digest_obstacle(contents, problem, asymmetry)
     except ProblemError as error:
-        raise ProblemError(f"{path}: {error.sentence}") from None
+        raise ProblemError(f"{path}: {error}") from None
     if obstacle:
         raise ProblemError(f"{path} is damaged: {obstacle}; write it again.")
     return problem

@@ -75,7 +75,7 @@ def survey(path: Path) -> Survey:
     try:
         problem = problem_of(contents, path.stem, treatment)
     except ProblemError as error:
-        raise ProblemError(f"{path}: {error.sentence}") from None
+        raise ProblemError(f"{path}: {error}") from None
     rolling, residual = contents.rolling_friction, problem.provenance.get("stored_solution_residual")
     return Survey(
         file=str(path),

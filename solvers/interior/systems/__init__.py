@@ -1,1 +1,1 @@
-"""The linear systems of interior points, over contacts or over bodies, and the factorisation of their blocks."""
+"""Linear systems of interior point methods, over contacts or over bodies, and their block factorisation."""

@@ -1,37 +1,37 @@
-"""Triangular factors of a sparse matrix of blocks with a symmetric pattern, again and again for other numbers.
+"""Triangular factors of sparse block matrices that share one symmetric pattern.
 
 A front of a supernode with pivot columns 1 and rows below 2 is eliminated densely,
 
     ( F₁₁ F₁₂ )      kept: F₁₁⁻¹, F₂₁, X = F₁₁⁻¹ F₁₂,      passed to the parent: F₂₂ − F₂₁ X.
     ( F₂₁ F₂₂ )
 
-Rows are exchanged inside F₁₁ alone. That is enough for Ĝ + D, whose symmetric part is positive definite or nearly so;
-what rounding it costs, refinement mends. Dense products are those of BLAS, which makes a factorisation of 734 contacts,
-3 ms, two to three times as fast as one column by column in the same order, and five times as one in SuperLU's own.
+Rows are exchanged only within F₁₁. That is enough for Ĝ + D, whose symmetric part is positive definite or nearly so;
+refinement removes the additional rounding. Dense products use BLAS: a factorisation of 734 contacts takes 3 ms, two to
+three times less than one column by column in the same order, and a fifth of SuperLU in its own order.
 """
 
 import numpy as np
 from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
-from .elimination import MOST_COLUMNS, elimination
+from .elimination import MAX_COLUMNS, elimination
 
 
 class BlockLU:
     """Factors of matrices of square blocks with one pattern.
 
-    A product with F₁₁⁻¹ has an error of cond(F₁₁) roundings. Each correction by F₁₁ itself multiplies it with as much
-    again, until only that of an elimination is left.
+    A product with F₁₁⁻¹ has an error of cond(F₁₁) roundings. Each correction by F₁₁ multiplies it by the same factor
+    again, until only the error of an elimination remains.
 
     Attributes:
         flops: multiplications and additions of one factorisation.
     """
 
     def __init__(
-        self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, most_columns: int = MOST_COLUMNS
+        self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, max_columns: int = MAX_COLUMNS
     ) -> None:
         """Order a pattern in compressed block rows, symmetric, its diagonal stored, of blocks (width, width)."""
-        found = elimination(starts, columns, most_columns)
+        found = elimination(starts, columns, max_columns)
         self._width, self._order = width, found.order
         self._fronts = (
             found.nodes,

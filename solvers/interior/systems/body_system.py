@@ -4,8 +4,8 @@ With W̃ = SᵀW of M⁻¹ = S Sᵀ, L = W̃ times the impulses' scale and R = W
 
     (I + L D⁻¹ Rᵀ) v = L D⁻¹ b,      dr = D⁻¹ (b − Rᵀ v)      (Woodbury).
 
-The system has the degrees of freedom of the bodies, however many contacts over-determine them, and a contact between
-two bodies adds one dense block to it. Each solution is refined against Ĝ and D themselves.
+The size of the system is the number of degrees of freedom, for any number of contacts, and a contact between two bodies
+adds one dense block. Each solution is refined with Ĝ and D themselves.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from .delassus_system import REFINEMENTS
 from .small_blocks import invert, times
 
 CORRECTIONS = 1
-"""Of products with inverses in the factorisation: D⁻¹ of contacts that stick and of joints leaves blocks stiff."""
+"""Corrections of products with inverses: D⁻¹ of sticking contacts and of joints makes blocks ill-conditioned."""
 
 
 class BodySystem:
@@ -49,7 +49,7 @@ class BodySystem:
         return self._lanes.once_from_block(self._pull(self._push(self._lanes.to_block(r))))
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise; False if D or the sum is singular; see ``NewtonSystem``."""
+        """Factorise; return False if D or the sum is singular; see ``NewtonSystem``."""
         self._coupled = self._lanes.matrices_to_block(coupled)
         self._inverse = np.empty_like(self._coupled)
         self._sign = invert(self._coupled, self._inverse)

@@ -1,7 +1,7 @@
 """The reduced Newton system over contacts, (Ĝ + D) dr = b, with Ĝ assembled.
 
-Where contacts over-determine the bodies Ĝ has no full rank; D keeps the sum regular, and what D leaves weak along
-self-stress the iterates do not need. Each solution is refined against Ĝ and D themselves.
+Where contacts over-determine the motion of bodies Ĝ is rank-deficient, and D makes the sum regular. Inaccurate
+components along self-stress do not affect the iterates. Each solution is refined with Ĝ and D themselves.
 """
 
 import numpy as np
@@ -11,10 +11,10 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ..scaled_problem import ScaledProblem
 from .block_lu import BlockLU
-from .elimination import MOST_COLUMNS
+from .elimination import MAX_COLUMNS
 
 REFINEMENTS = 2
-"""Refinements of each solution."""
+"""Number of refinements of each solution."""
 
 
 class DelassusSystem:
@@ -30,9 +30,9 @@ class DelassusSystem:
         size = (len(starts) - 1) * self._width
         self._matrix = sp.bsr_array((self._values, columns, starts), shape=(size, size))
         self._summed = self._values.copy()
-        # redundant joints, which D hardly softens, need all rows of their front to choose pivots from
-        most = len(starts) if problem.layout.is_bilateral.any() else MOST_COLUMNS
-        self._factors = BlockLU(starts, columns, self._width, most_columns=most)
+        # redundant joints, which D regularises little, need all rows of their front as pivot candidates
+        most = len(starts) if problem.layout.is_bilateral.any() else MAX_COLUMNS
+        self._factors = BlockLU(starts, columns, self._width, max_columns=most)
         self._coupled: FloatArray = np.zeros((0, self._width, self._width))
 
     @property

@@ -1,7 +1,7 @@
-"""The order in which a sparse matrix of blocks is eliminated, and what that fills: found once for a pattern.
+"""The elimination order of a sparse block matrix and its fill, computed once per pattern.
 
 Columns are ordered by multiple minimum degree (Liu 1985) on the graph of the blocks, then so that each subtree of the
-elimination tree stands together (Liu 1990). Neighbouring columns of nearly the same structure become one supernode,
+elimination tree is contiguous (Liu 1990). Neighbouring columns of nearly the same structure become one supernode,
 which is eliminated as a dense matrix. The multifrontal method (Duff & Reid 1983) visits supernodes in this order: the
 front of a supernode gathers entries of the matrix and the updates that its children left on a stack.
 """
@@ -16,30 +16,30 @@ from scipy.sparse.linalg import splu
 
 from ....problems.arrays import IntArray
 
-MOST_ZEROS = 0.2
+MAX_ZERO_SHARE = 0.2
 """Share of zeros that a supernode may gain by taking in its neighbour."""
 
-MOST_COLUMNS = 40
+MAX_COLUMNS = 40
 """Most blocks of columns of a supernode: inverting larger ones takes more operations than passing updates on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """How a matrix of blocks with a symmetric pattern is eliminated; all counts are in blocks.
+    """The elimination of a block matrix with a symmetric pattern; all counts are in blocks.
 
     Attributes:
-        order: block row that is eliminated at each place, shape (n,).
+        order: block row at each place of the elimination order, shape (n,).
         nodes: first place of each supernode, shape (n_nodes + 1,).
-        row_starts: where the rows below each supernode begin in ``rows``, shape (n_nodes + 1,).
+        row_starts: first index in ``rows`` of the rows below each supernode, shape (n_nodes + 1,).
         rows: places of the rows below the supernodes.
-        row_places: where each of these rows stands in the front of the parent.
-        child_starts: where the children of each supernode begin in ``children``, shape (n_nodes + 1,).
+        row_places: position of each of these rows in the front of the parent.
+        child_starts: first index in ``children`` of the children of each supernode, shape (n_nodes + 1,).
         children: supernodes, by parent.
-        entry_starts: where the entries that enter each front begin in ``entries``, shape (n_nodes + 1,).
+        entry_starts: first index in ``entries`` of the entries of each front, shape (n_nodes + 1,).
         entries: stored blocks of the matrix, by supernode.
         entry_places: row and column of each of them in its front, shape (2, n_entries).
-        factor_starts: where the factors of each supernode begin, shape (n_nodes + 1,).
-        stack_size: most that the stack of updates holds.
+        factor_starts: first index of the factors of each supernode, shape (n_nodes + 1,).
+        stack_size: largest size of the stack of updates.
     """
 
     order: IntArray
@@ -62,13 +62,13 @@ class Elimination:
         return float((pivots**3 + 2.0 * pivots**2 * below + pivots * below**2).sum())
 
 
-def elimination(starts: IntArray, columns: IntArray, most_columns: int = MOST_COLUMNS) -> Elimination:
-    """Return how to eliminate a matrix with the pattern of compressed block rows, symmetric, its diagonal stored.
+def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLUMNS) -> Elimination:
+    """Return the elimination of a matrix with a symmetric pattern of block rows that includes the diagonal.
 
     Args:
         starts: first stored block of each block row, shape (n + 1,).
         columns: block column of each stored block.
-        most_columns: most columns of a supernode.
+        max_columns: largest number of columns of a supernode.
     """
     starts, columns = np.asarray(starts, dtype=np.int64), np.asarray(columns, dtype=np.int64)
     order = _minimum_degree(starts, columns)
@@ -76,7 +76,7 @@ def elimination(starts: IntArray, columns: IntArray, most_columns: int = MOST_CO
     position = np.argsort(order)
     parent = _tree(starts, columns, position, order)
     column_starts, column_rows = _structures(starts, columns, position, order, parent)
-    nodes = _supernodes(column_starts, parent, MOST_ZEROS, most_columns)
+    nodes = _supernodes(column_starts, parent, MAX_ZERO_SHARE, max_columns)
     row_starts, rows, node_of, child_starts, children = _fronts(column_starts, column_rows, nodes, parent)
     entry_starts, entries, row_of = _entries(starts, columns, position, node_of, len(nodes) - 1)
     local = _local_places(
@@ -88,7 +88,7 @@ def elimination(starts: IntArray, columns: IntArray, most_columns: int = MOST_CO
 
 
 def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
-    """Return an order of little fill; SuperLU's, which it finds for a matrix of that pattern with a large diagonal."""
+    """Return an order with little fill, that of SuperLU for a diagonally dominant matrix of the pattern."""
     n = len(starts) - 1
     if n < 3:
         return np.arange(n)
@@ -121,7 +121,7 @@ def _tree(starts, columns, position, order):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _postorder(parent):  # type: ignore[no-untyped-def]
-    """Return the places so that each subtree stands together, its root last."""
+    """Return the places in an order in which each subtree is contiguous, its root last."""
     n = len(parent)
     first, sibling = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
     for j in range(n - 1, -1, -1):
@@ -185,15 +185,15 @@ def _structures(starts, columns, position, order, parent):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _supernodes(column_starts, parent, most_zeros, most_columns):  # type: ignore[no-untyped-def]
-    """Return the first place of each supernode; a column joins the one before it where few zeros come in."""
+def _supernodes(column_starts, parent, max_zero_share, max_columns):  # type: ignore[no-untyped-def]
+    """Return the first place of each supernode; a column joins the one before it if that adds few zeros."""
     n = len(parent)
     nodes, count, zeros = np.empty(n + 1, dtype=np.int64), 0, 0.0
     for j in range(n):
-        if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < most_columns:
+        if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < max_columns:
             width, below = j - nodes[count - 1], column_starts[j + 1] - column_starts[j]
             gained = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
-            if zeros + gained <= most_zeros * (width + 1) * (below + 1 + 0.5 * width):
+            if zeros + gained <= max_zero_share * (width + 1) * (below + 1 + 0.5 * width):
                 zeros += gained
                 continue
         nodes[count] = j
@@ -233,7 +233,7 @@ def _fronts(column_starts, column_rows, nodes, parent):  # type: ignore[no-untyp
 
 @njit(cache=True)
 def _entries(starts, columns, position, node_of, n_nodes):  # type: ignore[no-untyped-def]
-    """Return the stored blocks by the supernode whose front they enter, and the place of each block's row."""
+    """Return the stored blocks grouped by the supernode of their front, and the place of each block's row."""
     row_of = np.empty(len(columns), dtype=np.int64)
     entry_starts = np.zeros(n_nodes + 1, dtype=np.int64)
     for i in range(len(starts) - 1):
@@ -254,7 +254,7 @@ def _entries(starts, columns, position, node_of, n_nodes):  # type: ignore[no-un
 def _local_places(  # type: ignore[no-untyped-def]
     nodes, row_starts, rows, child_starts, children, entry_starts, entries, row_of, column_of
 ):
-    """Return the places of rows in parents' fronts and of entries in theirs, and the sizes of factors and stack."""
+    """Return the places of rows in parent fronts and of entries in fronts, and the sizes of factors and stack."""
     n_nodes = len(nodes) - 1
     local = np.full(nodes[n_nodes], -1, dtype=np.int64)
     row_places, entry_places = np.zeros(len(rows), dtype=np.int64), np.empty((2, len(entries)), dtype=np.int64)

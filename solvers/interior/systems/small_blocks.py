@@ -1,6 +1,6 @@
-"""Small square blocks, one for each contact: inverses, signs of determinants and products, for all contacts at once.
+"""Inverses, signs of determinants and products of small square blocks, one per contact.
 
-Loops over a few lanes take less time here than one call for each block, or one of NumPy for all of them.
+Loops over a few lanes are faster than one call per block, and than one call of NumPy for all blocks.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def _reduce(work):  # type: ignore[no-untyped-def]
 def invert(blocks, inverses):  # type: ignore[no-untyped-def]
     """Write the inverses of blocks, shape (n, w, w); return the sign of the product of determinants, 0 if one is zero.
 
-    By Gauss and Jordan, with the largest entry of each column as pivot. What is not finite counts as zero.
+    Gauss–Jordan elimination with the largest entry of each column as pivot. Non-finite numbers count as zero.
     """
     width, product = blocks.shape[1], 1.0
     work = np.empty((width, 2 * width))

@@ -9,6 +9,7 @@ from proxbench.bench.cli.listing import listed, print_listing
 from proxbench.bench.cli.main import run_command
 from proxbench.problems.exchange.catalog import SUITES, suite_members
 from proxbench.problems.motion.scenes.registry import SCENES
+from proxbench.solvers.registry import parts
 
 
 @pytest.fixture(autouse=True)
@@ -101,3 +102,12 @@ def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_famili
     assert sorted(line.split()[0] for line in lines if line.startswith("  "))[1:] == sorted(suite_members(suite))
     sizes = [int(line.partition("(")[2].rstrip(")")) for line in lines if re.fullmatch(r"\S.* \(\d+\)", line)]
     assert sum(sizes) == len(suite_members(suite))
+
+
+def test_parts_of_robust_are_listed_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["list", "solvers"]) == 0
+    first, second = capsys.readouterr().out.split("parts of Robust\n")
+    for name in parts():
+        assert f"  {name} " not in first
+        assert f"  {name} " in second
+    assert "  SORprox " in first

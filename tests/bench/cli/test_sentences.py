@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
             "runs/one is a run; record iterations while they are measured, with: proxbench run --record",
         ),
         ("record hard-groove", "recording solvers needs --solver; see proxbench record -h."),
-        ("check nosuch", "there is no solver or problem 'nosuch'; 269 are known, and proxbench list lists them."),
+        ("check nosuch", "there is no solver or problem 'nosuch'; 265 are known, and proxbench list lists them."),
         ("check funnel-10", "did you mean 'funnel-100'?"),
         ("list solvers nosuch", "are known, and proxbench list solvers lists them."),
         ("list nosuch", "there is no kind 'nosuch' to list; known are problems, scenes, solvers, suites."),
@@ -83,7 +83,7 @@ def test_a_simulation_of_a_plugin_asks_for_its_file(tmp_path: Path, capsys: pyte
     assert run_command(line.split()) == 0
     forget(PluginFile.read(PLUGIN))
     assert run_command(["report", str(result)]) == 2
-    said = f"cannot read {result}: the results need the plugin file {PLUGIN}; add --plugin {PLUGIN}."
+    said = f"cannot read {result}: the results need the plugin file {PLUGIN}; name it with --plugin."
     assert said in capsys.readouterr().err
 
 

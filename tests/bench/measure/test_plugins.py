@@ -117,8 +117,8 @@ OFFERED = "SOLVERS = [Mine]\n"
         ("def SORprox(): pass\nSOLVERS = [SORprox]", "solver 'SORprox', a name that Proxbench itself uses; give it"),
         ("PROBLEMS = {'funnel-30': abs}", "problem 'funnel-30', a name that Proxbench itself uses"),
         ("PROBLEMS = {'a/b': abs}", "a problem's name must be made of letters"),
-        (CLASS + MODEL + SUPPORTS + PREPARE + OFFERED, "it has no name, the text that tables show; add name = "),
-        (CLASS + NAME + SUPPORTS + PREPARE + OFFERED, "it has no model, what it solves; add model = Model.COULOMB"),
+        (CLASS + MODEL + SUPPORTS + PREPARE + OFFERED, "it has no name, the text in tables; add name = "),
+        (CLASS + NAME + SUPPORTS + PREPARE + OFFERED, "it has no model, the model that it solves; add model = "),
         (CLASS + NAME + "    model = 'coulomb'\n" + SUPPORTS + PREPARE + OFFERED, "its model is a str, not"),
         (CLASS + NAME + MODEL + SUPPORTS + PREPARE + "SOLVERS = [Mine, Mine]\n", "offers the name 'Mine' twice"),
         (CLASS + NAME + MODEL + PREPARE + OFFERED, "it has no method supports(problem)"),
@@ -133,7 +133,7 @@ OFFERED = "SOLVERS = [Mine]\n"
         ),
         (CLASS + "    def __init__(self, omega): pass\n" + OFFERED, "cannot be created without 'omega'; give every"),
         (CLASS + "    def __init__(self): 1 / 0\n" + OFFERED, "cannot be created: ZeroDivisionError"),
-        (CLASS + "    def __init__(self, *omega): pass\n" + OFFERED, "takes *omega; name every option"),
+        (CLASS + "    def __init__(self, *omega): pass\n" + OFFERED, "takes *omega; give every option a name"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(

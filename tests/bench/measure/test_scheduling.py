@@ -7,11 +7,11 @@ from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
 from proxbench.bench.measure.scheduling import shuffled, uncertain
-from proxbench.bench.store.certainty import ratio, times_by_point
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.frames import rounds_frame
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import PASSES, Limits, PlanRecord
+from proxbench.bench.store.ratios import ratio, times_by_point
 from proxbench.bench.store.records import CaseRecord, Point
 from proxbench.bench.store.store import Store
 from stored_cases import case_record, measured_in, timed_round

@@ -39,7 +39,7 @@ def test_step_changes_are_differences_of_successive_iterates() -> None:
 
 
 def test_a_solver_without_iterates_is_seen_at_start_and_end() -> None:
-    trace = trace_solve(load("hard-sticking-box"), create("CvxpySOCP"), Stop(1e-6, 100))
+    trace = trace_solve(load("hard-sticking-box"), create("ClarabelSOCP"), Stop(1e-6, 100))
     assert len(trace.iterations) == len(trace.shown) == 2
     assert trace.residual[1] < 1e-3
 
@@ -54,5 +54,5 @@ def test_a_misbehaving_solver_ends_its_own_trace_only(kind: Any, words: str) -> 
 
 def test_an_unsupported_problem_is_named_with_the_reason() -> None:
     trace = trace_solve(load("funnel-30"), create("Enumeration"), Stop(1e-6, 100))
-    assert trace.ended.startswith("The solver cannot treat this problem: ")
+    assert trace.ended.startswith("The solver does not support this problem: ")
     assert trace.iterations == []

@@ -92,8 +92,8 @@ def subtitle(chart: Any) -> str:
 def test_charts_say_which_problems_shares_are_of(declined: RunFrames) -> None:
     tables = profile_tables(declined, "SORprox")
     for view, title, axis in (
-        (COMMON, "over the 2 of 3 problems that 5 solvers all support", "share of 2 common problems"),
-        (EVERY, "over all 3 problems, unsupported ones counted as not solved", "share of 3 problems"),
+        (COMMON, "over the 2 of 3 problems that all 5 solvers support", "share of 2 common problems"),
+        (EVERY, "over all 3 problems; unsupported ones count as not solved", "share of 3 problems"),
     ):
         charts = profile_charts(declined, tables, "SORprox", view)
         for name in ("performance", "data", "accuracy"):
@@ -115,8 +115,7 @@ def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: s
     model = (Path(page_folder.__path__[0]) / "model.js").read_text()
     script = f"""{model}
         const run = decoded({json.dumps(document)});
-        const all = (items) => items.map((_, k) => k);
-        const whole = {{ run, problems: all(run.problems), solvers: all(run.solvers), accuracy: 1e-4, baseline: 0 }};
+        const whole = {{ ...run, run, accuracy: 1e-4 }};
         const view = profileView(whole, {json.dumps(view == COMMON)});
         const kinds = {{ performance: performanceProfile, data: dataProfile, accuracy: accuracyProfile }};
         const made = Object.fromEntries(Object.entries(kinds).map(([name, profile]) => [name, profile(view)]));

@@ -204,7 +204,7 @@ def test_without_a_common_problem_there_is_no_mean(finished_run: Path) -> None:
 @pytest.mark.slow
 def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:
     files = write_tables(load(finished_run), tmp_path)
-    assert {file.suffix for file in files} == {".csv", ".parquet", ".md"}
+    assert {file.suffix for file in files} == {".csv", ".parquet", ".md", ".tex"}
     from_csv, from_parquet = pd.read_csv(tmp_path / "results.csv"), pd.read_parquet(tmp_path / "results.parquet")
     assert from_parquet["time_to_1e-04"].dtype == np.float64
     assert from_csv["residual"].to_numpy() == pytest.approx(from_parquet["residual"].to_numpy(), nan_ok=True)

@@ -80,8 +80,8 @@ def test_many_contacts_have_a_composite_that_the_plan_names() -> None:
 
 
 def test_a_step_that_the_solver_cannot_treat_says_why() -> None:
-    with pytest.raises(BenchError, match="it cannot treat this step: it has Coulomb friction"):
-        make_step_solver("warm", create("CvxpyQP")).prepare(load("funnel-30"))
+    with pytest.raises(BenchError, match="it cannot treat this step: it has spatial friction"):
+        make_step_solver("warm", create("Enumeration")).prepare(load("funnel-30"))
 
 
 @pytest.mark.slow

@@ -341,3 +341,11 @@ def test_the_convex_model_of_rolling_friction_is_the_nearest_point_of_both_cones
         impulses = np.concatenate([part.ravel() for part in onto_rolling_cone(-c[:1], parts, friction, none)])
         problem = ContactProblem.from_delassus(np.eye(5), c, laws=laws)
         assert judge(problem, impulses, Model.CONVEX).residual <= 1e-14
+
+
+def test_the_natural_map_of_a_frictionless_contact_beside_frictional_ones_is_the_lesser_of_both() -> None:
+    """min(Λ_N, ξ_N) = 0.5 at a contact that is held open at ξ_N = 1.5; the other one is solved."""
+    laws = Laws.together([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
+    problem = ContactProblem.from_delassus(np.eye(4), (-1.0, 0.0, 0.0, 1.0), laws=laws)
+    assert judge(problem, (1.0, 0.0, 0.0, 0.5)).natural_map_q == pytest.approx(0.5 / np.sqrt(2.0))
+    assert judge(problem, (1.0, 0.0, 0.0, 0.0)).natural_map_q == pytest.approx(0.0, abs=1e-15)

@@ -1,4 +1,4 @@
-"""Fallback runs its parts in turn, from the start and from zero, within one set of limits."""
+"""Fallback runs its parts in order, from the start and from zero, within common limits."""
 
 from dataclasses import dataclass, field
 
@@ -6,22 +6,21 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, judge, load
 from proxbench.solvers import Model, Solution, SolverError, Status, Stop, create, solve
-from proxbench.solvers.composite.fallback import ITERATIONS, WARM_ITERATIONS, Fallback
-from proxbench.solvers.composite.momentum_fallback import MomentumFallback
+from proxbench.solvers.composite.fallback import ITERATIONS, WARM_ITERATIONS, Fallback, MomentumFallback
 
 ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
 
 
 @dataclass
 class Scripted:
-    """Answers 1 − error: solved from zero if it can, else as ``ends`` says."""
+    """Returns 1 − error: solved from zero without error, otherwise with the status ``ends``."""
 
     error: float = 0.0
     refusal: str | None = None
     ends: Status = Status.STALLED
     tried: list[tuple[int, bool]] = field(default_factory=list)
+    name: str = "Scripted"
 
-    name = "Scripted"
     model = Model.COULOMB
     has_iterates = True
 
@@ -43,7 +42,7 @@ def fallback_of(*parts: Scripted) -> Fallback:
     return Fallback(*parts)
 
 
-def test_a_start_that_falls_short_is_left_for_zero_and_both_are_counted() -> None:
+def test_a_failed_warm_run_is_followed_by_one_from_zero_and_both_are_counted() -> None:
     first = Scripted()
     solution = fallback_of(first).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
     assert first.tried == [(WARM_ITERATIONS, True), (20_000 - WARM_ITERATIONS, False)]
@@ -53,37 +52,43 @@ def test_a_start_that_falls_short_is_left_for_zero_and_both_are_counted() -> Non
     assert solution.message == "Scripted from the start: stalled; Scripted from zero: solved"
 
 
-def test_others_follow_in_turn_and_the_last_takes_what_is_left() -> None:
-    first, second, third = Scripted(0.3), Scripted(0.2), Scripted()
+def test_parts_run_in_order_and_the_last_has_the_remaining_iterations() -> None:
+    first, second, third = Scripted(0.3, name="A"), Scripted(0.2, name="B"), Scripted()
     solution = fallback_of(first, second, third).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
     assert [first.tried[1], second.tried[0]] == [(ITERATIONS, False)] * 2
     assert third.tried == [(20_000 - WARM_ITERATIONS - 2 * 700, False)]
     assert solution.status is Status.SOLVED
 
 
-def test_without_any_success_the_best_answer_is_kept() -> None:
+def test_without_success_the_best_impulses_are_returned() -> None:
     solution = (
-        fallback_of(Scripted(0.3), Scripted(0.1), Scripted(0.2)).prepare(ONE).solve(Stop(1e-4, 20_000), np.ones(1))
+        fallback_of(Scripted(0.3, name="A"), Scripted(0.1, name="B"), Scripted(0.2))
+        .prepare(ONE)
+        .solve(Stop(1e-4, 20_000), np.ones(1))
     )
     assert solution.status is Status.STALLED
     assert solution.impulses == [0.9]
 
 
-def test_the_limit_of_iterations_holds_for_all_together() -> None:
-    first, second = Scripted(0.3), Scripted()
+def test_the_iteration_limit_holds_for_all_parts_together() -> None:
+    first, second = Scripted(0.3, name="A"), Scripted()
     solution = fallback_of(first, second).prepare(ONE).solve(Stop(1e-4, WARM_ITERATIONS), np.ones(1))
     assert first.tried == [(WARM_ITERATIONS, True)]
     assert second.tried == []
     assert solution.status is Status.ITERATION_LIMIT
 
 
-def test_a_part_that_had_no_time_for_its_next_step_makes_it_a_time_limit_though_the_best_part_stalled() -> None:
-    solution = fallback_of(Scripted(0.1), Scripted(0.3, ends=Status.TIME_LIMIT)).prepare(ONE).solve(Stop(1e-4, 20_000))
+def test_a_time_limit_of_any_part_is_the_status_even_if_the_best_part_stalled() -> None:
+    solution = (
+        fallback_of(Scripted(0.1, name="A"), Scripted(0.3, ends=Status.TIME_LIMIT))
+        .prepare(ONE)
+        .solve(Stop(1e-4, 20_000))
+    )
     assert solution.impulses == [0.9]
     assert solution.status is Status.TIME_LIMIT
 
 
-def test_a_time_that_is_up_ends_it() -> None:
+def test_no_part_starts_after_the_time_limit() -> None:
     solution = create("Fallback(SORprox, NSGS)").prepare(load("pile-100")).solve(Stop(1e-12, 10**6, 1e-6))
     assert solution.status is Status.TIME_LIMIT
     assert "NSGS" not in solution.message
@@ -96,7 +101,7 @@ def test_zero_is_tried_once(start: np.ndarray | None) -> None:
     assert len(first.tried) == 1
 
 
-def test_a_part_that_does_not_take_the_problem_is_left_out() -> None:
+def test_a_part_that_does_not_support_the_problem_is_left_out() -> None:
     first, second = Scripted(refusal="not this one"), Scripted()
     fallback = fallback_of(first, second)
     assert fallback.supports(ONE) is None
@@ -107,7 +112,7 @@ def test_a_part_that_does_not_take_the_problem_is_left_out() -> None:
         fallback_of(first).prepare(ONE)
 
 
-def test_a_first_part_that_solves_leaves_its_bits_and_a_second_one_solves_what_it_cannot() -> None:
+def test_the_impulses_are_the_bits_of_the_part_that_solves_the_problem() -> None:
     for name, solver in (("funnel-30", "SORprox"), ("hard-counterexample", "NSGS")):
         problem = load(name)
         alone = solve(problem, solver, tolerance=1e-6)
@@ -116,7 +121,7 @@ def test_a_first_part_that_solves_leaves_its_bits_and_a_second_one_solves_what_i
         assert np.array_equal(alone.impulses, fallback.impulses)
 
 
-def test_an_observer_sees_the_iterations_of_all_parts_counted_on_and_changes_nothing() -> None:
+def test_an_observer_sees_consecutive_iterations_of_all_parts_and_changes_nothing() -> None:
     prepared, seen = create("Fallback(SORprox, NSGS, iterations=40)").prepare(load("hard-counterexample")), []
     start = np.array([1.0, 1.0])
     alone = prepared.solve(Stop(1e-10), start)
@@ -127,8 +132,8 @@ def test_an_observer_sees_the_iterations_of_all_parts_counted_on_and_changes_not
     assert alone.message.endswith("NSGS from zero: solved")
 
 
-def test_parts_that_show_no_iterates_make_a_fallback_that_shows_none() -> None:
-    fallback = create("Fallback(SORprox, CvxpyQP)")
+def test_a_part_without_iterates_makes_a_fallback_without_iterates() -> None:
+    fallback = create("Fallback(SORprox, Enumeration)")
     assert not fallback.has_iterates
     seen: list[int] = []
     fallback.prepare(load("hard-stack-10")).solve(Stop(1e-4), observe=lambda iteration, _: seen.append(iteration))
@@ -143,19 +148,19 @@ def test_parts_that_show_no_iterates_make_a_fallback_that_shows_none() -> None:
         ("SORprox, warm_iterations=2.5", "warm_iterations"),
     ],
 )
-def test_parts_and_options_that_do_not_fit_are_named(parts: str, reason: str) -> None:
+def test_unsuitable_parts_and_options_are_named(parts: str, reason: str) -> None:
     with pytest.raises(SolverError, match=reason):
         create(f"Fallback({parts})")
 
 
-def test_the_best_answer_is_the_best_in_the_model_of_the_parts() -> None:
+def test_the_best_impulses_are_best_in_the_model_of_the_parts() -> None:
     """A sliding block: neither part reaches 1e-30, and the convex answer has a Coulomb residual of order one."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 5.0, 0.0), 0.3)
-    solution = create("Fallback(ClarabelSOCP, CvxpySOCP)").prepare(problem).solve(Stop(1e-30, 200))
+    solution = create("Fallback(ClarabelSOCP, ClarabelSOCP(form='factors'))").prepare(problem).solve(Stop(1e-30, 200))
     assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-9
 
 
-def test_momentum_fallback_solves_what_its_first_part_leaves() -> None:
+def test_momentum_fallback_solves_a_step_that_its_first_part_does_not() -> None:
     problem = load("pile-100")
     first = MomentumFallback().parts[0].prepare(problem).solve(Stop(1e-5, ITERATIONS))
     solution = solve(problem, "MomentumFallback", tolerance=1e-5, max_iterations=20_000)
@@ -165,7 +170,7 @@ def test_momentum_fallback_solves_what_its_first_part_leaves() -> None:
     assert solution.message.count("from zero") > 1
 
 
-def test_momentum_fallback_leaves_out_the_parts_that_need_factors() -> None:
+def test_momentum_fallback_skips_parts_that_need_factors() -> None:
     laws = Laws(np.array([0]), np.array([0]), np.zeros(1), np.zeros(1), np.array([-1]))
     problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), laws=laws)
     solution = solve(problem, "MomentumFallback")

@@ -1,4 +1,4 @@
-"""HybridNewton settles what sweeps leave open, and is a sweep where these do well."""
+"""HybridNewton solves problems on which sweeps are slow, and equals sweeps on others."""
 
 import itertools
 
@@ -27,7 +27,7 @@ STACKS = {
 
 @pytest.mark.parametrize("solver", ["HybridNewton", "Lemke"])
 @pytest.mark.parametrize("masses", STACKS.values(), ids=STACKS)
-def test_stacks_of_unequal_masses_are_solved_and_their_impulses_right(masses: list[float], solver: str) -> None:
+def test_stacks_of_unequal_masses_have_the_known_impulses(masses: list[float], solver: str) -> None:
     problem = stack(np.array(masses))
     assert problem.answer is not None
     solution = solve(problem, solver, tolerance=1e-9)
@@ -68,8 +68,8 @@ def test_planar_velocities_are_among_those_of_enumeration(seed: int, friction: f
 
 
 @pytest.mark.parametrize("count", [2, 4, 32, 256])
-def test_supports_that_over_determine_a_block_are_solved_without_changing_the_problem(count: int) -> None:
-    """G has rank 2; the damping of the step must not leave a trace in what is solved."""
+def test_damping_does_not_change_the_solution_of_redundant_supports(count: int) -> None:
+    """G has rank 2; the damping of the step must not change the solution."""
     problem = block_on_supports(count)
     assert problem.answer is not None
     start = np.random.default_rng(count).uniform(0.0, 1.0, count)
@@ -88,7 +88,7 @@ def test_newton_takes_over_where_sweeps_are_slow() -> None:
     assert taken.iterations < 300
 
 
-def test_where_sweeps_do_well_it_is_sweeps() -> None:
+def test_iterates_are_those_of_sweeps_while_sweeps_are_fast() -> None:
     problem, histories = load("funnel-100"), []
     for name in ("SafeguardedSORprox", "HybridNewton"):
         seen: list[np.ndarray] = []
@@ -133,7 +133,7 @@ def test_a_relaxation_out_of_range_is_refused(relaxation: object) -> None:
 
 @pytest.mark.parametrize("solver", ["HybridNewton", "Lemke"])
 @pytest.mark.parametrize("count", [2, 10, 100])
-def test_a_mass_ratio_beyond_rounding_is_never_called_solved_nor_infeasible(count: int, solver: str) -> None:
+def test_a_mass_ratio_beyond_rounding_is_neither_solved_nor_infeasible(count: int, solver: str) -> None:
     """At 1e8 the impulses known from theory have a residual above 1e-9 themselves: rounding leaves no better."""
     for masses in ([1.0] * (count - 1) + [1e8], [1.0, 1e8] * (count // 2)):
         problem = stack(np.array(masses))
@@ -153,7 +153,7 @@ HIGH_FRICTION = {
 
 
 @pytest.mark.parametrize(("family", "seed"), HIGH_FRICTION.values(), ids=HIGH_FRICTION)
-def test_restarts_solve_what_sweeps_lead_away_from(family: Family | None, seed: int | str) -> None:
+def test_restarts_solve_problems_on_which_sweeps_diverge(family: Family | None, seed: int | str) -> None:
     problem = load(str(seed)) if family is None else with_solution(family, int(seed))
     swept = solve(problem, "SafeguardedSORprox", tolerance=1e-8, max_iterations=3000)
     solution = solve(problem, "HybridNewton", tolerance=1e-8, max_iterations=3000)
@@ -163,7 +163,7 @@ def test_restarts_solve_what_sweeps_lead_away_from(family: Family | None, seed: 
 
 
 @pytest.mark.parametrize("limit", [1990, 2050, 2500, pytest.param(5000, marks=pytest.mark.slow)])
-def test_restarts_and_the_sweeps_after_them_obey_the_iteration_limit_and_are_shown(limit: int) -> None:
+def test_restarts_and_later_sweeps_respect_the_iteration_limit_and_are_observed(limit: int) -> None:
     seen: list[int] = []
     prepared = create("HybridNewton").prepare(load("hard-squeezed"))
     solution = prepared.solve(Stop(1e-8, limit), observe=lambda iteration, _: seen.append(iteration))
@@ -172,7 +172,7 @@ def test_restarts_and_the_sweeps_after_them_obey_the_iteration_limit_and_are_sho
     assert seen == list(range(1, limit + 1))
 
 
-def test_nothing_is_restarted_where_rounding_is_what_is_left() -> None:
+def test_there_are_no_restarts_at_the_rounding_limit() -> None:
     solution = solve(stack(np.array([1.0, 1e8])), "HybridNewton", tolerance=1e-10, max_iterations=20_000)
     assert solution.status is Status.STALLED
     assert solution.iterations < 2100

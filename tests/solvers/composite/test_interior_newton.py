@@ -1,4 +1,4 @@
-"""InteriorNewton: each method goes on from what the others have found."""
+"""InteriorNewton: each method continues from the results of the others."""
 
 import math
 
@@ -10,7 +10,7 @@ from proxbench.solvers.composite.interior_newton import form_for
 
 
 @pytest.mark.parametrize("name", ["hard-duplicated-slider-mu10", "hard-scaled-tower-10", "hard-linked-redundant"])
-def test_it_solves_what_interior_points_alone_leave_unsolved(name: str) -> None:
+def test_it_solves_problems_that_interior_points_alone_do_not(name: str) -> None:
     """Rounding and answers that are not strictly complementary keep an interior point from these digits."""
     problem = load(name)
     alone = solve(problem, "InteriorPoint", tolerance=1e-9, max_iterations=300)
@@ -20,7 +20,7 @@ def test_it_solves_what_interior_points_alone_leave_unsolved(name: str) -> None:
     assert judge(problem, together.impulses).residual <= 1e-9
 
 
-def test_iterations_are_counted_through_all_methods_and_each_is_shown() -> None:
+def test_iterations_of_all_methods_are_consecutive_and_observed() -> None:
     problem = load("hard-duplicated-slider-mu10")
     seen: list[int] = []
     solution = (
@@ -63,7 +63,7 @@ def boxes_on_a_slope(per_pair: int, n_boxes: int) -> ContactProblem:
 
 
 @pytest.mark.parametrize(("per_pair", "form"), [(2, "delassus"), (4, "delassus"), (5, "factors"), (16, "factors")])
-def test_over_bodies_it_factorises_where_contacts_of_a_pair_are_redundant(per_pair: int, form: str) -> None:
+def test_it_factorises_over_bodies_if_contacts_of_a_pair_are_redundant(per_pair: int, form: str) -> None:
     """A pair moves in six ways; 6 rows do not over-determine it, 12 do twice, 15 more than twice."""
     problem = boxes_on_a_slope(per_pair, 4)
     assert form_for(problem) == form
@@ -72,7 +72,7 @@ def test_over_bodies_it_factorises_where_contacts_of_a_pair_are_redundant(per_pa
     assert form_for(bare) == "delassus"
 
 
-def test_over_contacts_it_factorises_where_bodies_touch_once_however_many_rows_there_are() -> None:
+def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
     """Balls that resist rolling: five rows a contact."""
     problem = load("pile-100-rolling")
     assert problem.factors is not None

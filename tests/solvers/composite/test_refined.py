@@ -1,4 +1,4 @@
-"""Refined takes a fixed point over cone programs to where an interior point method alone cannot come."""
+"""Refined reaches residuals that a fixed point over cone programs alone does not."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,10 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.composite.refined import Refinement
-from proxbench.solvers.iteration.clock import Clock
+from proxbench.solvers.iteration.stopping import Clock
 
 
-def test_it_reaches_what_an_interior_point_method_cannot() -> None:
+def test_it_reaches_residuals_that_an_interior_point_method_cannot() -> None:
     problem = load("hard-incline-mu1-critical")
     plain = solve(problem, "ClarabelCoulomb", tolerance=1e-12)
     refined = solve(problem, "Refined(ClarabelCoulomb)", tolerance=1e-12)
@@ -46,16 +46,16 @@ def test_impulses_with_the_states_of_the_solution_are_corrected_to_rounding(scal
     near = np.array([1.0, -0.3, 0.0]) * (1.0 + scale)
     refinement = Refinement(problem, residual, Clock(60.0), 1e-14)
     first = residual(near, problem.relative_velocity(near))
-    assert np.array_equal(refinement.corrected(near, first, False)[0], near)  # the first iterate of a phase is left
-    corrected, reached = refinement.corrected(near, first, False)
+    assert np.array_equal(refinement.correct(near, first, False)[0], near)  # the first iterate of a phase is left
+    corrected, reached = refinement.correct(near, first, False)
     assert corrected == pytest.approx([1.0, -0.3, 0.0], abs=1e-14)
     assert reached <= 1e-14
 
 
-def test_its_name_has_the_solver_with_its_options() -> None:
+def test_its_name_contains_the_solver_with_its_options() -> None:
     assert create("Refined(ClarabelCoulomb(memory=0))").name == "Refined(ClarabelCoulomb(memory=0))"
 
 
 def test_a_solver_that_offers_no_iterates_is_refused() -> None:
-    with pytest.raises(SolverError, match="SORprox does not offer its iterates"):
+    with pytest.raises(SolverError, match="cannot refine SORprox, which does not offer its iterates"):
         create("Refined(SORprox)")

@@ -1,4 +1,4 @@
-"""Restarts begin where the solve has come closest, and are limited by counted work."""
+"""Restarts begin at the best iterate and are limited by counted work."""
 
 from types import SimpleNamespace
 
@@ -9,84 +9,85 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Solution, Status, Stop, create
 from proxbench.solvers.composite import restarts as restarts_module
-from proxbench.solvers.composite.attempts import Attempts
 from proxbench.solvers.composite.restarts import Restarts
-from proxbench.solvers.iteration.loop import Advance
+from proxbench.solvers.iteration.loop import IterationDriver
 from proxbench.solvers.iteration.stopping import Monitor
 from proxbench.solvers.newton.linearised import Equations
+from proxbench.solvers.newton.steps import NewtonRunner
 from proxbench.solvers.newton.work import Work
 from proxbench.solvers.sweeps.delassus import DelassusIterates, DelassusSweep
 from proxbench.solvers.sweeps.safeguarded import SafeguardedIterates
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
-def restarts_of(problem: ContactProblem, first: np.ndarray, stop: Stop) -> tuple[Restarts, Advance, Attempts]:
-    """The restarts of a solve that has done nothing yet."""
+def restarts_of(
+    problem: ContactProblem, first: np.ndarray, stop: Stop
+) -> tuple[Restarts, IterationDriver, NewtonRunner]:
+    """Return the restarts of a solve without iterations."""
     sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, 1.5))
 
     def begin(impulses: np.ndarray) -> SafeguardedIterates:
         return SafeguardedIterates(DelassusIterates(sweep, impulses))
 
-    advance = Advance(begin(first), begin, Monitor(stop), None)
-    residual = Residual(problem)
-    attempts = Attempts(problem, residual, Equations(problem, residual), advance)
-    return Restarts(attempts, sweep, first), advance, attempts
+    driver = IterationDriver(begin(first), begin, Monitor(stop), None)
+    newton = NewtonRunner(Equations(problem, Residual(problem)), driver)
+    return Restarts(newton, sweep, first), driver, newton
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_they_begin_from_the_best_iterate(seed: int) -> None:
+def test_restarts_begin_from_the_best_iterate(seed: int) -> None:
     """One step from impulses that have the states of the solution solves the problem; from others it does not."""
     problem = with_solution(Family(6, dim=2, n_dofs=30, friction=0.5, states=("slip", "open")), seed)
     assert problem.answer is not None
     witness = np.asarray(problem.answer.witness)
     far = np.random.default_rng(seed).uniform(10.0, 20.0, problem.n_rows)
-    restarts, advance, attempts = restarts_of(problem, far, Stop(1e-9))
+    restarts, driver, newton = restarts_of(problem, far, Stop(1e-9))
     near = witness * (1.0 + 1e-3)
-    advance.monitor.look(0, attempts.judged(near), near)
-    assert restarts.tried() == (Status.SOLVED, "")
-    assert advance.iteration == 1
-    assert attempts.judged(restarts.best) <= 1e-9
+    driver.monitor.check_convergence(0, newton.residual(near), near)
+    assert restarts.run() == (Status.SOLVED, "")
+    assert driver.iteration == 1
+    assert newton.residual(restarts.best) <= 1e-9
 
 
 @pytest.mark.parametrize("name", ["five sliding", "hard-random-mu8"])
-def test_they_try_the_first_iterate_too(name: str) -> None:
-    """Whatever is held for the best, even impulses without use, the first iterate leads to a solution."""
+def test_restarts_try_the_first_iterate_too(name: str) -> None:
+    """The first iterate leads to a solution even if the best iterate is useless."""
     five = Family(5, dim=2, n_dofs=4, density=0.6, friction=0.5, states=("slip",))
     problem = with_solution(five, 1130) if name == "five sliding" else load(name)
-    restarts, advance, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8))
+    restarts, driver, newton = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8))
     useless = np.full(problem.n_rows, 1e6)
-    advance.monitor.look(0, attempts.judged(useless), useless)
-    assert restarts.tried() == (Status.SOLVED, "")
+    driver.monitor.check_convergence(0, newton.residual(useless), useless)
+    assert restarts.run() == (Status.SOLVED, "")
 
 
-def test_they_come_again_only_after_the_work_has_doubled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(restarts_module, "LEAST", 0.1)
+def test_restarts_repeat_only_after_the_work_has_doubled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restarts_module, "MIN_WORK", 0.1)
     problem = load("hard-squeezed")
-    restarts, _, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6))
+    restarts, _, newton = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6))
     assert restarts.are_due
-    assert restarts.tried() is None
+    assert restarts.run() is None
     assert not restarts.are_due
-    attempts.work.seconds *= 2.0
+    newton.work.seconds *= 2.0
     assert restarts.are_due
 
 
 @pytest.mark.parametrize(("before", "least", "expected"), [(0.0, 0.1, 0.1), (0.12, 0.1, 0.12), (0.12, 100.0, 0.15)])
-def test_they_stay_within_their_share_of_the_work(
+def test_restarts_respect_their_share_of_the_work(
     before: float, least: float, expected: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The limit is 0.3 s of a clock that stands still; one Newton step may go beyond the share, and no sweep."""
-    monkeypatch.setattr("proxbench.solvers.iteration.clock.time", SimpleNamespace(perf_counter=lambda: 0.0))
-    monkeypatch.setattr(restarts_module, "LEAST", least)
+    monkeypatch.setattr("proxbench.solvers.iteration.stopping.time", SimpleNamespace(perf_counter=lambda: 0.0))
+    monkeypatch.setattr(restarts_module, "MIN_WORK", least)
     problem = load("hard-squeezed")
-    restarts, _, attempts = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6, 0.3))
-    attempts.work.seconds = before
-    assert restarts.tried() is None
-    assert expected <= attempts.work.seconds - before <= expected + 0.01
+    restarts, _, newton = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8, 10**6, 0.3))
+    newton.work.seconds = before
+    assert restarts.run() is None
+    assert expected <= newton.work.seconds - before <= expected + 0.01
 
 
 @pytest.mark.parametrize("name", ["hard-squeezed", "pile-100"])
 def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock of one machine runs a thousand times as fast as that of the other; neither reaches its limit."""
+    """One clock runs a thousand times as fast as the other; neither reaches the limit."""
     prepared = create("HybridNewton").prepare(load(name))
 
     def solved(reading: float) -> Solution:
@@ -97,7 +98,7 @@ def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.
             now += reading
             return now
 
-        monkeypatch.setattr("proxbench.solvers.iteration.clock.time", SimpleNamespace(perf_counter=read))
+        monkeypatch.setattr("proxbench.solvers.iteration.stopping.time", SimpleNamespace(perf_counter=read))
         return prepared.solve(Stop(1e-9, 2300, 2.0))
 
     fast, slow = solved(1e-8), solved(1e-5)

@@ -1,4 +1,4 @@
-"""Robust: sweeps solve what is easy, other methods the rest, and the message says which parts ran."""
+"""Robust: sweeps solve easy problems, other methods the rest, and the message lists the parts."""
 
 import math
 from collections.abc import Iterator
@@ -8,25 +8,25 @@ import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.composite.robust import WINDOW, PreparedRobust, Window
-from proxbench.solvers.composite.sweeping import may_mix, sweeps_between_looks, sweeps_for
+from proxbench.solvers.composite.sweeping import can_accelerate, select_sweeps, sweeps_between_checks
 from proxbench.solvers.iteration.loop import iterate
-from proxbench.solvers.iteration.stopping import LONGEST_INTERVAL
+from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-100-late", "hard-sticking-box", "woodpecker-upper-impact"])
-def test_what_flows_is_solved_by_sweeps_alone_and_by_the_same_ones(name: str) -> None:
+def test_flows_are_solved_by_sweeps_alone_with_the_same_bits(name: str) -> None:
     """No other method is prepared, and the impulses are those of as many sweeps to the last bit.
 
-    On few rows, where a look at the residual takes longer than a sweep, it is looked at after others.
+    On few rows, where a check of the residual takes longer than a sweep, the residual is checked after other sweeps.
     """
     problem = load(name)
-    solution, sweeps = solve(problem, tolerance=1e-8), sweeps_for(problem)
+    solution, sweeps = solve(problem, tolerance=1e-8), select_sweeps(problem)
     assert solution.status is Status.SOLVED
     assert solution.message == f"{sweeps.name}: solved"
     as_many = solve(problem, sweeps, tolerance=1e-300, max_iterations=solution.iterations)
     assert solution.impulses.tobytes() == as_many.impulses.tobytes()
     difference = solution.iterations - solve(problem, sweeps, tolerance=1e-8).iterations
-    assert abs(difference) <= (0 if sweeps_between_looks(problem, sweeps) == 1 else LONGEST_INTERVAL)
+    assert abs(difference) <= (0 if sweeps_between_checks(problem, sweeps) == 1 else MAX_CHECK_INTERVAL)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_what_flows_is_solved_by_sweeps_alone_and_by_the_same_ones(name: str) ->
         ("hard-stack-2-top-1e8", "Newton steps"),
     ],
 )
-def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: str, part: str) -> None:
+def test_the_message_ends_with_the_part_that_solves_the_problem(name: str, part: str) -> None:
     problem = load(name)
     solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
     assert solution.status is Status.SOLVED
@@ -49,8 +49,8 @@ def test_where_sweeps_are_slow_the_part_that_solves_is_the_last_one_named(name: 
 
 
 @pytest.mark.parametrize("name", ["hard-chain-100", "hard-chain-100-pulled"])
-def test_where_there_are_joints_newton_steps_are_tried_after_a_short_window_of_sweeps(name: str) -> None:
-    """An impulse passes one joint a sweep, so a hundred joints would take several windows."""
+def test_with_joints_newton_steps_follow_a_short_window_of_sweeps(name: str) -> None:
+    """An impulse passes one joint per sweep, so a hundred joints would take several windows."""
     problem = load(name)
     solution = solve(problem, tolerance=1e-8)
     assert solution.status is Status.SOLVED
@@ -58,28 +58,28 @@ def test_where_there_are_joints_newton_steps_are_tried_after_a_short_window_of_s
     assert solution.iterations < WINDOW
 
 
-def test_where_newton_steps_lead_no_further_sweeps_go_on() -> None:
-    """On few rows they are tried after a hundred slow sweeps, here on the way to an answer that sweeps find."""
+def test_sweeps_continue_after_useless_newton_steps() -> None:
+    """On few rows Newton steps are tried after a hundred slow sweeps; here sweeps find the solution later."""
     problem = load("hard-random-frictionless-masses")
     solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
     assert solution.status is Status.SOLVED
-    assert solution.message.count(f"{sweeps_for(problem).name}: ") == 2
+    assert solution.message.count(f"{select_sweeps(problem).name}: ") == 2
 
 
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [("hard-random-sparse-300", 1e-8), pytest.param("pile-1000", 1e-4, marks=pytest.mark.slow)],
 )
-def test_where_sweeps_are_slow_mixed_ones_go_on_from_the_best(name: str, tolerance: float) -> None:
+def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(name: str, tolerance: float) -> None:
     problem = load(name)
     solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
     assert solution.status is Status.SOLVED
     assert judge(problem, solution.impulses).residual <= tolerance
-    assert solution.message == f"{sweeps_for(problem).name}: slow; AndersonSORprox: solved"
+    assert solution.message == f"{select_sweeps(problem).name}: slow; AndersonSORprox: solved"
 
 
-def test_sweeps_that_diverge_are_not_gone_on_with() -> None:
-    """Within the first window: mixed sweeps begin at the best impulses, and after them the others take their turns."""
+def test_diverging_sweeps_are_not_resumed() -> None:
+    """Within the first window: accelerated sweeps begin at the best impulses, then the other parts follow."""
     problem = load("funnel-30-late")
 
     def growing(start: np.ndarray) -> Iterator[np.ndarray]:
@@ -94,19 +94,19 @@ def test_sweeps_that_diverge_are_not_gone_on_with() -> None:
     assert parts[-1].endswith(": solved")
 
 
-def test_sweeps_are_not_mixed_where_g_is_many_times_as_large_as_its_factors_or_no_contact_acts_on_another() -> None:
+def test_sweeps_are_not_accelerated_if_g_is_dense_or_contacts_are_uncoupled() -> None:
     """512 contacts of one slab, and balls that touch nothing but the ground."""
-    assert not may_mix(load("hard-sliding-block-512"))
-    assert not may_mix(ContactProblem.from_delassus(np.eye(6), -np.ones(6), 0.5, dim=3))
-    assert may_mix(load("funnel-30"))
+    assert not can_accelerate(load("hard-sliding-block-512"))
+    assert not can_accelerate(ContactProblem.from_delassus(np.eye(6), -np.ones(6), 0.5, dim=3))
+    assert can_accelerate(load("funnel-30"))
 
 
-def test_a_problem_without_a_solution_is_proven_to_have_none() -> None:
-    """Two walls closer than the body between them: sweeps go on for ever, interior points find the proof."""
+def test_a_problem_without_a_solution_is_proved_infeasible() -> None:
+    """Two walls closer than the body between them: sweeps never end, interior points find the proof."""
     assert solve(load("hard-squeezed"), tolerance=1e-8).status is Status.INFEASIBLE
 
 
-def test_iterations_are_counted_through_all_parts_and_each_is_shown() -> None:
+def test_iterations_of_all_parts_are_consecutive_and_observed() -> None:
     seen: list[int] = []
     prepared = create("Robust").prepare(load("funnel-30-late"))
     solution = prepared.solve(Stop(1e-8), observe=lambda iteration, _: seen.append(iteration))
@@ -133,16 +133,16 @@ def test_a_tighter_tolerance_begins_with_the_same_iterates() -> None:
 def test_the_best_impulses_of_all_parts_are_returned() -> None:
     """At a limit in the middle of the path, whose iterates are far from the cones, the swept impulses are the best."""
     problem = load("pile-100")
-    sweeps = sweeps_for(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
+    sweeps = select_sweeps(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
     solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2430, math.inf))
     assert "InteriorPoint" in solution.message
     assert judge(problem, solution.impulses).residual <= judge(problem, sweeps.impulses).residual * (1 + 1e-9)
 
 
-def test_a_slab_on_many_supports_is_swept_over_its_factors() -> None:
+def test_sweeps_use_the_factors_for_a_slab_on_many_supports() -> None:
     """512 contacts of one body couple each with each: G has a million entries and more, and is not assembled."""
-    assert sweeps_for(load("hard-sliding-block-512")).name == "SORprox(relaxation=1.5, form='factors')"
-    assert "form" not in sweeps_for(load("funnel-1000")).name
+    assert select_sweeps(load("hard-sliding-block-512")).name == "SORprox(relaxation=1.5, form='factors')"
+    assert "form" not in select_sweeps(load("funnel-1000")).name
 
 
 def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:

@@ -1,4 +1,4 @@
-"""The sweeps that Robust begins with, by sizes and couplings."""
+"""Robust selects its sweeps by size and coupling."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Solver, Stop
-from proxbench.solvers.composite.sweeping import sweeps_between_looks, sweeps_for
+from proxbench.solvers.composite.sweeping import select_sweeps, sweeps_between_checks
 from proxbench.solvers.prox.nsgs import NSGS
 from proxbench.solvers.prox.safeguarded_sorprox import SafeguardedSORprox
 from proxbench.solvers.prox.sorprox import SORprox
@@ -30,23 +30,23 @@ def by_factors(coupling: float) -> ContactProblem:
 @pytest.mark.parametrize("make", [by_matrix, by_factors])
 def test_contacts_that_share_no_body_are_solved_one_by_one(make: Callable[[float], ContactProblem]) -> None:
     apart, together = make(0.0), make(0.5)
-    assert isinstance(sweeps_for(apart), NSGS)
-    assert not isinstance(sweeps_for(together), NSGS)
+    assert isinstance(select_sweeps(apart), NSGS)
+    assert not isinstance(select_sweeps(together), NSGS)
 
 
 @pytest.mark.parametrize("name", ["hard-touching", "hard-many-rods", "hard-scattered-100", "hard-inclines-30"])
-def test_one_sweep_over_contacts_of_their_own_is_exact(name: str) -> None:
+def test_one_sweep_over_uncoupled_contacts_is_exact(name: str) -> None:
     problem = load(name)
-    solution = sweeps_for(problem).prepare(problem).solve(Stop(1e-10, max_iterations=1))
+    solution = select_sweeps(problem).prepare(problem).solve(Stop(1e-10, max_iterations=1))
     assert judge(problem, solution.impulses).residual <= 1e-10
 
 
 @pytest.mark.parametrize(
     ("name", "least"), [("hard-sticking-box", 8), ("hard-touching", 1), ("hard-stack-10", 10), ("funnel-100", 1)]
 )
-def test_looks_are_as_far_apart_as_they_take_sweeps(name: str, least: int) -> None:
+def test_the_interval_of_checks_is_their_cost_in_sweeps(name: str, least: int) -> None:
     problem = load(name)
-    assert sweeps_between_looks(problem, sweeps_for(problem)) == least
+    assert sweeps_between_checks(problem, select_sweeps(problem)) == least
 
 
 @pytest.mark.parametrize(
@@ -57,5 +57,5 @@ def test_looks_are_as_far_apart_as_they_take_sweeps(name: str, least: int) -> No
         ("hard-sticking-box-256", SORprox(relaxation=1.5, form="factors")),
     ],
 )
-def test_few_rows_have_the_safeguard_and_one_body_its_factors(name: str, sweeps: Solver) -> None:
-    assert sweeps_for(load(name)) == sweeps
+def test_few_rows_get_the_safeguard_and_a_single_body_its_factors(name: str, sweeps: Solver) -> None:
+    assert select_sweeps(load(name)) == sweeps

@@ -47,7 +47,7 @@ def test_acceleration_needs_fewer_cone_programs() -> None:
 
 
 def test_a_new_right_hand_side_is_the_same_as_a_new_set_up() -> None:
-    """Solving to 1e-4 first leaves nothing behind: the updates replace all data that differ."""
+    """An earlier solve to 1e-4 has no effect: the updates replace all data that differ."""
     problem = load("funnel-30")
     used = create("ClarabelCoulomb").prepare(problem)
     used.solve(Stop(1e-4, 200))
@@ -69,7 +69,7 @@ def test_every_outer_iteration_is_shown() -> None:
     assert np.array_equal(seen[-1][1], solution.impulses)
 
 
-def test_the_solution_as_a_start_ends_at_once() -> None:
+def test_a_start_at_the_solution_needs_no_cone_program() -> None:
     problem = load("funnel-30-early")
     prepared = create("ClarabelCoulomb").prepare(problem)
     solution = prepared.solve(Stop(1e-6, 200))
@@ -78,7 +78,7 @@ def test_the_solution_as_a_start_ends_at_once() -> None:
     assert np.array_equal(again.impulses, solution.impulses)
 
 
-def test_the_factor_form_says_why_it_cannot_take_fixed_bounds() -> None:
+def test_the_factor_form_declines_fixed_bounds_with_the_reason() -> None:
     laws = Laws(np.array([1]), np.array([0]), np.zeros(1), np.array([0.2]), np.array([-1]))
     problem = ContactProblem.from_factors(np.eye(1), np.ones(1), (1.0,), laws=laws)
     reason = create("ClarabelCoulomb", form="factors").supports(problem)

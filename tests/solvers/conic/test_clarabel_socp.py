@@ -1,4 +1,4 @@
-"""ClarabelSOCP solves the associated law, says so, and never claims Coulomb friction."""
+"""ClarabelSOCP solves the associated law and never claims Coulomb friction."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_a_sliding_contact_dilates_as_the_associated_law_demands() -> None:
     assert velocity[0] == pytest.approx(friction * np.hypot(velocity[1], velocity[2]), abs=1e-7)
 
 
-def test_its_solution_of_a_sliding_problem_is_no_coulomb_solution() -> None:
+def test_its_solution_of_a_sliding_problem_is_not_a_coulomb_solution() -> None:
     problem = block_on_ground(5.0)
     impulses = solve(problem, "ClarabelSOCP", tolerance=1e-9).impulses
     assert create("ClarabelSOCP").model == Model.CONVEX
@@ -60,7 +60,7 @@ def test_fixed_friction_bounds_are_exact_because_they_are_convex() -> None:
     assert judge(problem, solution.impulses).residual <= 1e-8
 
 
-def test_friction_apart_from_its_partner_is_declined_with_the_reason() -> None:
+def test_friction_bounded_by_another_contact_is_declined_with_the_reason() -> None:
     laws = Laws(np.array([0, 0, 1]), np.arange(3), np.array([0, 0, 0.5]), np.zeros(3), np.array([-1, -1, 0]))
     problem = ContactProblem.from_delassus(np.eye(3), np.ones(3), laws=laws)
     reason = create("ClarabelSOCP").supports(problem)
@@ -77,7 +77,7 @@ def test_units_do_not_change_the_answer() -> None:
         assert solution.impulses / (mass * speed) == pytest.approx(impulses, abs=1e-7)
 
 
-def test_a_limit_of_iterations_is_reported_as_one() -> None:
+def test_an_iteration_limit_is_reported() -> None:
     solution = create("ClarabelSOCP").prepare(block_on_ground(5.0)).solve(Stop(1e-9, max_iterations=2))
     assert solution.status is Status.ITERATION_LIMIT
     assert np.isfinite(solution.impulses).all()

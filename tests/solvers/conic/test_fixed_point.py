@@ -1,4 +1,4 @@
-"""The outer iteration says truly why it ended, whatever the conic solver inside does."""
+"""The outer iteration reports the true status for any result of the conic solver."""
 
 import itertools
 from dataclasses import replace
@@ -10,35 +10,29 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.conic.fixed_point import PreparedFixedPoint
-from proxbench.solvers.conic.programs import ClarabelProgram, ConicResult, Ended, Form
+from proxbench.solvers.conic.programs import ClarabelProgram, ConicResult, ConicStatus, Form
 
 PROBLEM = load("hard-counterexample")
 
 
 class EndsWith:
-    """A conic solver that returns the same impulses every time and says the same of it."""
+    """A conic solver that always returns the same impulses and status."""
 
-    can_be_careful = False
-
-    def __init__(self, ended: Ended, impulse: float) -> None:
+    def __init__(self, ended: ConicStatus, impulse: float) -> None:
         self.result = ConicResult(np.full(PROBLEM.n_rows, impulse), 1, 0.0, ended)
 
     def regularised(self, weight: np.ndarray) -> "EndsWith":
         return self
 
-    def run(
-        self, velocity: np.ndarray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
-    ) -> ConicResult:
+    def run(self, velocity: np.ndarray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         return self.result
 
 
 @pytest.mark.parametrize("impulse", [0.01, np.nan], ids=["finite", "nothing"])
 @pytest.mark.parametrize(
-    ("ended", "status"), [(Ended.TIME_LIMIT, Status.TIME_LIMIT), (Ended.GAVE_UP, Status.STALLED)], ids=str
+    ("ended", "status"), [(ConicStatus.TIME_LIMIT, Status.TIME_LIMIT), (ConicStatus.GAVE_UP, Status.STALLED)], ids=str
 )
-def test_no_time_left_for_the_conic_solver_is_a_time_limit_and_no_stall(
-    ended: Ended, status: Status, impulse: float
-) -> None:
+def test_a_time_limit_of_the_conic_solver_is_not_a_stall(ended: ConicStatus, status: Status, impulse: float) -> None:
     prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), EndsWith(ended, impulse), memory=5)
     solution = prepared.solve(Stop(1e-8, 1000, 60.0))
     assert solution.status is status
@@ -46,15 +40,15 @@ def test_no_time_left_for_the_conic_solver_is_a_time_limit_and_no_stall(
 
 
 class Wanders(EndsWith):
-    """A conic solver that returns other impulses every time, none of them right."""
+    """A conic solver that returns different wrong impulses every time."""
 
     def run(self, *arguments: object, **options: object) -> ConicResult:
         self.result = replace(self.result, impulses=self.result.impulses + 1.0)
         return self.result
 
 
-def test_impulses_that_go_on_moving_are_no_stall() -> None:
-    program = Wanders(Ended.CONVERGED, 1.0)
+def test_changing_impulses_are_not_a_stall() -> None:
+    program = Wanders(ConicStatus.CONVERGED, 1.0)
     prepared = PreparedFixedPoint(PROBLEM, Residual(PROBLEM), program, memory=5)
     solution = prepared.solve(Stop(1e-8, 1000, 60.0))
     assert solution.status is Status.ITERATION_LIMIT
@@ -63,8 +57,8 @@ def test_impulses_that_go_on_moving_are_no_stall() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Refined(ClarabelCoulomb)", "Refined(CvxpyCoulomb)", "ClarabelCoulomb"])
-def test_a_limit_of_outer_iterations_leaves_the_cone_programs_as_they_are(name: str) -> None:
-    """The first iterates do not depend on how many are allowed."""
+def test_the_iteration_limit_does_not_change_the_cone_programs(name: str) -> None:
+    """The first iterates do not depend on the iteration limit."""
     prepared = create(name).prepare(load("funnel-30-early"))
     few: list[np.ndarray] = []
     many: list[np.ndarray] = []
@@ -82,10 +76,10 @@ NO_CONVEX_SOLUTION = with_solution(
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 @pytest.mark.parametrize("name", ["ClarabelCoulomb(form={!r})", "Refined(ClarabelCoulomb(form={!r}))"])
-def test_proximal_iterations_solve_what_the_plain_ones_cannot_even_begin(form: Form, name: str) -> None:
+def test_proximal_iterations_solve_problems_without_a_first_cone_program(form: Form, name: str) -> None:
     problem = NO_CONVEX_SOLUTION
     first = ClarabelProgram(problem, form).run(problem.free_velocity, 1e-8, 1000, 10.0)
-    assert first.ended is not Ended.CONVERGED
+    assert first.status is not ConicStatus.CONVERGED
     solution = create(name.format(form)).prepare(problem).solve(Stop(1e-7))
     assert solution.status is Status.SOLVED
     assert judge(problem, solution.impulses).residual <= 1e-7

@@ -1,10 +1,10 @@
-"""CentralPath follows one curve, through its turns, to an answer that other methods find too."""
+"""CentralPath follows one curve through its turns to a solution that agrees with other methods."""
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.interior.central_path import CentralPath, PathInTurns
+from proxbench.solvers.interior.central_path import CentralPath, ResumablePath
 from proxbench.solvers.interior.power_series import Direction, Series
 from proxbench.solvers.interior.runs import SingleRun
 
@@ -17,7 +17,7 @@ def test_it_ends_at_an_answer_under_every_law(name: str) -> None:
     assert judge(problem, solution.impulses).residual <= 1e-7
 
 
-def test_it_goes_through_turns_where_newton_s_method_towards_zero_stands_still() -> None:
+def test_it_passes_turns_where_newton_s_method_stagnates() -> None:
     """The path of pile-100 turns back twice."""
     problem = load("pile-100")
     damped = solve(problem, "InteriorPoint(damping='global')", tolerance=1e-8, max_iterations=200)
@@ -28,11 +28,11 @@ def test_it_goes_through_turns_where_newton_s_method_towards_zero_stands_still()
 
 
 @pytest.mark.parametrize("length", [10, 20, 40])
-def test_in_turns_it_is_the_same_path(length: int) -> None:
-    """The path of pile-100 has two turns, and is followed from the beginning where a turn forgets the one before."""
+def test_a_resumed_path_is_the_same_path(length: int) -> None:
+    """The path of pile-100 has two turns; a resumed path must not start from the beginning."""
     problem = load("pile-100")
     whole = SingleRun(CentralPath()).prepare(problem).solve(Stop(1e-8))
-    path, zeros, iterations = PathInTurns(CentralPath(), problem), np.zeros(problem.n_rows), 0
+    path, zeros, iterations = ResumablePath(CentralPath(), problem), np.zeros(problem.n_rows), 0
     while not path.has_ended:
         part = path.solve(Stop(1e-8, length), zeros)
         iterations += part.iterations
@@ -42,15 +42,15 @@ def test_in_turns_it_is_the_same_path(length: int) -> None:
     assert judge(problem, part.impulses).residual <= 1e-8
 
 
-def test_a_path_whose_problem_is_refuted_has_ended() -> None:
+def test_the_path_of_an_infeasible_problem_has_ended() -> None:
     problem = ContactProblem.from_delassus([[0.0]], [-1.0], dim=1)
-    path = PathInTurns(CentralPath(), problem)
+    path = ResumablePath(CentralPath(), problem)
     assert path.solve(Stop(1e-8)).status is Status.INFEASIBLE
     assert path.has_ended
 
 
 @pytest.mark.slow
-def test_it_never_goes_back_along_itself() -> None:
+def test_the_path_never_reverses() -> None:
     """Guided by the angle to the last tangent the path of this pile reversed at 1e-6, and rose to where it began."""
     problem = load("pile-400-mixed-2")
     solution = solve(problem, "CentralPath", tolerance=1e-7, max_iterations=600, max_seconds=120.0)
@@ -81,7 +81,7 @@ def test_a_series_is_its_polynomial() -> None:
 def test_a_bound_by_another_contact_is_refused_in_words() -> None:
     reason = create("CentralPath").supports(load("hard-remote-partner"))
     assert reason is not None
-    assert "bounded by a unilateral law that it does not follow" in reason
+    assert "bounded by the unilateral law of another contact" in reason
 
 
 @pytest.mark.parametrize("order", [1, 2.5, 51])

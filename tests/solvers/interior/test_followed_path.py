@@ -1,4 +1,4 @@
-"""Between two corrections the path is as accurate as its power series."""
+"""Between two corrections the path has the accuracy of its power series."""
 
 import numpy as np
 import pytest
@@ -15,11 +15,12 @@ def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order
     problem = load("funnel-30")
     prepared = CentralPath(order=order).prepare(problem)
     zeros = np.zeros(problem.n_rows)
-    path = prepared.path(Progress(problem, prepared.residual, Stop(1e-15), None, prepared.system.flops, zeros))
-    path.begin(zeros)
+    progress = Progress(problem, prepared.residual, Stop(1e-15), None, flops=prepared.system.flops, first=zeros)
+    path = prepared.path(progress)
+    path.find(zeros)
     point = path._point
-    assert path._factorised(point)
-    series = path._series(point, path._oriented(point))
+    assert path._factorise(point)
+    series = path._series(point, path._oriented_tangent(point))
 
     def left(a: float) -> float:
         end = Point(prepared.scaled, prepared.system, series.manifold_vector(a), series.tau_at(a) * point.tau)

@@ -12,7 +12,7 @@ from proxbench.problems.contact.laws import Laws
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import Solver, SolverError, Status, Stop, create, solve
-from proxbench.solvers.interior.progress import proven_infeasible
+from proxbench.solvers.interior.progress import proves_infeasibility
 from threadpoolctl import threadpool_limits
 
 VARIANTS = [
@@ -102,7 +102,7 @@ def test_no_friction_and_huge_friction_are_limits_like_any_other(name: str, fric
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_a_body_squeezed_between_walls_that_approach_is_proven_to_have_no_answer(variant: str) -> None:
+def test_a_body_between_approaching_walls_is_proved_infeasible(variant: str) -> None:
     """Two opposite contacts whose gaps both close: Λ₁ = Λ₂ moves nothing, and c·(1, 1) < 0."""
     problem = ContactProblem.from_delassus([[1.0, -1.0], [-1.0, 1.0]], [-1.0, -0.5], dim=1)
     solution = solve(problem, variant, max_iterations=500)
@@ -127,7 +127,7 @@ def test_a_time_limit_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     prepared = create("InteriorPoint").prepare(problem)
     prepared.solve(Stop(1e-12, 1))
     clock = SimpleNamespace(perf_counter=time.thread_time)
-    monkeypatch.setattr("proxbench.solvers.iteration.clock.time", clock)
+    monkeypatch.setattr("proxbench.solvers.iteration.stopping.time", clock)
     began = time.thread_time()
     with threadpool_limits(1):
         solution = prepared.solve(Stop(1e-14, max_seconds=0.5))
@@ -153,8 +153,8 @@ def test_an_unknown_option_is_refused_in_words(options: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("small", [1e-9, 1e-6, 1.0, 1e6])
-def test_what_is_too_small_beside_the_free_velocity_still_moves_contacts(small: float) -> None:
+def test_small_motions_are_not_taken_for_infeasibility(small: float) -> None:
     """G d is compared with what its own terms add up to, however small both are beside c."""
     stack = load("hard-stack-2-top-1e8")
     pressed = replace(in_units(stack, mass=small, length=small).problem, name="pressed", answer=None)
-    assert not proven_infeasible(pressed, np.ones(pressed.n_rows))
+    assert not proves_infeasibility(pressed, np.ones(pressed.n_rows))

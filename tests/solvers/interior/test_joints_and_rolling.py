@@ -46,7 +46,7 @@ def test_redundant_joints_and_heavy_chains_push_their_bodies_as_known(solver: st
 
 
 @pytest.mark.parametrize("solver", JOINTS)
-def test_joints_that_contradict_each_other_are_proven_to_have_no_answer(solver: str) -> None:
+def test_contradicting_joints_are_proved_infeasible(solver: str) -> None:
     problem = ContactProblem.from_factors([[1.0, 1.0]], [1.0], [1.0, -1.0], laws=Laws.joints(2))
     assert solve(problem, solver, max_iterations=500).status is Status.INFEASIBLE
 
@@ -82,7 +82,7 @@ def test_a_pile_that_resists_rolling_takes_no_more_steps_than_one_that_does_not(
     assert rolling.iterations <= 1.5 * plain.iterations
 
 
-def test_rows_of_rolling_that_meet_no_resistance_bear_nothing() -> None:
+def test_rolling_rows_without_resistance_have_no_impulse() -> None:
     problem = with_linked_solution(LinkedFamily(4, 3, 40, rolling_rows=2, rolling_friction=0.0), 1)
     solution = solve(problem, "InteriorPoint", tolerance=1e-8)
     assert solution.status is Status.SOLVED

@@ -1,4 +1,4 @@
-"""Two cones of one contact share its normal impulse, and nothing of the split velocity is left in a Newton system."""
+"""Two cones of one contact share its normal impulse, and a Newton system does not contain the split velocity."""
 
 from collections.abc import Callable
 from typing import Any
@@ -43,7 +43,7 @@ def test_power_is_the_same_over_blocks_and_over_cones(problem: ContactProblem, i
 
 
 @pytest.mark.parametrize("linearise", [cones.linearise_plainly, cones.linearise_by_nesterov_todd])
-def test_what_the_cones_of_a_contact_do_adds_up_to_its_block(
+def test_the_steps_of_the_cones_add_up_to_that_of_their_block(
     problem: ContactProblem, linearise: Callable[..., Any]
 ) -> None:
     """The sum of dû = x − D dr over both cones is that of the summed x and D, for one dr of the contact."""

@@ -1,4 +1,4 @@
-"""A stall near the boundary of a cone ends a run, and the solve only where the next run brings nothing."""
+"""A stall near the boundary of a cone ends a run; a run without gain ends the solve."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
-from proxbench.solvers.interior.progress import LEAST_STEPS, MOST_SHORT, Progress
-from proxbench.solvers.interior.runs import InRuns, SingleRun
+from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, MIN_STEPS, Progress
+from proxbench.solvers.interior.runs import InteriorMethod, SingleRun
 from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
 
 
@@ -20,7 +20,7 @@ from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
         (CentralPath(), "hard-sliding-block", 1e-10),
     ],
 )
-def test_what_one_run_leaves_is_solved_by_the_next(method: InRuns, name: str, tolerance: float) -> None:
+def test_a_second_run_solves_what_the_first_does_not(method: InteriorMethod, name: str, tolerance: float) -> None:
     problem = load(name)
     single = SingleRun(method).prepare(problem).solve(Stop(tolerance))
     solution = method.prepare(problem).solve(Stop(tolerance))
@@ -31,7 +31,7 @@ def test_what_one_run_leaves_is_solved_by_the_next(method: InRuns, name: str, to
 
 
 @pytest.mark.parametrize("method", [InteriorPoint(), CentralPath()])
-def test_where_a_run_does_not_stall_it_is_the_whole_solve(method: InRuns) -> None:
+def test_a_run_that_does_not_stall_is_the_whole_solve(method: InteriorMethod) -> None:
     problem = load("funnel-30")
     single, solution = SingleRun(method).prepare(problem).solve(Stop(1e-8)), method.prepare(problem).solve(Stop(1e-8))
     assert single.status is solution.status is Status.SOLVED
@@ -39,7 +39,7 @@ def test_where_a_run_does_not_stall_it_is_the_whole_solve(method: InRuns) -> Non
     assert np.array_equal(single.impulses, solution.impulses)
 
 
-def test_the_runs_of_a_solve_share_its_limit_of_iterations_and_are_counted_through() -> None:
+def test_runs_share_the_iteration_limit_and_are_counted_together() -> None:
     problem, seen = load("hard-slider-in-km-t"), []
     prepared = create("InteriorPoint").prepare(problem)
     stalled = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))
@@ -59,7 +59,7 @@ def test_a_single_run_has_the_name_and_the_refusals_of_its_method() -> None:
 
 
 @pytest.mark.parametrize("name", ["hard-sliding-block", "hard-sliding-block-32"])
-def test_short_steps_go_on_where_no_other_method_takes_over(name: str) -> None:
+def test_short_steps_do_not_end_a_solve_without_successors(name: str) -> None:
     """Five of a billionth of a Newton step in a row, and then long ones again."""
     problem = load(name)
     single = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))
@@ -72,49 +72,49 @@ def test_short_steps_go_on_where_no_other_method_takes_over(name: str) -> None:
 def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:
     problem = load("funnel-30")
     residual = Residual(problem)
-    progress = Progress(problem, residual, Stop(1e-12), None, 1.0, np.zeros(problem.n_rows))
-    for count in range(2 * MOST_SHORT):
-        progress.arrive(np.ones(problem.n_rows) * (1.0 + min(count, MOST_SHORT)), 2.0, 1e-12)
-        assert progress.ended is None
-    progress.arrive(np.ones(problem.n_rows) * (1.0 + MOST_SHORT), 2.0)
-    assert progress.ended is not None
-    assert progress.ended[0] is Status.STALLED
+    progress = Progress(problem, residual, Stop(1e-12), None, flops=1.0, first=np.zeros(problem.n_rows))
+    for count in range(2 * MAX_SHORT_STEPS):
+        progress.record(np.ones(problem.n_rows) * (1.0 + min(count, MAX_SHORT_STEPS)), 2.0, 1e-12)
+        assert progress.outcome is None
+    progress.record(np.ones(problem.n_rows) * (1.0 + MAX_SHORT_STEPS), 2.0)
+    assert progress.outcome is not None
+    assert progress.outcome[0] is Status.STALLED
 
 
-def test_a_solve_whose_steps_gain_nothing_any_more_ends_stalled() -> None:
-    """Steps that move the last bits alone would go on to any limit."""
+def test_steps_without_gain_end_a_solve_as_stalled() -> None:
+    """Steps that change only the last bits would continue to the limits."""
     solution = create("InteriorPoint").prepare(load("hard-random-rank")).solve(Stop(1e-12, 10**5, 30.0))
     assert solution.status is Status.STALLED
     assert solution.iterations < 2000
 
 
-def test_only_who_looks_for_a_gain_ends_without_one() -> None:
+def test_only_a_check_of_the_gain_ends_a_solve_without_one() -> None:
     """The residual of a path may stay up for most of its length, while τ rises; Newton steps that gain nothing end."""
     problem = load("funnel-30")
     residual, rng = Residual(problem), np.random.default_rng(1)
-    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, 1.0, np.zeros(problem.n_rows))
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))
     for _ in range(1000):
-        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
-    assert progress.ended is None
-    progress.look_for_gain()
-    assert progress.ended is not None
-    assert progress.ended[0] is Status.STALLED
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    assert progress.outcome is None
+    progress.check_gain()
+    assert progress.outcome is not None
+    assert progress.outcome[0] is Status.STALLED
 
 
-def test_the_gain_of_a_run_is_looked_for_within_that_run() -> None:
-    """A run that begins after 300 fruitless steps of another is not over before it has had 200 of its own."""
+def test_the_gain_of_a_run_is_measured_within_that_run() -> None:
+    """A run after 300 fruitless steps of an earlier run has 200 steps of its own."""
     problem = load("funnel-30")
     residual, rng = Residual(problem), np.random.default_rng(1)
-    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, 1.0, np.zeros(problem.n_rows))
-    progress.arrive(rng.uniform(size=problem.n_rows), 1e-3)
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))
+    progress.record(rng.uniform(size=problem.n_rows), 1e-3)
     for _ in range(300):
-        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
     progress.end(Status.STALLED, "short steps")
-    assert progress.goes_on()
-    for _ in range(LEAST_STEPS - 1):
-        progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
-    progress.look_for_gain()
-    assert progress.ended is None
-    progress.arrive(rng.uniform(size=problem.n_rows), 2.0)
-    progress.look_for_gain()
-    assert progress.ended is not None
+    assert progress.may_run()
+    for _ in range(MIN_STEPS - 1):
+        progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.check_gain()
+    assert progress.outcome is None
+    progress.record(rng.uniform(size=problem.n_rows), 2.0)
+    progress.check_gain()
+    assert progress.outcome is not None

@@ -16,7 +16,7 @@ def contraction(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 6))
-def test_a_linear_map_of_n_dimensions_is_solved_after_n_mixings(seed: int, n: int) -> None:
+def test_a_linear_map_of_n_dimensions_is_solved_after_n_extrapolations(seed: int, n: int) -> None:
     matrix, offset = contraction(seed, n)
     x, anderson = np.zeros(n), Anderson(n + 1)
     for _ in range(n + 2):
@@ -34,11 +34,11 @@ def test_without_memory_the_iteration_is_plain() -> None:
         assert np.array_equal(x, image)
 
 
-def test_after_forgetting_the_next_step_is_plain() -> None:
+def test_after_a_restart_the_next_step_is_plain() -> None:
     matrix, offset = contraction(2, 4)
     x, anderson = np.zeros(4), Anderson(3)
     for _ in range(3):
         x = anderson.next(x, matrix @ x + offset)
-    anderson.forget()
+    anderson.restart()
     image = matrix @ x + offset
     assert np.array_equal(anderson.next(x, image), image)

@@ -1,4 +1,4 @@
-"""A generator of impulses is a whole solver: limits, observers and verdicts are seen to."""
+"""``iterate`` makes a complete solver of a generator: limits, observers and statuses."""
 
 import itertools
 from collections.abc import Iterator
@@ -60,7 +60,7 @@ def test_a_plateau_is_crossed_at_once_and_from_the_impulses_that_a_limit_returne
 @pytest.mark.parametrize(
     "solver", ["SORprox", "SafeguardedSORprox", "NSGS", "PyramidPGS", "SemismoothNewton", "HybridNewton"]
 )
-def test_a_residual_that_rounding_leaves_is_a_stall(solver: str, masses: list[float]) -> None:
+def test_a_residual_at_the_rounding_limit_is_a_stall(solver: str, masses: list[float]) -> None:
     """Ten blocks of mass ratio 10⁸, from the known impulses: sums of 10⁹ leave 10⁻¹¹ of c and more to rounding."""
     problem = stack(np.array(masses))
     assert problem.answer is not None
@@ -81,7 +81,7 @@ def test_a_residual_that_rounding_leaves_is_a_stall(solver: str, masses: list[fl
         ("hard-scaled-rows-15", "SORprox", 1e-9),
     ],
 )
-def test_rounding_is_no_stall_where_the_iteration_goes_on_from_its_best_impulses(
+def test_rounding_is_not_a_stall_if_the_best_impulses_lead_to_the_solution(
     name: str, solver: str, tolerance: float
 ) -> None:
     """Rows in units 10⁹ apart: sweeps rest at one Λ, and find in their own arithmetic that another one is the best."""
@@ -91,8 +91,8 @@ def test_rounding_is_no_stall_where_the_iteration_goes_on_from_its_best_impulses
     assert judge(problem, solution.impulses).residual <= tolerance < Residual(problem).rounding(solution.impulses)
 
 
-def test_a_proof_of_rounding_that_fails_comes_again_only_after_as_many_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Λ rests where its own ξ says rounding and the judge says 1: judging a sweep costs as much as doing it."""
+def test_a_failed_rounding_test_doubles_the_waiting_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Λ is constant, its ξ is rounding and the judge's residual is 1: judging a sweep costs as much as the sweep."""
     problem, calls = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1), 0
 
     def judged(*arguments: object) -> float:
@@ -109,15 +109,15 @@ def test_a_proof_of_rounding_that_fails_comes_again_only_after_as_many_sweeps(mo
         def relative_velocity(self) -> FloatArray:
             return np.array([-1e-15])
 
-    monkeypatch.setattr(loop, "judged", judged)
-    monkeypatch.setattr(Monitor, "cycle", lambda *arguments: None)
+    monkeypatch.setattr(Residual, "judged", judged)
+    monkeypatch.setattr(Monitor, "check_cycle", lambda *arguments: None)
     prepared = PreparedIteration(problem, Residual(problem), lambda start: Resting())
     assert prepared.solve(Stop(1e-16, 50_000)).status is Status.ITERATION_LIMIT
-    assert 0 < calls <= 6 * loop.PROVING_SWEEPS
+    assert 0 < calls <= 6 * loop.ROUNDING_TEST_SWEEPS
 
 
-def test_impulses_that_repeat_for_a_while_and_move_again_are_no_stall() -> None:
-    """A generator may keep more than the impulses, and wait for it."""
+def test_impulses_that_repeat_temporarily_are_not_a_stall() -> None:
+    """A generator may have hidden state."""
     problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1)
 
     def sweeps(start: FloatArray) -> Iterator[FloatArray]:
@@ -127,14 +127,14 @@ def test_impulses_that_repeat_for_a_while_and_move_again_are_no_stall() -> None:
     assert iterate(problem, sweeps).solve(Stop(1e-9)).status is Status.SOLVED
 
 
-def test_impulses_that_never_move_are_a_stall() -> None:
+def test_constant_impulses_are_a_stall() -> None:
     problem = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1)
     solution = iterate(problem, itertools.repeat).solve(Stop(1e-9))
     assert solution.status is Status.STALLED
     assert solution.iterations < 1000
 
 
-def test_one_array_may_be_yielded_again_and_again() -> None:
+def test_a_generator_may_yield_the_same_array() -> None:
     problem = ContactProblem.from_delassus(np.eye(2), (-1.0, -2.0), dim=1)
 
     def sweeps(start: FloatArray) -> Iterator[FloatArray]:

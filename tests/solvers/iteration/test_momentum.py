@@ -1,4 +1,4 @@
-"""Momentum: the sweeps it does, that all forms do the same, what it saves, and that it gives way where it does harm."""
+"""Momentum: its definition, equality of all forms, its gain, and its reduction where it does harm."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def one_sweep_from(problem: ContactProblem, start: np.ndarray, relaxation: float
     return seen[0]
 
 
-def test_each_sweep_begins_along_the_last_change_unless_the_way_turns_back() -> None:
+def test_each_sweep_extrapolates_the_last_change_unless_it_turned_back() -> None:
     problem = load("funnel-30")
     expected, turns = [np.zeros(problem.n_rows)], 0
     change, present = np.zeros(problem.n_rows), 0.0
@@ -64,7 +64,7 @@ def test_too_much_momentum_is_reduced_until_the_problem_is_solved(name: str) -> 
     assert judge(problem, solution.impulses).residual <= 1.001e-6
 
 
-def test_momentum_is_lowered_to_none_and_then_no_further() -> None:
+def test_momentum_is_reduced_to_zero() -> None:
     class Still:
         def sweep(self, count: int) -> None: ...
 
@@ -73,7 +73,7 @@ def test_momentum_is_lowered_to_none_and_then_no_further() -> None:
 
         relative_velocity = impulses
 
-        def linear(self) -> tuple[np.ndarray, int]:
+        def linear_state(self) -> tuple[np.ndarray, int]:
             return np.zeros(1), 1
 
     iterates = MomentumIterates(Still(), 0.8)

@@ -1,4 +1,4 @@
-"""Relaxation that adapts: Young's ω, plain sweeps where it has nothing to do, and problems that one ω fails on."""
+"""Adaptive relaxation: Young's ω, plain sweeps where these suffice, and problems on which a fixed ω fails."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.iteration.relaxation import LARGEST, WINDOW, AdaptiveRelaxation, chosen
+from proxbench.solvers.iteration.relaxation import MAX_RELAXATION, WINDOW, AdaptiveRelaxation, next_relaxation
 from proxbench.solvers.sweeps.delassus import DelassusIterates, DelassusSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes, lane_weights
 
@@ -36,10 +36,10 @@ def chain(n: int) -> ContactProblem:
 
 @settings(max_examples=100, deadline=None)
 @given(mu=st.floats(0.05, 0.99))
-def test_the_rate_of_plain_sweeps_leads_half_of_the_way_to_youngs_relaxation(mu: float) -> None:
+def test_relaxation_moves_half_of_the_way_to_youngs_value(mu: float) -> None:
     """At ω = 1 sweeps converge at the rate μ²."""
-    best = min(2.0 / (1.0 + np.sqrt(1.0 - mu**2)), LARGEST)
-    assert chosen(1.0, 1.0, mu ** (2 * (WINDOW - 1))) == pytest.approx(0.5 * (1.0 + best), rel=1e-9)
+    best = min(2.0 / (1.0 + np.sqrt(1.0 - mu**2)), MAX_RELAXATION)
+    assert next_relaxation(1.0, 1.0, mu ** (2 * (WINDOW - 1))) == pytest.approx(0.5 * (1.0 + best), rel=1e-9)
 
 
 @settings(max_examples=100, deadline=None)
@@ -49,16 +49,16 @@ def test_the_best_relaxation_does_not_depend_on_the_one_it_was_measured_with(mu:
     best = 2.0 / (1.0 + np.sqrt(1.0 - mu**2))
     omega = 1.0 + share * (best - 1.0)
     root = 0.5 * (omega * mu + np.sqrt(omega**2 * mu**2 - 4.0 * (omega - 1.0)))
-    found = chosen(omega, 1.0, root ** (2 * (WINDOW - 1)))
-    assert found == pytest.approx(omega + 0.5 * (min(best, LARGEST) - omega), rel=1e-6)
+    found = next_relaxation(omega, 1.0, root ** (2 * (WINDOW - 1)))
+    assert found == pytest.approx(omega + 0.5 * (min(best, MAX_RELAXATION) - omega), rel=1e-6)
 
 
-def test_growing_changes_and_fast_ones_lower_it_and_what_is_no_rate_leaves_it() -> None:
-    assert chosen(1.8, 1.0, 2.0) == pytest.approx(1.4)
-    assert chosen(1.0, 1.0, 2.0) == 1.0
-    assert 1.0 <= chosen(1.8, 1.0, 1e-9) < 1.8
+def test_growing_and_fast_changes_lower_the_relaxation_and_invalid_ones_keep_it() -> None:
+    assert next_relaxation(1.8, 1.0, 2.0) == pytest.approx(1.4)
+    assert next_relaxation(1.0, 1.0, 2.0) == 1.0
+    assert 1.0 <= next_relaxation(1.8, 1.0, 1e-9) < 1.8
     for first, last in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (np.inf, 1.0), (1.0, np.nan)):
-        assert chosen(1.3, first, last) == 1.3
+        assert next_relaxation(1.3, first, last) == 1.3
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-planar-30", "hard-mixed-laws"])
@@ -83,7 +83,7 @@ def test_a_solution_is_a_fixed_point_whatever_the_relaxation() -> None:
     assert np.abs(iterates.impulses() - answer).max() <= 1e-13 * np.abs(answer).max()
 
 
-def test_a_chain_is_solved_in_the_root_of_the_plain_sweeps() -> None:
+def test_a_chain_needs_the_square_root_of_the_plain_sweeps() -> None:
     """Young: O(n) instead of O(n²), and ω comes near 2 / (1 + sin π/(n+1))."""
     problem = chain(20)
     best = 2.0 / (1.0 + np.sin(np.pi / 21.0))
@@ -99,7 +99,7 @@ def test_a_chain_is_solved_in_the_root_of_the_plain_sweeps() -> None:
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_problems_of_high_friction_that_one_relaxation_for_all_fails_on_are_solved(dim: int) -> None:
+def test_problems_of_high_friction_are_solved_where_a_common_relaxation_fails(dim: int) -> None:
     failed = 0
     for seed in range(20):
         problem = high_friction(dim, seed)
@@ -121,7 +121,7 @@ def test_an_observer_changes_nothing() -> None:
         assert np.array_equal(alone.impulses, watched.impulses)
 
 
-def test_without_progress_the_relaxation_is_held_nearer_to_one_and_at_last_to_one() -> None:
+def test_without_progress_the_relaxation_returns_to_one() -> None:
     iterates = adaptive(chain(20), np.zeros(20))
     limits = []
     for _ in range(10):
@@ -131,11 +131,11 @@ def test_without_progress_the_relaxation_is_held_nearer_to_one_and_at_last_to_on
             break
     assert len(limits) < 10
     assert limits[0] > 1.5
-    assert all(later <= 1.0 + 0.5 * (LARGEST - 1.0) for later in limits[1:])
+    assert all(later <= 1.0 + 0.5 * (MAX_RELAXATION - 1.0) for later in limits[1:])
     assert limits[-1] == 1.0
 
 
 @pytest.mark.slow
-def test_what_plain_sweeps_solve_is_solved_though_a_large_relaxation_leads_nowhere() -> None:
+def test_problems_of_plain_sweeps_are_solved_even_if_relaxation_fails() -> None:
     problem = load("funnel-planar-1000")
     assert create("AdaptiveSORprox").prepare(problem).solve(Stop(1e-8, 30_000)).status is Status.SOLVED

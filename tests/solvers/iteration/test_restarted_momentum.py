@@ -1,11 +1,11 @@
-"""Momentum that is begun again: the sweeps it does, how they grow with the condition of a problem, and its bound."""
+"""Restarted momentum: its definition, its sweeps as a function of the condition, and its bound."""
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.iteration.restarted_momentum import RestartedMomentum
+from proxbench.solvers.iteration.momentum import RestartedMomentum
 
 
 def history(problem: ContactProblem, solver: str, count: int, start: np.ndarray | None = None) -> np.ndarray:
@@ -15,7 +15,7 @@ def history(problem: ContactProblem, solver: str, count: int, start: np.ndarray 
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-planar-30", "hard-mixed-laws"])
-def test_each_sweep_begins_by_nesterovs_sequence_which_begins_again_where_the_way_turns_back(name: str) -> None:
+def test_each_sweep_follows_nesterovs_sequence_with_restarts(name: str) -> None:
     problem = load(name)
     expected, turns, age, momentum = [np.zeros(problem.n_rows)], 0, 1.0, 0.0
     change = np.zeros(problem.n_rows)
@@ -57,7 +57,7 @@ def test_it_takes_less_than_half_the_sweeps_of_the_best_relaxation(name: str, to
 
 
 def test_a_bound_of_zero_leaves_plain_sweeps() -> None:
-    """Where there is no progress β is bounded by halves, at last by zero."""
+    """Without progress the bound of β is halved and finally zero."""
     problem = load("funnel-30")
     iterates = create("NesterovSORprox").prepare(problem).begin(np.zeros(problem.n_rows))
     assert isinstance(iterates, RestartedMomentum)
@@ -67,7 +67,7 @@ def test_a_bound_of_zero_leaves_plain_sweeps() -> None:
     assert np.array_equal(iterates.impulses(), history(problem, "SORprox", 15)[-1])
 
 
-def test_momentum_begins_again_where_sweeps_over_redundant_joints_grow() -> None:
+def test_momentum_restarts_where_sweeps_over_redundant_joints_grow() -> None:
     """Twenty parallel cranks: without that rule impulses grow by many orders, and rounding leaves no digit."""
     problem = load("hard-four-bar-redundant-20")
     solution = solve(problem, "NesterovSORprox", tolerance=1e-8, max_iterations=1000)

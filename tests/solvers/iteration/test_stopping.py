@@ -1,15 +1,15 @@
-"""Convergence, oscillation, stall, lack of progress, divergence and limits differ, and a plateau is no end."""
+"""Convergence, oscillation, stall, divergence and limits are distinguished, and a plateau does not end a solve."""
 
 import numpy as np
 import pytest
 from proxbench.solvers import Status, Stop
-from proxbench.solvers.iteration.stopping import PLATEAU_SWEEPS, Monitor, sweeps_to_next_look
+from proxbench.solvers.iteration.stopping import MIN_PLATEAU_SWEEPS, Monitor, sweeps_to_next_check
 
 LAMBDA = np.ones(3)
 
 
 def status_of(monitor: Monitor, iteration: int, residual: float) -> Status | None:
-    ended = monitor.look(iteration, residual, LAMBDA)
+    ended = monitor.check_convergence(iteration, residual, LAMBDA)
     return ended[0] if ended else None
 
 
@@ -36,17 +36,17 @@ def test_time_limit_is_named() -> None:
     assert status_of(Monitor(Stop(1e-3, max_seconds=1e-9)), 1, 0.5) is Status.TIME_LIMIT
 
 
-def test_slow_power_law_progress_is_lacking_and_slow_geometric_progress_is_not_and_neither_ends_a_solve() -> None:
+def test_slow_progress_does_not_end_a_solve_and_power_law_progress_is_lacking() -> None:
     for residual_at, lacks in ((lambda n: n**-0.05, True), (lambda n: 0.999**n, False)):
         monitor, lacking = Monitor(Stop(1e-12, 10**9)), []
         for n in range(10, 20_000, 10):
-            assert monitor.look(n, residual_at(n), n * LAMBDA) is None
+            assert monitor.check_convergence(n, residual_at(n), n * LAMBDA) is None
             lacking.append(monitor.lacks_progress)
         assert any(lacking) is lacks
-        assert not any(lacking[: PLATEAU_SWEEPS // 10 - 1])
+        assert not any(lacking[: MIN_PLATEAU_SWEEPS // 10 - 1])
 
 
-def test_progress_is_lacking_where_the_last_three_quarters_of_the_sweeps_had_none() -> None:
+def test_progress_is_lacking_without_gain_in_the_last_three_quarters_of_the_sweeps() -> None:
     """All digits are gained at sweep 3000: within the last three quarters up to sweep 12 000, and not beyond."""
     monitor, lacking = Monitor(Stop(1e-12, 10**9)), {}
     for n in range(10, 16_010, 10):
@@ -57,7 +57,7 @@ def test_progress_is_lacking_where_the_last_three_quarters_of_the_sweeps_had_non
     assert lacking[12_100]
 
 
-def test_a_plateau_of_a_million_sweeps_is_no_stall() -> None:
+def test_a_plateau_of_a_million_sweeps_is_not_a_stall() -> None:
     monitor = Monitor(Stop(1e-12, 10**9))
     assert not any(status_of(monitor, n, 1e-2) for n in range(10))
     assert not any(status_of(monitor, n, 1e-2) for n in range(10, 1_000_000, 100))
@@ -65,11 +65,11 @@ def test_a_plateau_of_a_million_sweeps_is_no_stall() -> None:
 
 
 def repeated(monitor: Monitor, newest: np.ndarray, previous: np.ndarray, before: np.ndarray) -> list[Status | None]:
-    ended = [monitor.cycle(newest, previous, before) for _ in range(4)]
+    ended = [monitor.check_cycle(newest, previous, before) for _ in range(4)]
     return [status[0] if status else None for status in ended]
 
 
-def test_impulses_that_no_longer_change_are_a_stall_on_the_second_comparison() -> None:
+def test_constant_impulses_are_a_stall_at_the_second_comparison() -> None:
     assert repeated(Monitor(Stop(1e-12)), LAMBDA, LAMBDA, LAMBDA) == [None, *3 * [Status.STALLED]]
 
 
@@ -78,12 +78,12 @@ def test_a_cycle_of_two_is_recognised_on_the_second_comparison() -> None:
     assert repeated(Monitor(Stop(1e-12)), LAMBDA, 2 * LAMBDA, nearly) == [None, *3 * [Status.OSCILLATING]]
 
 
-def test_what_rounding_leaves_of_zero_does_not_hide_a_cycle() -> None:
+def test_rounding_of_zero_does_not_hide_a_cycle() -> None:
     newest, before = np.array([1e-17, 1.0, 1.0]), np.array([3e-17, 1.0, 1.0])
     assert repeated(Monitor(Stop(1e-12)), newest, LAMBDA + 1.0, before) == [None, *3 * [Status.OSCILLATING]]
 
 
-def test_iterates_that_still_move_are_neither() -> None:
+def test_changing_iterates_are_neither_a_stall_nor_a_cycle() -> None:
     one_digit = np.array([1.0, np.nextafter(1.0, 2.0), 1.0])
     slowly_decaying = (1.0 - 1e-12) * LAMBDA
     small_one_moves = np.array([1e9, 1.0 + 1e-12, 1.0])
@@ -92,25 +92,25 @@ def test_iterates_that_still_move_are_neither() -> None:
     assert repeated(Monitor(Stop(1e-12)), small_one_moves, 2 * LAMBDA, np.array([1e9, 1.0, 1.0])) == 4 * [None]
 
 
-def test_a_cycle_or_a_rest_that_is_left_again_does_not_count() -> None:
+def test_a_temporary_cycle_or_rest_does_not_count() -> None:
     monitor = Monitor(Stop(1e-12))
     for _ in range(4):
-        assert monitor.cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None
-        assert monitor.cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
+        assert monitor.check_cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None
+        assert monitor.check_cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
     for size in (1.0, 2.0, 3.0):  # rests elsewhere every time
-        assert monitor.cycle(size * LAMBDA, size * LAMBDA, size * LAMBDA) is None
+        assert monitor.check_cycle(size * LAMBDA, size * LAMBDA, size * LAMBDA) is None
 
 
 def test_the_best_iterate_is_kept() -> None:
     monitor = Monitor(Stop(1e-12, 3))
-    monitor.look(1, 0.5, LAMBDA)
-    monitor.look(2, 0.1, 2 * LAMBDA)
-    ended = monitor.look(3, 0.3, 3 * LAMBDA)
+    monitor.check_convergence(1, 0.5, LAMBDA)
+    monitor.check_convergence(2, 0.1, 2 * LAMBDA)
+    ended = monitor.check_convergence(3, 0.3, 3 * LAMBDA)
     assert ended is not None
     assert np.array_equal(monitor.solution(ended, 3, 3).impulses, 2 * LAMBDA)
 
 
 @pytest.mark.parametrize("iteration", [0, 1, 5, 100, 10_000])
-def test_looks_are_frequent_at_first_and_never_rarer_than_ten_sweeps(iteration: int) -> None:
-    assert 1 <= sweeps_to_next_look(iteration) <= 10
-    assert sweeps_to_next_look(0) == 1
+def test_checks_are_frequent_at_first_and_at_most_ten_sweeps_apart(iteration: int) -> None:
+    assert 1 <= sweeps_to_next_check(iteration) <= 10
+    assert sweeps_to_next_check(0) == 1

@@ -1,4 +1,4 @@
-"""Enumeration finds every solution of tiny planar problems, and says when there is none."""
+"""Enumeration finds every solution of tiny planar problems, and reports if there is none."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from proxbench.solvers import Status, Stop, create, solve
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 4), friction=st.floats(0.0, 0.4))
-def test_what_projected_gauss_seidel_finds_is_among_the_solutions(seed: int, n: int, friction: float) -> None:
+def test_the_solution_of_projected_gauss_seidel_is_enumerated(seed: int, n: int, friction: float) -> None:
     rng = np.random.default_rng(seed)
     problem = ContactProblem.from_factors(
         rng.normal(size=(3 * n, 2 * n)), np.ones(3 * n), rng.normal(size=2 * n), friction, dim=2
@@ -35,7 +35,7 @@ def test_the_woodpecker_agrees_in_velocity_with_projected_gauss_seidel_and_the_c
             assert np.abs(difference).max() <= 1e2 * tolerance * speed
 
 
-def test_on_hard_cases_a_claim_is_true_and_a_refusal_says_why() -> None:
+def test_on_hard_cases_claims_are_true_and_refusals_have_reasons() -> None:
     untrue, unsaid = {}, {}
     for problem in map(hard_case, HARD_CASES):
         if problem.n_rows > 30:
@@ -75,7 +75,7 @@ def test_the_rod_with_three_solutions_shows_all_of_them() -> None:
         assert min(np.abs(known - impulses).max() for impulses in found) <= 1e-12
 
 
-def test_no_more_combinations_are_tried_than_iterations_allowed() -> None:
+def test_the_iteration_limit_bounds_the_combinations() -> None:
     prepared = create("Enumeration").prepare(load("hard-sliding-block"))
     whole = prepared.solve(Stop(1e-9))
     assert whole.status is Status.SOLVED

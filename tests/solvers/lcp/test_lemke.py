@@ -26,9 +26,7 @@ def speed_difference(problem: ContactProblem, one: np.ndarray, other: np.ndarray
 @pytest.mark.parametrize("most", [3, pytest.param(5, marks=pytest.mark.slow)])
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), seed=st.integers(0, 2**31), friction=st.floats(0.0, 1.5))
-def test_what_it_finds_is_among_the_solutions_that_enumeration_finds(
-    most: int, data: st.DataObject, seed: int, friction: float
-) -> None:
+def test_its_solution_is_enumerated(most: int, data: st.DataObject, seed: int, friction: float) -> None:
     n = data.draw(st.integers(1, most), label="contacts")
     rng = np.random.default_rng(seed)
     problem = ContactProblem.from_factors(
@@ -60,14 +58,14 @@ def test_woodpecker_steps_agree_in_velocity_with_enumeration_sweeps_and_the_coni
 @pytest.mark.parametrize(
     "name", ["funnel-planar-30", "funnel-planar-100", pytest.param("funnel-planar-300", marks=pytest.mark.slow)]
 )
-def test_planar_funnel_steps_are_solved_to_rounding_where_sweeps_creep(name: str) -> None:
+def test_planar_funnel_steps_are_solved_to_rounding_where_sweeps_are_slow(name: str) -> None:
     problem = load(name)
     found = solve(problem, "Lemke", tolerance=1e-12)
     assert found.status is Status.SOLVED
     assert judge(problem, found.impulses).residual <= 1e-12
 
 
-def test_a_planar_funnel_step_of_unique_motion_is_the_same_by_sweeps() -> None:
+def test_a_planar_funnel_step_of_unique_motion_agrees_with_sweeps() -> None:
     problem = load("funnel-planar-300")
     found = solve(problem, "Lemke", tolerance=1e-12)
     swept = solve(problem, "SORprox(relaxation=1.5)", tolerance=1e-12, max_iterations=400_000)
@@ -109,7 +107,7 @@ def test_hard_cases_are_solved_in_its_model_or_refused_with_a_reason(sides: int)
     assert {name for name in unsolved if name != "hard-squeezed" and not name.startswith("hard-immovable")} == set()
 
 
-def test_a_ray_that_rounding_makes_of_a_small_pivot_is_no_proof() -> None:
+def test_a_ray_from_a_small_pivot_proves_nothing() -> None:
     for name in ("hard-stack-2-top-1e8", "hard-stack-10-top-1e8"):
         problem = load(name)
         assert problem.answer is not None
@@ -148,7 +146,7 @@ def test_groups_of_contacts_that_do_not_touch_are_solved_one_by_one() -> None:
     assert prepared.solve(Stop(1e-12)).impulses == pytest.approx(np.tile(alone, 20), abs=1e-15)
 
 
-def test_frictionless_contacts_that_nothing_can_part_are_proved_infeasible() -> None:
+def test_inseparable_frictionless_contacts_are_proved_infeasible() -> None:
     """A massless wedge between two walls that close: G = [[1, −1], [−1, 1]]."""
     problem = ContactProblem.from_delassus(np.array([[1.0, -1.0], [-1.0, 1.0]]), (-1.0, -1.0), dim=1)
     found = solve(problem, "Lemke")
@@ -186,17 +184,17 @@ def test_fewer_than_three_sides_are_refused(sides: float) -> None:
 
 
 def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
-    """The size is found without the formulation, which takes as long as a solver may on a look at a problem."""
+    """The size is computed without the formulation, which would exceed the time limit of ``supports``."""
     problem = load("funnel-1000")
     reason = create("Lemke", sides=8).supports(problem)
     matrix = complementarity(problem, Residual(problem), 8).matrix
     _, group = connected_components(matrix, directed=False)
     assert reason is not None
-    assert reason.startswith(f"{np.bincount(group).max()} of its unknowns hang together")
+    assert reason.startswith(f"a group of {np.bincount(group).max()} unknowns is coupled")
 
 
 @pytest.mark.parametrize("seed", [1, 372, 927, 1325, 1550, 2914, 2962])
-def test_a_ray_whose_load_is_rounding_proves_nothing(seed: int) -> None:
+def test_a_ray_at_the_rounding_limit_proves_nothing(seed: int) -> None:
     """Contacts that brace each other bear c = −G (λ, 0) by construction; paths through them may end on rays."""
     if seed == 1:
         family = Family(n_contacts=6, dim=2, n_dofs=6, mass_range=4, density=1.0, friction=0.0)

@@ -38,7 +38,7 @@ def test_a_feasible_semidefinite_problem_of_any_rank_is_solved(seed: int, n: int
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 6))
-def test_a_p_matrix_has_one_solution_and_it_is_the_one_that_trying_all_bases_gives(seed: int, n: int) -> None:
+def test_the_solution_of_a_p_matrix_is_that_of_enumerated_bases(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     skew = rng.normal(size=(n, n))
     matrix = skew - skew.T + np.diag(rng.uniform(0.5, 1.5, n))  # positive definite, far from symmetric
@@ -73,7 +73,7 @@ def test_complete_degeneracy_does_not_make_it_cycle(n: int) -> None:
     assert tableau.solution().sum() == pytest.approx(1.0, abs=1e-14)
 
 
-def test_pivoting_in_portions_gives_the_same_bits_as_in_one_go() -> None:
+def test_interrupted_pivoting_gives_the_same_bits() -> None:
     rng = np.random.default_rng(3)
     root = rng.normal(size=(20, 30))
     matrix, vector = root.T @ root, rng.normal(size=30) - 1.0
@@ -84,7 +84,7 @@ def test_pivoting_in_portions_gives_the_same_bits_as_in_one_go() -> None:
     assert np.array_equal(parts.solution(), whole.solution())
 
 
-def test_exponentially_many_pivots_are_cut_off_at_the_limit() -> None:
+def test_the_pivot_limit_holds_for_exponentially_many_pivots() -> None:
     """Murty's lower triangular example: 2ⁿ − 1 pivots for some q; the given count is never exceeded."""
     n = 12
     matrix = 2.0 * np.tril(np.ones((n, n)), -1).T + np.eye(n)

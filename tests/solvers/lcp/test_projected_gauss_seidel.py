@@ -18,7 +18,7 @@ def test_it_reaches_the_velocities_of_pivoting(sides: int) -> None:
 
 
 @pytest.mark.parametrize("sides", [4, 6, 10])
-def test_a_contact_that_moves_nothing_else_gets_the_projection_onto_its_polygon(sides: int) -> None:
+def test_an_uncoupled_contact_gets_the_projection_onto_its_polygon(sides: int) -> None:
     """G = I: Λ_T = proj(−c_T) onto the k-gon of radius μ Λ_N."""
     rng = np.random.default_rng(1)
     tangent = rng.normal(size=(50, 2))
@@ -44,7 +44,7 @@ def test_mixed_planar_spatial_and_remote_laws_are_solved_in_its_model() -> None:
     assert judge(problem, found.impulses, Model.pyramid(8)).residual <= 1e-10
 
 
-def test_a_warm_start_is_shared_out_among_the_segments() -> None:
+def test_a_warm_start_is_distributed_over_the_segments() -> None:
     problem = load("funnel-100")
     prepared = create("PyramidPGS").prepare(problem)
     solution = prepared.solve(Stop(1e-6)).impulses

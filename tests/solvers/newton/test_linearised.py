@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws
 from proxbench.problems.contact.laws import ROWS_OF_KIND
 from proxbench.problems.contact.residual import Residual
-from proxbench.solvers.iteration.clock import Clock
+from proxbench.solvers.iteration.stopping import Clock
 from proxbench.solvers.newton import linearised
 from proxbench.solvers.newton.linear_solver import LinearSolver
 from proxbench.solvers.newton.linearised import Equations
@@ -58,11 +58,11 @@ def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) 
 def equations(problem: ContactProblem, dense: bool = True) -> Equations:
     """Return the equations, dense as those of small problems are, or sparse as those of large ones."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(linearised, "DENSE", problem.n_rows if dense else 0)
+        patched.setattr(linearised, "MAX_DENSE_ROWS", problem.n_rows if dense else 0)
         return Equations(problem, Residual(problem))
 
 
-def matrix_of(system: linearised.Linearised) -> np.ndarray:
+def matrix_of(system: linearised.LinearSystem) -> np.ndarray:
     return system.matrix if isinstance(system.matrix, np.ndarray) else system.matrix.toarray()
 
 
@@ -72,7 +72,7 @@ def test_it_is_the_derivative_by_differences(seed: int, size: float, dense: bool
     impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=N) * size
     problem = mixed_problem(seed, impulses)
     residual = Residual(problem)
-    system = equations(problem, dense).linearised(impulses)
+    system = equations(problem, dense).linearise(impulses)
     assert isinstance(system.matrix, np.ndarray) == dense
     alpha, base, active = residual.alpha, system.base, system.active
     row_alpha = np.repeat(alpha, ROWS)
@@ -95,16 +95,16 @@ def test_it_is_the_derivative_by_differences(seed: int, size: float, dense: bool
 def test_open_contacts_and_their_friction_leave_the_system() -> None:
     delassus = np.eye(4)
     problem = ContactProblem.from_delassus(delassus, (-1.0, 0.5, 2.0, 0.5), 0.3, dim=2)
-    system = Equations(problem, Residual(problem)).linearised(np.array([0.5, 0.1, 0.5, 0.1]))
+    system = Equations(problem, Residual(problem)).linearise(np.array([0.5, 0.1, 0.5, 0.1]))
     assert system.active.tolist() == [0, 1]
     assert system.base.tolist() == [0.5, 0.1, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("free", [0.1, -0.1])
-def test_a_law_that_nothing_moves_leaves_the_system(free: float) -> None:
+def test_a_law_without_curvature_leaves_the_system(free: float) -> None:
     laws = Laws(np.array([1, 1]), np.array([0, 1]), np.zeros(2), np.array([0.2, 0.2]), np.array([-1, -1]))
     problem = ContactProblem.from_delassus(np.diag([1.0, 0.0]), (free, 0.0), laws=laws)
-    system = Equations(problem, Residual(problem)).linearised(np.array([0.0, 0.05]))
+    system = Equations(problem, Residual(problem)).linearise(np.array([0.0, 0.05]))
     assert system.active.tolist() == [0]
     assert system.base.tolist() == [0.0, 0.05]
 
@@ -117,7 +117,7 @@ def test_a_small_system_has_the_step_of_the_sparse_one(regularised: bool) -> Non
         made = equations(problem, dense)
         if regularised:
             made = made.regularised(0.1, 0.5 * impulses)
-        system = made.linearised(impulses)
+        system = made.linearise(impulses)
         scale = 1.0 / np.sqrt(made.row_alpha[system.active])
         steps.append(LinearSolver(Clock(np.inf), Work(made.entries)).solve(system, scale, 1e-6))
     assert np.abs(steps[1] - steps[0]).max() <= 1e-8 * np.abs(steps[0]).max()
@@ -126,5 +126,5 @@ def test_a_small_system_has_the_step_of_the_sparse_one(regularised: bool) -> Non
 def test_a_small_singular_system_has_no_step() -> None:
     problem = ContactProblem.from_delassus(np.ones((2, 2)), (-1.0, -1.0), 0.0, dim=1)
     made = equations(problem)
-    system = made.linearised(np.full(2, 0.5))
+    system = made.linearise(np.full(2, 0.5))
     assert LinearSolver(Clock(np.inf), Work(made.entries)).solve(system, np.ones(2), 0.0) is None

@@ -13,7 +13,7 @@ from scipy.optimize import approx_fprime
 
 @pytest.mark.parametrize("name", ["funnel-30-early", "funnel-planar-30"])
 @given(seed=st.integers(0, 2**20))
-def test_derivatives_of_projections_are_those_of_differences(name: str, seed: int) -> None:
+def test_derivatives_of_projections_agree_with_differences(name: str, seed: int) -> None:
     """Differences over a kink of the projection are no derivative, so points near one may be far off: few are."""
     cone, chance = ConeProblem.of(load(name)), np.random.default_rng(seed)
     layout = cone.layout

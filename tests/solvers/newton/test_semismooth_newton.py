@@ -1,4 +1,4 @@
-"""SemismoothNewton is Newton's method alone: fast near a solution, and honest where it does not reach one."""
+"""SemismoothNewton is Newton's method alone: fast near a solution, with true statuses elsewhere."""
 
 import itertools
 
@@ -8,7 +8,7 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.newton.semismooth_newton import Repeats
+from proxbench.solvers.newton.semismooth_newton import CycleDetector
 
 
 def residuals(problem: ContactProblem, start: np.ndarray) -> list[float]:
@@ -20,7 +20,7 @@ def residuals(problem: ContactProblem, start: np.ndarray) -> list[float]:
 
 
 @pytest.mark.parametrize("masses", [[1.0] * 100, [1.0] * 9 + [1e4], list(np.logspace(0, 4, 10))])
-def test_a_stack_takes_no_more_steps_than_it_has_contacts_whatever_its_masses(masses: list[float]) -> None:
+def test_a_stack_of_any_masses_takes_at_most_one_step_per_contact(masses: list[float]) -> None:
     """From zero each step closes one contact more at least, and once all are closed the equations are linear."""
     problem = stack(np.array(masses))
     assert problem.answer is not None
@@ -52,7 +52,7 @@ def test_known_answers_are_met(name: str) -> None:
     assert judge(problem, solution.impulses).velocity_error <= 1e-10  # type: ignore[operator]
 
 
-def test_as_a_part_it_ends_what_sweeps_have_begun() -> None:
+def test_it_finishes_what_sweeps_have_begun() -> None:
     """Two blocks, the upper 10⁴ times heavier: sweeps pass on 10⁻⁴ of the weight each."""
     problem = load("hard-stack-2-top-1e4")
     swept = solve(problem, "SORprox", tolerance=1e-10, max_iterations=5000)
@@ -83,19 +83,19 @@ def test_the_best_iterate_is_returned() -> None:
 
 
 @pytest.mark.parametrize("length", [1, 2, 3, 7])
-def test_a_cycle_of_any_length_is_found_and_a_rest_is_a_stall(length: int) -> None:
-    repeats = Repeats(np.array([-1.0]))
+def test_a_cycle_of_any_length_is_detected_and_a_rest_is_a_stall(length: int) -> None:
+    repeats = CycleDetector(np.array([-1.0]))
     for count in range(8 * length + 8):
         assert repeats.status is None
-        repeats.note(np.array([float(max(count - 3, 0) % length)]) if count >= 3 else np.array([10.0 + count]))
+        repeats.record(np.array([float(max(count - 3, 0) % length)]) if count >= 3 else np.array([10.0 + count]))
         if repeats.status is not None:
             break
     assert repeats.status is (Status.STALLED if length == 1 else Status.OSCILLATING)
 
 
 def test_iterates_that_grow_are_no_cycle() -> None:
-    repeats = Repeats(np.zeros(2))
+    repeats = CycleDetector(np.zeros(2))
     for count in range(100):
-        repeats.note(np.array([1.0, 1.0 + 1e-12 * count]))
+        repeats.record(np.array([1.0, 1.0 + 1e-12 * count]))
         if count > 0:
             assert repeats.status is None

@@ -1,4 +1,4 @@
-"""The Lanczos steps of Pinocchio's ADMM, which nothing interrupts, are those that fit into the time limit."""
+"""The number of Lanczos steps of Pinocchio's ADMM fits into the time limit."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from proxbench.solvers.peers.pinocchio_admm import LANCZOS_SHARE, STEP_SECONDS, 
 
 
 @pytest.mark.parametrize(("wanted", "n_rows", "expected"), [(0, 366, 366), (10, 366, 10), (500, 366, 366), (0, 12, 12)])
-def test_wanted_steps_are_taken_where_they_fit(wanted: int, n_rows: int, expected: int) -> None:
+def test_requested_steps_are_taken_if_time_permits(wanted: int, n_rows: int, expected: int) -> None:
     assert lanczos_steps(wanted, n_rows, 0.5) == lanczos_steps(wanted, n_rows, np.inf) == expected
 
 

@@ -1,4 +1,4 @@
-"""Without its library an outside solver is refused in one sentence that says how to install it."""
+"""Without its library an outside solver is refused with instructions to install it."""
 
 import subprocess
 import sys
@@ -7,34 +7,34 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.solvers import SolverError, available, create
-from proxbench.solvers.peers import installed
+from proxbench.solvers.peers import pinocchio_problem
 from proxbench.solvers.registry import peers
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installed, "find_spec", lambda module: None)
+    monkeypatch.setattr(pinocchio_problem, "find_spec", lambda module: None)
 
 
 @pytest.mark.usefixtures("bare")
 @pytest.mark.parametrize("name", peers())
 def test_the_sentence_names_solver_library_and_command(name: str) -> None:
     with pytest.raises(
-        SolverError, match=rf'{name} cannot be used: pinocchio is not installed; run pip install "\.\[peers\]"'
+        SolverError, match=rf'{name} needs pinocchio, which is not installed; run pip install "\.\[peers\]"'
     ):
         create(name)
 
 
 @pytest.mark.usefixtures("bare")
-def test_solvers_are_listed_with_what_they_lack(capsys: pytest.CaptureFixture[str]) -> None:
+def test_listed_solvers_show_the_missing_library(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["list", "solvers", "PinocchioADMM"]) == 0
-    assert 'pinocchio is not installed; run pip install ".[peers]" in a clone of proxbench' in " ".join(
+    assert 'pinocchio, which is not installed; run pip install ".[peers]" in a clone of proxbench' in " ".join(
         capsys.readouterr().out.split()
     )
 
 
 @pytest.mark.usefixtures("bare")
-def test_a_run_with_one_is_refused_before_it_begins(
+def test_a_run_with_a_missing_solver_is_refused_before_it_begins(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -45,12 +45,12 @@ def test_a_run_with_one_is_refused_before_it_begins(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_outside_solvers_are_none_of_those_that_are_always_there() -> None:
+def test_outside_solvers_are_not_among_the_available_ones() -> None:
     assert not set(peers()) & set(available())
 
 
 @pytest.mark.slow
-def test_making_and_listing_them_imports_no_library() -> None:
+def test_listing_outside_solvers_imports_no_library() -> None:
     code = (
         "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "
         "sys.exit('pinocchio' in sys.modules)"

@@ -1,4 +1,4 @@
-"""An outside solver that works in rounds ends as the judge says, whatever it claims."""
+"""The judge's residual, not the claim of an outside solver, ends a solve in rounds."""
 
 import time
 from collections.abc import Callable
@@ -8,13 +8,13 @@ import pytest
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems.arrays import FloatArray
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.peers.rounds import Call, InRounds, Round
+from proxbench.solvers.peers.rounds import Call, PreparedRounds, Round
 
 PROBLEM = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.1, 0.0), 0.3)
 ANSWER = create("NSGS").prepare(PROBLEM).solve(Stop(1e-14)).impulses
 
 
-class Outside(InRounds):
+class Outside(PreparedRounds):
     """A solver whose error falls as ``error(iterations done, own tolerance)`` says, and its claims with it."""
 
     def __init__(self, error: Callable[[int, float], float], claims: bool, seconds: float = 0.0) -> None:
@@ -31,7 +31,7 @@ class Outside(InRounds):
         return call
 
 
-def test_a_claim_that_the_judge_denies_makes_the_next_tolerance_tighter() -> None:
+def test_a_wrong_claim_tightens_the_next_tolerance() -> None:
     outside = Outside(lambda done, tolerance: 1000.0 * tolerance, claims=True)
     solution = outside.solve(Stop(1e-4))
     assert solution.status is Status.SOLVED
@@ -39,13 +39,13 @@ def test_a_claim_that_the_judge_denies_makes_the_next_tolerance_tighter() -> Non
     assert [tolerance for tolerance, _ in outside.asked] == pytest.approx([10.0**-k for k in range(4, 8)], rel=1e-9)
 
 
-def test_claims_at_every_tolerance_that_the_judge_denies_end_stalled_with_the_best() -> None:
+def test_wrong_claims_at_all_tolerances_end_stalled_with_the_best_impulses() -> None:
     solution = Outside(lambda done, tolerance: 1e-3, claims=True).solve(Stop(1e-6))
     assert solution.status is Status.STALLED
-    assert f"residual {judge(PROBLEM, solution.impulses).residual:.1e}" in solution.message
+    assert f"the residual is {judge(PROBLEM, solution.impulses).residual:.1e}" in solution.message
 
 
-def test_what_the_judge_finds_solved_needs_no_claim() -> None:
+def test_a_solved_problem_needs_no_claim() -> None:
     solution = Outside(lambda done, tolerance: 0.5**done, claims=False).solve(Stop(1e-6))
     assert solution.status is Status.SOLVED
 
@@ -61,7 +61,7 @@ def test_rounds_stay_within_both_limits() -> None:
     assert sum(count for _, count in slow.asked) * 1e-3 <= 0.2
 
 
-def test_numbers_that_are_not_finite_end_it_with_what_it_had() -> None:
+def test_non_finite_numbers_end_a_solve_with_the_best_impulses() -> None:
     solution = Outside(lambda done, tolerance: np.nan, claims=True).solve(Stop(1e-6), start=0.5 * ANSWER)
     assert solution.status is Status.DIVERGED
     np.testing.assert_array_equal(solution.impulses, 0.5 * ANSWER)

@@ -30,7 +30,7 @@ def test_a_jacobi_sweep_does_not_depend_on_the_order_of_contacts(
 
 
 @pytest.mark.parametrize("solver", ["JORprox(relaxation=0.3)", "JORprox(step_size='row_sum')"])
-def test_smaller_steps_mend_the_cycle(solver: str) -> None:
+def test_smaller_steps_prevent_the_cycle(solver: str) -> None:
     problem = ContactProblem.from_delassus(np.ones((5, 5)), -np.ones(5), dim=1)
     solution = solve(problem, solver, tolerance=1e-8)
     assert solution.status is Status.SOLVED

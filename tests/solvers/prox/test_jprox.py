@@ -1,4 +1,4 @@
-"""Jprox does what equation [46] says."""
+"""Jprox implements equation [46]."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""NSGS solves contact by contact exactly, and so converges where laws in turn cycle."""
+"""NSGS solves each contact exactly, and converges where sweeps over single laws cycle."""
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ def test_known_answers_are_met(name: str) -> None:
     assert judge(problem, solution.impulses).velocity_error <= 1e-10  # type: ignore[operator]
 
 
-def test_a_bound_from_the_impulse_of_another_contact_is_kept() -> None:
+def test_a_bound_from_another_contact_is_satisfied() -> None:
     """A friction law on rows apart from its unilateral law, with a fixed part in its bound: Λ_T = −(0.1 + 0.5 · 2)."""
     kind = np.array([LawKind.UNILATERAL, LawKind.UNILATERAL, LawKind.PLANAR_FRICTION])
     laws = Laws(kind, np.arange(3), np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.1]), np.array([-1, -1, 0]))
@@ -129,8 +129,8 @@ def test_a_relaxation_out_of_range_is_refused(relaxation: object) -> None:
         create("NSGS", relaxation=relaxation)
 
 
-def test_the_safeguard_solves_contacts_that_cycle_among_each_other() -> None:
-    """Each contact is solved exactly in turn, and still some of these problems at μ = 3 go round in circles."""
+def test_the_safeguard_solves_contacts_that_cycle_with_each_other() -> None:
+    """Each contact is solved exactly, and some of these problems at μ = 3 still cycle."""
     guarded, plain = 0, 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -145,7 +145,7 @@ def test_the_safeguard_solves_contacts_that_cycle_among_each_other() -> None:
     assert guarded >= 36
 
 
-def test_a_joint_is_exact_at_once_and_redundant_joints_come_to_rest() -> None:
+def test_a_joint_is_solved_in_one_sweep_and_redundant_joints_come_to_rest() -> None:
     one = ContactProblem.from_delassus(np.array([[2.0]]), (1.0,), laws=Laws.joints(1))
     solution = create("NSGS").prepare(one).solve(Stop(1e-300, max_iterations=1))
     assert solution.impulses.tolist() == [-0.5]
@@ -160,7 +160,7 @@ def test_a_joint_is_exact_at_once_and_redundant_joints_come_to_rest() -> None:
 
 @pytest.mark.parametrize("relaxation", [0.7, 1.0, 1.3])
 @pytest.mark.parametrize("rolling_rows", [1, 2, 3])
-def test_contacts_that_resist_rolling_are_solved_beside_joints(rolling_rows: int, relaxation: float) -> None:
+def test_rolling_contacts_and_joints_are_solved_together(rolling_rows: int, relaxation: float) -> None:
     for seed in range(5):
         problem = with_linked_solution(LinkedFamily(5, 3, 40, rolling_rows=rolling_rows, n_joints=3), seed)
         cones: list[float] = []

@@ -1,4 +1,4 @@
-"""SafeguardedSORprox gives way where contacts oscillate, and nowhere else."""
+"""SafeguardedSORprox reduces the steps of contacts that oscillate, and only those."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_contacts_of_high_friction_are_solved_more_often_than_by_plain_sweeps(di
     assert counts["SafeguardedSORprox"] > counts["SORprox(relaxation=1.5)"]
 
 
-def test_where_nothing_oscillates_the_iterates_are_those_of_plain_sweeps() -> None:
+def test_without_oscillation_the_iterates_are_those_of_plain_sweeps() -> None:
     problem = load("funnel-100")
     plain, safeguarded = (
         iterates(problem, f"{name}(relaxation=1.2)", 60) for name in ("SORprox", "SafeguardedSORprox")
@@ -57,7 +57,7 @@ def test_where_nothing_oscillates_the_iterates_are_those_of_plain_sweeps() -> No
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-300", "funnel-planar-300", "funnel-frictionless-300"])
-def test_it_takes_no_more_sweeps_than_plain_ones_where_these_do_well(name: str) -> None:
+def test_it_takes_no_more_sweeps_than_fast_plain_sweeps(name: str) -> None:
     problem = load(name)
     plain = solve(problem, "SORprox(relaxation=1.5)", tolerance=1e-6)
     safeguarded = solve(problem, "SafeguardedSORprox(relaxation=1.5)", tolerance=1e-6)
@@ -66,8 +66,8 @@ def test_it_takes_no_more_sweeps_than_plain_ones_where_these_do_well(name: str) 
 
 
 @pytest.mark.parametrize("name", ["SafeguardedSORprox", "SafeguardedSORprox(relaxation=1.0)", "NSGS(relaxation=1.5)"])
-def test_an_observer_changes_nothing_though_steps_are_cut(name: str) -> None:
-    """Observed, sweeps are done one by one; a cut has to act at the same sweep in either case."""
+def test_an_observer_changes_nothing_when_steps_are_reduced(name: str) -> None:
+    """Observed sweeps are done one by one; a reduction must act at the same sweep."""
     for problem in [counterexample(10.0), *(high_friction(2, seed) for seed in range(5))]:
         seen: list[int] = []
         prepared = create(name).prepare(problem)

@@ -1,4 +1,4 @@
-"""SORprox does what equations [54, 55] say, in both forms."""
+"""SORprox implements equations [54, 55] in both forms."""
 
 import numpy as np
 import pytest

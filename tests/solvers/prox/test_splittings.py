@@ -1,13 +1,13 @@
-"""Splittings and gradients over whole cones reach the answers of other methods, and decline what is no cone."""
+"""Splittings and gradient methods over cones agree with other methods, and decline other laws."""
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, Model, judge, load
 from proxbench.solvers import Status, create, solve
-from proxbench.solvers.sweeps.cone import ConeProblem, ConeSweep
+from proxbench.solvers.sweeps.cone import ConeProblem
 
-COULOMB = ["TrescaFixedPoint", "FBF", "ProximalADMM", "ProximalADMM(memory=0)", "ProximalPoint"]
-OVER_CONES = ["FBF", "ProximalADMM", "APGD"]
+COULOMB = ["ProximalADMM", "ProximalADMM(memory=0)", "ProximalPoint"]
+OVER_CONES = ["ProximalADMM", "APGD"]
 
 
 def slider(friction: float) -> ContactProblem:
@@ -39,7 +39,7 @@ def test_methods_for_the_convex_model_lift_a_sliding_point_off(name: str) -> Non
     assert judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-9
 
 
-@pytest.mark.parametrize("name", ["FBF", "ProximalADMM", "ProximalPoint", "TrescaFixedPoint"])
+@pytest.mark.parametrize("name", ["ProximalADMM", "ProximalPoint"])
 def test_they_reach_the_velocities_of_sweeps_on_a_flow(name: str) -> None:
     problem = load("funnel-30-early")
     solution, swept = (solve(problem, each, tolerance=1e-9) for each in (name, "NSGS"))
@@ -62,7 +62,7 @@ def test_acceleration_saves_most_passes_where_masses_differ() -> None:
     assert 5 * fast.iterations < slow.iterations
 
 
-def test_regularisation_bridges_what_newton_alone_diverges_on() -> None:
+def test_regularisation_solves_a_problem_on_which_newton_alone_diverges() -> None:
     problem = load("hard-duplicated-slider-mu10")
     solution = solve(problem, "ProximalPoint", tolerance=1e-8)
     assert solution.status is Status.SOLVED
@@ -76,10 +76,3 @@ def test_units_of_contacts_make_the_diagonal_one_and_keep_every_velocity() -> No
     velocity = cone.matrix @ (impulses / cone.size) + cone.free
     assert cone.layout.pad(cone.matrix.diagonal()).max(axis=1) == pytest.approx(1.0)
     assert velocity / cone.size == pytest.approx(problem.relative_velocity(impulses), rel=1e-9, abs=1e-12)
-
-
-def test_cone_sweeps_descend_to_the_minimum_that_the_convex_model_has() -> None:
-    problem = load("funnel-30-early")
-    cone = ConeProblem.of(problem)
-    x = ConeSweep(cone).swept(5000, np.zeros(problem.n_rows), cone.free, 0.0)
-    assert judge(problem, cone.size * x, Model.CONVEX).residual <= 1e-8

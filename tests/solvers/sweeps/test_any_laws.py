@@ -67,7 +67,7 @@ def test_jacobi_sweeps_are_those_of_the_paper(dim: int, joints: int, rolling: in
 
 @pytest.mark.parametrize("solver", ["SORprox", "SORprox(form='factors')", "JORprox(relaxation=0.3)", "NSGS"])
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_a_joint_elsewhere_leaves_the_iterates_of_contacts_as_they_are(dim: int, solver: str) -> None:
+def test_an_uncoupled_joint_does_not_change_the_iterates_of_contacts(dim: int, solver: str) -> None:
     """Contacts alone are swept by other kernels than contacts beside a joint."""
     rng = np.random.default_rng(dim)
     directions, c = rng.normal(size=(30, 6 * dim)), rng.normal(size=6 * dim)
@@ -90,7 +90,7 @@ def test_methods_for_contacts_alone_decline_joints_and_rolling_with_the_reason(n
 
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
-def test_impulses_that_grow_and_shrink_on_the_way_leave_no_rounding_in_the_claim(form: str) -> None:
+def test_temporarily_large_impulses_leave_no_rounding_in_the_residual(form: str) -> None:
     """Momentum blows the impulses of redundant joints up to 1e4 times their last size and more."""
     problem, largest = parallelogram(20, 0.4), []
     solver = f"SORprox(relaxation=1.1, momentum=0.8, form={form!r})"

@@ -1,4 +1,4 @@
-"""Contacts dealt into batches are swept as if one by one."""
+"""Sweeps in batches equal sequential sweeps."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, load
 from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.solvers import Stop, create
-from proxbench.solvers.sweeps.batches import LANES, deal_into_batches, sweep_batches
+from proxbench.solvers.sweeps.batches import LANES, assign_batches, sweep_batches
 from proxbench.solvers.sweeps.factors import FactorSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
@@ -21,7 +21,7 @@ def test_batches_keep_the_order_of_contacts_that_share_a_body(seed: int, n_block
     bodies = np.array([rng.choice(n_chunks, 2, replace=False) for _ in range(n_blocks)], dtype=np.int64).reshape(-1, 2)
     bodies[rng.random(n_blocks) < 0.3, 1] = n_chunks
     pieces = Pieces(2 * np.arange(n_blocks + 1), bodies.ravel(), np.zeros((2 * n_blocks, 3, 6)), n_chunks)
-    places, n_batches = deal_into_batches(pieces)
+    places, n_batches = assign_batches(pieces)
     assert len(set(places.tolist())) == n_blocks
     batch = places // LANES
     assert n_batches == (batch.max() + 1 if n_blocks else 0)

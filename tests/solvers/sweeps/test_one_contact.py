@@ -1,4 +1,4 @@
-"""One contact is solved exactly, whatever its block, its friction and its bound."""
+"""One contact is solved exactly for any block, friction and bound."""
 
 import numpy as np
 import pytest
@@ -74,7 +74,7 @@ def test_a_planar_contact_of_full_rank_is_solved_to_rounding(
 
 @settings(max_examples=300, deadline=None)
 @given(seed=SEEDS, dim=st.sampled_from([2, 3]), rank=st.integers(1, 2), friction=MU, fixed=FIXED, warm=st.booleans())
-def test_a_block_without_rank_is_solved_where_its_velocity_can_be_reached(
+def test_a_rank_deficient_block_is_solved_if_its_velocity_is_in_the_range(
     seed: int, dim: int, rank: int, friction: float, fixed: float, warm: bool
 ) -> None:
     """The free velocity lies in the range of G, as it does for every contact of bodies: so there is a solution."""
@@ -175,7 +175,7 @@ def test_a_frictionless_contact_closes_only_against_approach(delassus: float, sp
     assert solve_frictionless(delassus, speed) == expected
 
 
-def test_painleve_prefers_the_state_that_was() -> None:
+def test_painleve_contacts_keep_their_state() -> None:
     """The rod with three solutions stays open if it was, and stays closed if it bore an impulse."""
     delassus = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
     free = np.array([0.01, -1.0])
@@ -224,7 +224,7 @@ def test_friction_that_leads_nowhere_is_drawn_back_until_its_contact_pushes() ->
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-def test_friction_that_nothing_moves_changes_as_little_as_its_bound_requires(friction: float) -> None:
+def test_friction_without_curvature_changes_as_little_as_its_bound_requires(friction: float) -> None:
     """G = 0 and q = 0: every impulse in the cone is right."""
     held = spatial(np.zeros((3, 3)), np.zeros(3), friction, 0.4, np.array([0.0, 0.1, 0.2]))
     drawn_back = spatial(np.zeros((3, 3)), np.zeros(3), friction, 0.4, np.array([0.0, 3.0, 4.0]))
@@ -232,7 +232,7 @@ def test_friction_that_nothing_moves_changes_as_little_as_its_bound_requires(fri
     assert drawn_back == pytest.approx([0.0, 0.24, 0.32])
 
 
-def test_a_block_of_rank_one_keeps_the_friction_that_leads_nowhere() -> None:
+def test_a_block_of_rank_one_keeps_undetermined_friction() -> None:
     """All rows push along one direction: only Λ_N + Λ_T1 + Λ_T2 is determined."""
     impulses = spatial(np.ones((3, 3)), np.full(3, -2.0), 1.0, 0.0, np.array([1.0, 0.3, 0.2]))
     assert impulses == pytest.approx([1.5, 0.3, 0.2])
@@ -251,7 +251,7 @@ def scattered_blocks(rng: np.random.Generator, count: int, dim: int) -> tuple[np
 @pytest.mark.slow
 @pytest.mark.parametrize(("dim", "n_blocks"), [(3, 100_000), (2, 20_000)])
 @pytest.mark.parametrize("warm", [False, True])
-def test_no_block_of_a_hundred_thousand_is_left_unsolved(dim: int, n_blocks: int, warm: bool) -> None:
+def test_all_of_a_hundred_thousand_blocks_are_solved(dim: int, n_blocks: int, warm: bool) -> None:
     """Any spectrum within 12 decades and any μ up to 10: what is left is rounding of the terms that ξ is made of.
 
     Contacts that nothing couples are problems of their own to the judge, so a thousand are judged at once.

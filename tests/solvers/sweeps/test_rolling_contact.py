@@ -1,4 +1,4 @@
-"""One contact with rolling friction is solved to rounding, whatever it does."""
+"""One contact with rolling friction is solved to rounding in every state."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_the_answer_solves_the_contact(
 
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**31), mu=st.sampled_from([0.1, 0.5]))
-def test_without_coupling_sliding_and_rolling_are_answered_apart(seed: int, mu: float) -> None:
+def test_uncoupled_sliding_and_rolling_are_solved_separately(seed: int, mu: float) -> None:
     """Rolling rows that nothing couples follow in closed form; the others are the spatial contact."""
     delassus, c = block(seed, 2, 1, 1.0)
     delassus[3, :3] = delassus[:3, 3] = 0.0
@@ -62,7 +62,7 @@ def test_without_coupling_sliding_and_rolling_are_answered_apart(seed: int, mu: 
     assert found[3] == pytest.approx(np.clip(-c[3] / delassus[3, 3], -0.2 * spatial[0], 0.2 * spatial[0]), abs=1e-12)
 
 
-def test_a_contact_that_opens_bears_nothing_and_one_at_rest_keeps_its_impulse() -> None:
+def test_an_opening_contact_has_no_impulse_and_a_resting_one_keeps_its_impulse() -> None:
     delassus, c = block(1, 2, 2, 1.0)
     c[0] = 1.0
     assert solved(delassus, c, 2, 0.3, 0.1, np.zeros(5)).tolist() == [0.0] * 5
@@ -70,7 +70,7 @@ def test_a_contact_that_opens_bears_nothing_and_one_at_rest_keeps_its_impulse() 
     assert solved(delassus, -delassus @ rest, 2, 0.3, 0.1, rest) == pytest.approx(rest, rel=1e-12)
 
 
-def test_a_block_without_rank_is_solved_by_one_of_its_impulses() -> None:
+def test_a_rank_deficient_block_is_solved_by_some_impulse() -> None:
     rng = np.random.default_rng(4)
     for _ in range(50):
         root = rng.normal(size=(3, 5))

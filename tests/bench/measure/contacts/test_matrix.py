@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -97,7 +98,9 @@ def test_a_page_names_bad_outcomes_only_where_there_are_any() -> None:
     solved = Cell("hard-groove", "S", Outcome.SOLVED)
     assert "No cell is wrong, not finite or at fault." in matrix_page([solved], 1e-8, "")
     wrong = Cell("hard-groove", "S", Outcome.WRONG, 1.0, reason="the judge finds 1")
-    assert "| solver | wrong |" in matrix_page([wrong], 1e-8, "")
+    page = matrix_page([solved, wrong, replace(wrong, problem="hard-squeezed", is_finite=False)], 1e-8, "")
+    assert "| `S` | 1 | 2 wrong, 1 not finite |" in page
+    assert "No cell is" not in page
 
 
 def test_a_solver_that_crashes_costs_its_own_cell() -> None:

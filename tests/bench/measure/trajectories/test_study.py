@@ -103,7 +103,7 @@ def test_the_same_setting_has_the_same_error_whatever_varies(pour: Run) -> None:
 def test_a_study_reports_tables_points_and_charts_as_a_run_does(pour: Run) -> None:
     made = pour.report()
     assert {file.name for file in made.tables} == {
-        f"{n}.{k}" for n in ("results", "points") for k in ("csv", "parquet", "md")
+        f"{n}.{k}" for n in ("results", "points") for k in ("csv", "parquet", "md", "tex")
     }
     assert len(made.summary) == len(pour.errors) == 9
     assert [file.suffix for file in made.charts] == [".svg", ".png"]
@@ -195,7 +195,8 @@ def test_want_of_time_ends_the_ladder(tmp_path: Path) -> None:
 
 
 def test_a_solver_that_cannot_treat_a_step_is_unsupported(tmp_path: Path) -> None:
-    run = study("sliding_sphere", create("CvxpyQP"), tmp_path, methods={"Moreau with SORprox": (0.1,)}, members=[1.0])
+    methods = {"Moreau with SORprox": (0.1,)}
+    run = study("sliding_sphere", create("Enumeration"), tmp_path, methods=methods, members=[1.0])
     outcomes = run.cases.set_index("solver")["outcome"]
     assert outcomes["Moreau with SORprox"] == Outcome.MEASURED
     (other,) = outcomes.drop("Moreau with SORprox")

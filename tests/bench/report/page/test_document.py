@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
+from proxbench.bench.report.accuracy import attempts
 from proxbench.bench.report.charts.profiles import write_profiles
 from proxbench.bench.report.page.assembly import page, write_page
 from proxbench.bench.report.page.commands import option, run_command
@@ -62,12 +63,34 @@ def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
     )
     points = frames.points.assign(residual=exact)
     document = page_document(replace(frames, points=points), "NSGS")
-    pairs = zip(document["cases"]["problem"], document["cases"]["solver"], document["cases"]["points"], strict=True)
-    for problem, solver, columns in pairs:
-        is_own = points["problem"] == document["problems"][problem]["name"]
-        own = points[is_own & (points["solver"] == document["solvers"][solver]["name"])]
-        for accuracy in document["accuracies"]:
-            assert [value <= accuracy for value in columns[5]] == (own["residual"] <= accuracy).tolist()
+    for accuracy in document["accuracies"]:
+        residuals = document["points"]["residual"]
+        assert [value <= accuracy for value in residuals] == (points["residual"] <= accuracy).tolist()
+
+
+def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
+    frames = load(REFERENCE)
+    document = page_document(frames, "NSGS")
+    table = attempts(frames, document["accuracies"]).set_index(["problem", "solver", "accuracy"])
+    columns = (document["cases"][name] for name in ("problem", "solver", "supported", "seconds", "claimed", "excluded"))
+    for problem, solver, supported, *values in zip(*columns, strict=True):
+        for accuracy, seconds, claimed, excluded in zip(document["accuracies"], *values, strict=True):
+            if supported:
+                expected = table.loc[problem, solver, accuracy]
+                assert (bool(claimed), bool(excluded)) == (expected["claimed"], expected["excluded"])
+                assert np.nan_to_num(float("nan") if seconds is None else seconds) == pytest.approx(
+                    np.nan_to_num(expected["seconds"]), rel=1e-6
+                )
+
+
+def test_the_page_opens_a_problem_with_something_to_draw() -> None:
+    frames = load(REFERENCE)
+    first = frames.info.plan.problems[0]
+    assert page_document(frames, "NSGS")["open"] == first
+    without = {
+        name: getattr(frames, name)[getattr(frames, name)["problem"] != first] for name in ("points", "iterations")
+    }
+    assert page_document(replace(frames, **without), "NSGS")["open"] == frames.info.plan.problems[1]
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +117,8 @@ def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None
     failed = replace(frames, cases=frames.cases.assign(outcome="crashed", reason="signal 11", stderr="boom"), **nothing)
     document = page_document(failed, baseline_of(failed))
     assert set(document["cases"]["outcome"]) == {"crashed"}
-    assert {document["texts"][number] for number in document["cases"]["stderr"]} == {"boom"}
-    assert all(not column for columns in document["cases"]["points"] for column in columns)
+    assert set(document["cases"]["stderr"]) == {"boom"}
+    assert not any(document["points"].values())
     assert len(write_profiles(failed, "NSGS", tmp_path)) == 15
 
 
@@ -131,7 +154,7 @@ def test_nothing_of_a_run_ends_its_element() -> None:
     assert "img" not in tags.found
     embedded = re.search(r'<script type="application/json" id="run">(.*?)</script>', made, re.DOTALL)
     assert embedded is not None
-    assert hostile in json.loads(embedded[1])["texts"]
+    assert hostile in json.loads(embedded[1])["cases"]["stderr"]
 
 
 def test_the_page_refers_to_nothing_outside(quick: str) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import msgspec
 import numpy as np
@@ -64,6 +65,16 @@ def enter(browser: Chromium, field: str, value: str, event: str) -> None:
     browser.evaluate("proxbench.render()")
 
 
+def go(browser: Chromium, address: str) -> None:
+    """Go to an address within the page, and wait for the charts."""
+    browser.evaluate(f"location.hash = {json.dumps(address)}")
+    browser.evaluate("new Promise((done) => setTimeout(done, 300)).then(() => proxbench.render())")
+
+
+def text_of(browser: Chromium, place: str) -> str:
+    return str(browser.evaluate(f"document.getElementById('{place}').textContent"))
+
+
 def shown(browser: Chromium, place: str) -> pd.DataFrame:
     """The texts of a table."""
     script = f"""[...document.querySelectorAll('#{place} tr')].map(
@@ -119,13 +130,14 @@ def test_filters_give_what_the_tables_compute(
     found = shown(browser, "summary-table").set_index("solver")
     assert list(found.index) == list(expected.index)
     for solver, row in expected.iterrows():
-        says, true = (round(row[f"{kind}_1e-06"] * row["problems"]) for kind in ("success", "correct"))
-        texts = [f"{says}/{row['problems']}", f"{true}/{row['problems']}", duration(row["mean_time_1e-06"])]
-        assert found.loc[solver, ["says", "true", "mean"]].tolist() == texts
+        claimed, confirmed = (round(row[f"{kind}_1e-06"] * row["problems"]) for kind in ("success", "correct"))
+        counts = [f"{count}/{row['problems']}" for count in (claimed, confirmed)]
+        texts = [*counts, duration(row["mean_time_1e-06"])]
+        assert found.loc[solver, ["claimed", "confirmed", "mean"]].tolist() == texts
         assert found.loc[solver, "own mean"] == duration(row["own_mean_time_1e-06"])
         assert found.loc[solver, "wrong"] == str(row["wrong"])
     seconds = seconds_matrix(left, 1e-6)
-    for view, chosen in ((COMMON, "0"), (EVERY, "1")):
+    for view, chosen in ((COMMON, "common problems"), (EVERY, "all problems")):
         enter(browser, PROFILES_OVER, chosen, "change")
         for name in ("performance", "data", "accuracy", "speedup"):
             profile = profile_of(left, name, view)
@@ -142,7 +154,7 @@ def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium
     uncheck(browser, ["planar friction (2 rows)", "convex", "pyramid(4)"])
     enter(browser, "input[placeholder='at most']", "1000", "change")
     enter(browser, "input[type='search']", "FUNNEL", "input")
-    enter(browser, "#filters select", "3", "change")  # 1e-4
+    enter(browser, "#filters select", "1e-4", "change")
     frames = load(REFERENCE)
     cases = frames.cases
     kept = cases["problem"].str.contains("funnel") & (cases["n_rows"] != 2 * cases["n_contacts"])
@@ -188,14 +200,14 @@ def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_r
     file.write_text(page(replace(frames, cases=cases), "SORprox"), encoding="utf-8")
     opened(browser, file)
     for chosen, over, axis in (
-        ("0", "Shares over the 2 of 3 problems that 5 solvers all support.", "share of 2 common problems"),
-        ("1", "Shares over all 3 problems, unsupported ones counted as not solved.", "share of 3 problems"),
+        ("common", "Shares are over the 2 of 3 problems that all 5 solvers support.", "share of 2 common problems"),
+        ("all", "Shares are over all 3 problems; unsupported ones count as not solved.", "share of 3 problems"),
     ):
-        enter(browser, PROFILES_OVER, chosen, "change")
+        enter(browser, PROFILES_OVER, f"{chosen} problems", "change")
         assert browser.evaluate("document.getElementById('profiles-over').textContent") == over
         assert axis in axis_titles(browser, "performance")
         cells = shown(browser, "budgets-table").iloc[0].tolist()[1:]
-        assert {cell.rpartition("/")[2] for cell in cells} == {"2" if chosen == "0" else "3"}
+        assert {cell.rpartition("/")[2] for cell in cells} == {"2" if chosen == "common" else "3"}
     assert browser.errors == []
 
 
@@ -206,7 +218,7 @@ def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, refer
     assert browser.errors == []
     assert browser.evaluate("proxbench.figures.performance.rows().length") == 0
     counts = browser.evaluate("document.getElementById('counts').textContent")
-    assert counts.endswith(": nothing matches the filters, choose more of them")
+    assert counts.endswith("; nothing matches the filters: select more")
     uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
     assert browser.evaluate("proxbench.figures.performance.rows().length") > 0
     assert browser.errors == []
@@ -227,9 +239,7 @@ def test_heads_sort_tables_by_their_numbers(browser: Chromium, reference: Path) 
 def test_an_address_opens_a_case_with_all_that_is_known_of_it(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     frames = load(REFERENCE)
-    problem, solver = frames.info.plan.problems.index("funnel-100"), frames.info.plan.solvers.index("NSGS")
-    browser.evaluate(f"location.hash = '#case-{problem}-{solver}'")
-    browser.evaluate("new Promise((done) => setTimeout(done, 200)).then(() => proxbench.render())")
+    go(browser, "#problem=funnel-100&case=NSGS")
     text = browser.evaluate("document.getElementById('case-view').textContent")
     case = frames.cases[(frames.cases["problem"] == "funnel-100") & (frames.cases["solver"] == "NSGS")].iloc[0]
     for part in ("NSGS on funnel-100", case["digest"], "--problem funnel-100", "--solver NSGS", "coulomb"):
@@ -237,6 +247,64 @@ def test_an_address_opens_a_case_with_all_that_is_known_of_it(browser: Chromium,
     assert browser.evaluate("document.querySelectorAll('#case-view .drawing svg').length") == 2
     assert len(shown(browser, "case-view")) == len(frames.info.plan.tolerances)
     assert browser.errors == []
+
+
+def test_the_address_keeps_filters_by_their_names(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    uncheck(browser, ["Lemke", "hard: rods"])
+    enter(browser, "#filters select", "1e-4", "change")
+    enter(browser, PROFILES_OVER, "all problems", "change")
+    address, table = browser.evaluate("location.hash"), shown(browser, "summary-table")
+    counts = text_of(browser, "counts")
+    for words in ("without-solver=Lemke", "without-family=hard%3A+rods", "accuracy=0.0001", "profiles=all"):
+        assert words in address
+    go(browser, "#all=")
+    assert text_of(browser, "counts") == "8 of 8 problems, 15 of 15 solvers, to a judged residual of 1e-6"
+    go(browser, address)
+    pd.testing.assert_frame_equal(shown(browser, "summary-table"), table)
+    assert text_of(browser, "counts") == counts
+    unchecked = "[...document.querySelectorAll('#filters input[type=checkbox]')].filter((one) => !one.checked).length"
+    assert browser.evaluate(unchecked) == 3  # a solver, a family, and profiles by family
+    go(browser, "#without-solver=gone&accuracy=7&problem=gone")
+    assert text_of(browser, "counts").startswith("8 of 8 problems, 15 of 15 solvers, to a judged residual of 1e-6")
+    assert browser.errors == []
+
+
+def test_unsupported_cases_are_apart_from_failures(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    cases = load(REFERENCE).cases
+    unsupported = cases[cases["outcome"] == "unsupported"]
+    assert len(unsupported)
+    assert "unsupported" not in set(shown(browser, "failures-table")["outcome"])
+    found = shown(browser, "unsupported-table")
+    assert found["number"].astype(int).sum() == len(unsupported)
+    assert set(found["solver"]) == set(unsupported["solver"])
+
+
+def test_colours_follow_the_theme_and_paper_is_white(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    script = "(({ backgroundColor, color }) => [backgroundColor, color])(getComputedStyle(document.body))"
+
+    def seen(theme: str, media: str = "screen") -> Any:
+        features = [{"name": "prefers-color-scheme", "value": theme}]
+        browser.call("Emulation.setEmulatedMedia", media=media, features=features)
+        return browser.evaluate(script)
+
+    assert seen("light") == seen("dark", "print") == ["rgb(255, 255, 255)", "rgb(28, 35, 41)"]
+    assert seen("dark") == ["rgb(20, 24, 28)", "rgb(228, 233, 238)"]
+    browser.call("Emulation.setEmulatedMedia", media="screen", features=[])
+
+
+def test_a_narrow_window_shows_a_cue_where_columns_are_out_of_sight(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    cut = "new Promise((done) => setTimeout(done, 300)).then(() => document.querySelectorAll('.frame.cut').length)"
+    sizes = {"height": 900, "deviceScaleFactor": 1, "mobile": False}
+    browser.call("Emulation.setDeviceMetricsOverride", width=600, **sizes)
+    assert browser.evaluate(cut) > 0
+    assert browser.evaluate("document.documentElement.scrollWidth") <= 600
+    browser.call("Emulation.setDeviceMetricsOverride", width=2400, **sizes)
+    assert browser.evaluate(cut) == 0
+    browser.call("Emulation.clearDeviceMetricsOverride")
 
 
 def renamed(table: pd.DataFrame, names: dict[str, dict[str, str]]) -> pd.DataFrame:
@@ -273,9 +341,7 @@ def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path
     file = tmp_path / "report.html"
     file.write_text(page(replace(frames, info=info, **tables)), encoding="utf-8")
     opened(browser, file)
-    problem, solver = plan.problems.index("funnel-100"), plan.solvers.index("NSGS")
-    browser.evaluate(f"location.hash = '#case-{problem}-{solver}'")
-    browser.evaluate("new Promise((done) => setTimeout(done, 300)).then(() => proxbench.render())")
+    go(browser, f"#{urlencode({'problem': f'p{attack}', 'case': f's{attack}'})}")
     text = browser.evaluate("document.body.textContent")
     for part in ("p", "s", "f", "run ", "suite ", "left out ", "stderr ", "traceback ", "reason ", "model "):
         assert f"{part}{attack}" in text

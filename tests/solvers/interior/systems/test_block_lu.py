@@ -102,7 +102,7 @@ def test_divided_supernodes_take_less_work_and_have_the_same_solution() -> None:
     rng = np.random.default_rng(0)
     blocks, right = rng.normal(size=(pattern.nnz, 1, 1)), rng.normal(size=3600)
     blocks[pattern.indices == np.repeat(np.arange(3600), np.diff(pattern.indptr))] += 10.0
-    factors = [BlockLU(pattern.indptr, pattern.indices, 1, most_columns=most) for most in (3600, 40)]
+    factors = [BlockLU(pattern.indptr, pattern.indices, 1, max_columns=most) for most in (3600, 40)]
     assert all(factor.factorise(blocks) for factor in factors)
     found = [factor.solve(right) for factor in factors]
     assert np.abs(found[0] - found[1]).max() <= 1e-12 * np.abs(found[0]).max()

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.random import Generator, default_rng
-from proxbench.bench.store.certainty import (
-    LEAST_PAIRS,
-    LEAST_ROUNDS,
+from proxbench.bench.store import ratios
+from proxbench.bench.store.ratios import (
     MARGIN,
-    Row,
-    interval,
-    ratio,
+    MIN_PAIRS,
+    MIN_ROUNDS,
+    Ratio,
+    bootstrap_ratio,
     reaching,
     standings,
     times_by_point,
@@ -33,33 +33,40 @@ def disturbed(chance: Generator, n: int) -> "np.typing.NDArray[np.float64]":
     return quiet(chance, n) + (chance.random(n) < 0.1) * chance.exponential(0.5, n)
 
 
-def rounds(seconds: "np.typing.ArrayLike", session: int = 0, excluded: str = "", first: int = 0) -> list[Row]:
-    return [
-        Row(session, first + number, 0, float(value), excluded) for number, value in enumerate(np.atleast_1d(seconds))
-    ]
+def rounds(seconds: "np.typing.ArrayLike", session: int = 0, excluded: str = "", first: int = 0) -> pd.DataFrame:
+    values = np.atleast_1d(seconds)
+    numbers = first + np.arange(len(values))
+    frame = pd.DataFrame({"session": session, "number": numbers, "turn": 0, "total_seconds": values})
+    return frame.assign(excluded=excluded, solver="a", tolerance=1e-4)
+
+
+def ratio(mine: pd.DataFrame, others: pd.DataFrame) -> Ratio:
+    """Return the ratio of rounds of two solvers on one problem."""
+    both = times_by_point(pd.concat([mine, others.assign(solver="b")]))
+    none = both["b", 1e-4].iloc[:0]
+    return ratios.ratio(both.get(("a", 1e-4), none), both["b", 1e-4])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [quiet, disturbed])
-@pytest.mark.parametrize("pairs", [LEAST_PAIRS, 6, 10, 20])
+@pytest.mark.parametrize("pairs", [MIN_PAIRS, 6, 10, 20])
 def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs: int) -> None:
     chance = default_rng(pairs)
-    found = [
-        ratio(rounds(2.0 * np.exp(noise(chance, pairs))), rounds(np.exp(noise(chance, pairs)))) for _ in range(RUNS)
-    ]
+    found = [bootstrap_ratio(np.log(2.0) + noise(chance, pairs) - noise(chance, pairs)) for _ in range(RUNS)]
     assert 0.92 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
     assert np.median([one.value for one in found]) == pytest.approx(2.0, rel=0.01)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("passes", [LEAST_PAIRS, 7])
+@pytest.mark.parametrize("passes", [MIN_PAIRS, 7])
 def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_rounds(passes: int) -> None:
     chance = default_rng(passes)
 
-    def of_processes(median: float) -> list[Row]:
+    def of_processes(median: float) -> pd.DataFrame:
         own = np.repeat(chance.normal(0.0, 0.05, passes), 2)
         times = median * np.exp(own + chance.normal(0.0, 0.02, 2 * passes))
-        return [Row(0, place // 2, place % 2, seconds) for place, seconds in enumerate(times.tolist())]
+        place = np.arange(2 * passes)
+        return rounds(times).assign(number=place // 2, turn=place % 2)
 
     found = [ratio(of_processes(2.0), of_processes(1.0)) for _ in range(RUNS)]
     assert 0.92 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
@@ -87,8 +94,8 @@ def test_a_ratio_and_that_of_the_others_are_reciprocal() -> None:
 
 
 def test_rounds_of_other_moments_make_no_pairs() -> None:
-    times = np.linspace(1.0, 2.0, LEAST_PAIRS)
-    for others in (rounds(times, session=1), rounds(times, first=LEAST_PAIRS)):
+    times = np.linspace(1.0, 2.0, MIN_PAIRS)
+    for others in (rounds(times, session=1), rounds(times, first=MIN_PAIRS)):
         found = ratio(rounds(times), others)
         assert found.value == pytest.approx(1.0)
         assert found.low < 0.7
@@ -100,28 +107,25 @@ def test_rounds_of_other_moments_make_no_pairs() -> None:
 @pytest.mark.parametrize(("mine", "others"), [(3, 3), (3, 6), (5, 4), (10, 10)])
 def test_intervals_without_pairs_hold_the_true_ratio_too(noise: Noise, mine: int, others: int) -> None:
     chance = default_rng((mine, others))
-    found = [
-        ratio(rounds(2.0 * np.exp(noise(chance, mine))), rounds(np.exp(noise(chance, others)), session=1))
-        for _ in range(RUNS)
-    ]
+    found = [bootstrap_ratio(np.log(2.0) + noise(chance, mine), noise(chance, others)) for _ in range(RUNS)]
     assert 0.89 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
 
 
 def test_too_few_rounds_without_pairs_have_no_interval() -> None:
-    found = ratio(rounds(np.ones(LEAST_ROUNDS - 1)), rounds(np.ones(9), session=1))
+    found = ratio(rounds(np.ones(MIN_ROUNDS - 1)), rounds(np.ones(9), session=1))
     assert (found.low, found.high) == (0.0, np.inf)
 
 
 def test_excluded_rounds_never_count() -> None:
-    n = LEAST_PAIRS
+    n = MIN_PAIRS
     good, excluded = rounds(np.ones(n)), rounds(np.full(n, 9.0), excluded="preempted", first=n)
     both = rounds(np.ones(2 * n))
-    assert ratio([*good, *excluded], both).value == pytest.approx(1.0)
+    assert ratio(pd.concat([good, excluded]), both).value == pytest.approx(1.0)
     assert np.isnan(ratio(excluded, both).value)
 
 
 def test_few_pairs_have_no_interval_and_decide_nothing() -> None:
-    found = interval(np.log(np.full(LEAST_PAIRS - 1, 3.0)))
+    found = bootstrap_ratio(np.log(np.full(MIN_PAIRS - 1, 3.0)))
     assert found.value == pytest.approx(3.0)
     assert (found.low, found.high) == (0.0, np.inf)
 
@@ -133,8 +137,7 @@ def points(*rows: tuple[str, float, float, float, str]) -> pd.DataFrame:
 
 
 def rounds_frame(**times: list[float]) -> pd.DataFrame:
-    parts = [pd.DataFrame(rounds(seconds)).assign(solver=solver, tolerance=1e-4) for solver, seconds in times.items()]
-    return pd.concat(parts)
+    return pd.concat([rounds(seconds).assign(solver=solver) for solver, seconds in times.items()])
 
 
 def test_the_fastest_point_of_a_solver_is_one_that_the_judge_confirms_in_time() -> None:

@@ -1,4 +1,4 @@
-"""A relay ends as its last solver did, unless an earlier one had no time for its next step."""
+"""A sequence ends as its last solver did, unless an earlier one lacked time for its next step."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ import pytest
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Model, Solution, Status, Stop
-from proxbench.solvers.composite.relay import Relay
-from proxbench.solvers.iteration.clock import Clock
+from proxbench.solvers.composite.sequence import SolverSequence
+from proxbench.solvers.iteration.stopping import Clock
 
 ONE = ContactProblem.from_delassus([[1.0]], [-1.0], dim=1)
 
 
 @dataclass(frozen=True)
 class Scripted:
-    """Answers zero, and ends as it is said to."""
+    """Returns zero with a given status."""
 
     name: str
     status: Status
@@ -42,9 +42,9 @@ class Scripted:
         ((Status.TIME_LIMIT, Status.DIVERGED, Status.STALLED), Status.TIME_LIMIT),
     ],
 )
-def test_how_it_ends(ends: tuple[Status, ...], status: Status) -> None:
+def test_the_status_is_that_of_the_last_run_or_a_time_limit(ends: tuple[Status, ...], status: Status) -> None:
     stop = Stop(1e-8)
-    relay = Relay(ONE, Residual(ONE), {}, stop, None, Clock(stop.max_seconds))
+    sequence = SolverSequence(ONE, Residual(ONE), {}, stop, None, Clock(stop.max_seconds))
     for number, end in enumerate(ends):
-        assert relay.take(relay.turn(Scripted(f"part {number}", end), None, 10)) is None
-    assert relay.ended(relay.status, "").status is status
+        assert sequence.run(sequence.plan(Scripted(f"part {number}", end), None, 10)) is None
+    assert sequence.finish(sequence.status).status is status

@@ -1,23 +1,30 @@
-"""The associated contact model written in cvxpy, for any of its conic solvers.
+"""CvxpyCoulomb: Coulomb friction by the fixed point of ``fixed_point``, with any solver of cvxpy for the cone programs.
 
     minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact, Λ = y times its unit
 
-with G = RᵀR: R = W̃ where the factors are known, else from the eigenvalues of G. Units and regularisation are those of
-``programs``. The linear term is a parameter: cvxpy compiles the program once, and later runs replace b alone.
+with G = RᵀR: R = W̃ where the factors are known, otherwise from the eigenvalues of G. Units and regularisation are those
+of ``programs``. The linear term is a parameter: cvxpy compiles the program once, and later runs replace b alone.
+``ClarabelCoulomb`` does the same without cvxpy, whose cost is the compilation.
 """
 
 import importlib
 import time
 import warnings
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.laws import ROWS_OF_KIND, LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
-from .programs import ConicResult, Ended, Scaling, friction_parts
+from .fixed_point import FixedPointMethod, check_memory
+from .programs import ConicResult, ConicStatus, Scaling, friction_parts, unsupported_reason
+
+MAX_CONTACTS = 2500
+"""Contacts beyond which compiling takes gigabytes: 0.5 GB at 1000, 1.4 GB at 2000."""
 
 _OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "CLARABEL": (("tol_gap_abs", "tol_gap_rel", "tol_feas"), "max_iter", "time_limit"),
@@ -28,46 +35,85 @@ _OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "PROXQP": (("eps_abs", "eps_rel"), "max_iter", ""),
     "PIQP": (("eps_abs", "eps_rel"), "max_iter", ""),
 }
-"""What solvers call their tolerances, their limit of iterations and their limit of time; others keep their defaults."""
+"""Names of the tolerances, the iteration limit and the time limit of each solver; other solvers keep their defaults."""
 
 BUNDLED_CONIC = "CLARABEL"
-"""A conic solver that is installed with cvxpy."""
+"""A conic solver that cvxpy installs."""
 
 BUNDLED_QUADRATIC = "OSQP"
-"""A quadratic solver that is installed with cvxpy."""
+"""A quadratic solver that cvxpy installs."""
 
 FIRST_ORDER_ITERATIONS = 100_000
-"""Most iterations of a splitting method, whose iterations are cheap."""
+"""Largest iteration limit of a splitting method, whose iterations are cheap."""
+
+
+@dataclass(frozen=True)
+class CvxpyCoulomb(FixedPointMethod):
+    """Exact Coulomb friction by De Saxcé's fixed point over the convex model in cvxpy.
+
+    Spatial friction needs second-order cones. Planar friction and frictionless contact are quadratic programs, which
+    quadratic solvers accept as well; without friction one or two programs suffice.
+
+    Attributes:
+        solver: a conic or quadratic solver that is installed for cvxpy.
+        memory: number of pairs that Anderson acceleration of the outer iteration keeps, 0 for no acceleration.
+
+    Raises:
+        SolverError: if cvxpy has no such solver, or for an option out of range.
+    """
+
+    solver: str = BUNDLED_CONIC
+    memory: int = 5
+
+    def __post_init__(self) -> None:
+        check_solver(self.solver)
+        check_memory(self.memory)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Return why the solver cannot solve ``problem``, or None."""
+        laws = problem.laws
+        if (ROWS_OF_KIND[laws.kind] > 1).any() and not takes_cones(self.solver):
+            is_spatial = (laws.kind == LawKind.SPATIAL_FRICTION).any()
+            discs = "spatial friction" if is_spatial else "rolling friction about several axes"
+            return f"it has {discs}, and {self.solver} does not support second-order cones"
+        if problem.n_contacts > MAX_CONTACTS:
+            return (
+                f"it has {problem.n_contacts} contacts, and cvxpy needs gigabytes to compile more than {MAX_CONTACTS}"
+            )
+        return unsupported_reason(problem, "delassus")
+
+    def program(self, problem: ContactProblem) -> "CvxpyProgram":
+        """Return the program, compiled."""
+        return CvxpyProgram(problem, self.solver)
 
 
 def cvxpy() -> Any:
-    """Return cvxpy, imported when it is first needed: it takes more than a second."""
+    """Import cvxpy on first use, because that takes more than a second."""
     return importlib.import_module("cvxpy")
 
 
-def check_solver(name: str, cones: bool) -> None:
-    """Raise ``SolverError`` unless cvxpy has the solver ``name``, and it takes second-order cones if ``cones``."""
-    if name in (BUNDLED_CONIC, *([] if cones else [BUNDLED_QUADRATIC])):
+def check_solver(name: str) -> None:
+    """Raise ``SolverError`` unless cvxpy has the solver ``name``."""
+    if name in (BUNDLED_CONIC, BUNDLED_QUADRATIC):
         return  # without importing cvxpy
-    known = installed(cones)
+    known = installed(cones=False)
     if name in known:
         return
     cp, names = cvxpy(), ", ".join(known)
     if name in cp.installed_solvers():
-        need = "second-order cones" if cones else "quadratic objectives"
-        raise SolverError(f"the solver {name!r} of cvxpy does not take {need}; {names} do.")
+        raise SolverError(f"the solver {name!r} of cvxpy does not support quadratic objectives; use one of {names}.")
     if name in cp.settings.SOLVERS:
-        raise SolverError(f"cvxpy knows the solver {name!r}, but it is not installed; install it, or take {names}.")
-    raise SolverError(f"cvxpy knows no solver {name!r}; installed are {names}.")
+        raise SolverError(f"the solver {name!r} of cvxpy is not installed; install it, or use one of {names}.")
+    raise SolverError(f"cvxpy has no solver {name!r}; use one of {names}.")
 
 
 def takes_cones(name: str) -> bool:
-    """Whether the installed solver ``name`` takes second-order cones."""
+    """Whether the installed solver ``name`` supports second-order cones."""
     return name == BUNDLED_CONIC or name in installed(cones=True)
 
 
 def installed(cones: bool) -> list[str]:
-    """Return the installed solvers of cvxpy that take second-order cones, or quadratic objectives."""
+    """Return the installed solvers of cvxpy that support second-order cones, or quadratic objectives."""
     cp = cvxpy()
     defines = importlib.import_module("cvxpy.reductions.solvers.defines")
     names = []
@@ -82,8 +128,6 @@ def installed(cones: bool) -> list[str]:
 class CvxpyProgram:
     """The program over impulses; see ``programs.ConicProgram``."""
 
-    can_be_careful: ClassVar[bool] = False
-
     def __init__(self, problem: ContactProblem, solver: str, weight: FloatArray | None = None) -> None:
         cp = cvxpy()
         self._problem, self._solver = problem, solver
@@ -97,36 +141,34 @@ class CvxpyProgram:
         objective = 0.5 * cp.sum_squares(root @ self._impulses) + self._linear @ self._impulses
         self._program = cp.Problem(cp.Minimize(objective), _constraints(problem, scaling, self._impulses))
         self._linear.value = np.zeros(problem.n_rows)
-        self._program.get_problem_data(solver)  # compiles, and keeps what it compiled
+        self._program.get_problem_data(solver)  # compiles the program and caches the result
 
-    def run(
-        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
-    ) -> ConicResult:
+    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
         """See ``ConicProgram``."""
         cp = cvxpy()
         self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
-        tolerances, most_iterations, most_seconds = _OPTIONS.get(self._solver, ((), "", ""))
+        tolerances, iteration_limit, time_limit = _OPTIONS.get(self._solver, ((), "", ""))
         options: dict[str, float] = dict.fromkeys(tolerances, accuracy)
-        if most_iterations:
-            options[most_iterations] = max(1, min(FIRST_ORDER_ITERATIONS, iterations))
-        if most_seconds:
-            options[most_seconds] = max(seconds, 1e-3)
+        if iteration_limit:
+            options[iteration_limit] = max(1, min(FIRST_ORDER_ITERATIONS, iterations))
+        if time_limit:
+            options[time_limit] = max(seconds, 1e-3)
         began = time.perf_counter()
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of inaccuracy, which the judge measures
+                warnings.simplefilter("ignore")  # about inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
-            ended = {cp.OPTIMAL: Ended.CONVERGED, cp.UNBOUNDED: Ended.UNBOUNDED}.get(
-                self._program.status, Ended.GAVE_UP
+            status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
+                self._program.status, ConicStatus.GAVE_UP
             )
         except cp.error.SolverError:
-            ended = Ended.GAVE_UP
+            status = ConicStatus.GAVE_UP
         taken = time.perf_counter() - began
         found = self._impulses.value
         impulses = np.full(self._problem.n_rows, np.nan) if found is None else self._scaling.impulse * found
         stats = self._program.solver_stats
         count = getattr(stats, "num_iters", None) if stats is not None else None
-        return ConicResult(impulses, int(count or 1), taken, ended)
+        return ConicResult(impulses, int(count or 1), taken, status)
 
     def regularised(self, weight: FloatArray) -> "CvxpyProgram":
         """See ``ConicProgram``."""
@@ -142,7 +184,7 @@ def _root(problem: ContactProblem) -> Any:
 
 
 def _constraints(problem: ContactProblem, scaling: Scaling, impulses: Any) -> list[Any]:
-    """Return y_N ≥ 0 for all contacts, and the friction discs, those of equally many rows together."""
+    """Return y_N ≥ 0 for all contacts, and the friction discs, grouped by their number of rows."""
     cp = cvxpy()
     layout, normal = problem.layout, scaling.lanes[:, 0]
     constraints = []

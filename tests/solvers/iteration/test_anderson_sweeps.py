@@ -1,4 +1,4 @@
-"""Mixing: GMRES on what is linear, plain sweeps where it has nothing to do, and never far from these."""
+"""Anderson acceleration of sweeps: GMRES on linear maps, plain sweeps without memory, never far from plain sweeps."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.iteration.mixing import LONGEST, WINDOW, Differences, MixedIterates
+from proxbench.solvers.iteration.anderson import FIRST_WINDOW, MAX_WINDOW, AndersonSweeps, WindowDifferences
 
 
 class Map:
@@ -38,11 +38,11 @@ def linear(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 @pytest.mark.parametrize("seed", range(5))
-def test_a_linear_map_of_n_dimensions_is_solved_after_n_mixings(n: int, seed: int) -> None:
+def test_a_linear_map_of_n_dimensions_is_solved_after_n_extrapolations(n: int, seed: int) -> None:
     matrix, offset = linear(n, seed)
     exact = np.linalg.solve(np.eye(n) - matrix, offset)
-    mixed = MixedIterates(Map(lambda x: matrix @ x + offset, np.zeros(n)), np.ones(n), n)
-    mixed.sweep((n + 2) * WINDOW + 1)
+    mixed = AndersonSweeps(Map(lambda x: matrix @ x + offset, np.zeros(n)), np.ones(n), n)
+    mixed.sweep((n + 2) * FIRST_WINDOW + 1)
     assert mixed.impulses() == pytest.approx(exact, abs=1e-6 * max(1.0, float(np.abs(exact).max())))
 
 
@@ -53,12 +53,12 @@ def iterates(problem: ContactProblem, solver: str, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-planar-30", "hard-mixed-laws"])
-def test_without_memory_sweeps_are_plain_and_with_it_before_the_second_window_too(name: str) -> None:
+def test_sweeps_are_plain_without_memory_and_before_the_second_window(name: str) -> None:
     problem = load(name)
     plain = iterates(problem, "SORprox", 15)
     assert np.array_equal(plain, iterates(problem, "AndersonSORprox(memory=0)", 15))
     mixed = iterates(problem, "AndersonSORprox", 15)
-    assert np.array_equal(plain[: 2 * WINDOW], mixed[: 2 * WINDOW])
+    assert np.array_equal(plain[: 2 * FIRST_WINDOW], mixed[: 2 * FIRST_WINDOW])
     assert not np.array_equal(plain, mixed)
 
 
@@ -72,42 +72,42 @@ def test_a_solution_is_a_fixed_point() -> None:
     assert np.abs(mixed.impulses() - answer).max() <= 1e-12 * np.abs(answer).max()
 
 
-def test_what_is_seen_has_just_been_swept() -> None:
-    """A mixed Λ may leave the cones; one that has been swept may not."""
+def test_observed_impulses_satisfy_the_cones() -> None:
+    """An extrapolated Λ may leave the cones; a swept one may not."""
     problem = load("funnel-30")
     for impulses in iterates(problem, "AndersonSORprox", 60):
         assert judge(problem, impulses).cone_violation <= 1e-15 * np.abs(impulses).max()
 
 
-def test_a_mixed_start_that_leads_astray_is_taken_back() -> None:
-    """The map contracts towards 0, where mixing leads at once, and where a trap sends it far away."""
-    mixed = MixedIterates(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + 100.0), np.ones(1)), np.ones(1), 1)
-    mixed.sweep(3 * WINDOW)
-    assert mixed.impulses() == pytest.approx(100.0 * 0.9 ** (WINDOW - 1), rel=1e-3)
+def test_an_extrapolation_that_misleads_is_undone() -> None:
+    """The map contracts towards 0; extrapolation reaches 0 at once, where a trap sends it far away."""
+    mixed = AndersonSweeps(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + 100.0), np.ones(1)), np.ones(1), 1)
+    mixed.sweep(3 * FIRST_WINDOW)
+    assert mixed.impulses() == pytest.approx(100.0 * 0.9 ** (FIRST_WINDOW - 1), rel=1e-3)
     mixed.sweep(1)
-    assert mixed.impulses() == pytest.approx(0.9 ** (2 * WINDOW + 1))
+    assert mixed.impulses() == pytest.approx(0.9 ** (2 * FIRST_WINDOW + 1))
 
 
-@pytest.mark.parametrize(("trap", "is_taken_back"), [(0.1, False), (0.8, True)])
-def test_a_mixed_start_is_taken_back_where_it_moves_more_than_twice_as_far_as_before(
-    trap: float, is_taken_back: bool
+@pytest.mark.parametrize(("trap", "is_undone"), [(0.1, False), (0.8, True)])
+def test_an_extrapolation_is_undone_if_it_moves_more_than_twice_as_far_as_the_window_before(
+    trap: float, is_undone: bool
 ) -> None:
-    """The window before moved by 0.9³ − 0.9⁶ = 0.198; where mixing leads at once, the trap adds a displacement."""
-    mixed = MixedIterates(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + trap), np.ones(1)), np.ones(1), 1)
-    mixed.sweep(3 * WINDOW)
-    away = trap * 0.9 ** (WINDOW - 1)
+    """The window before moved by 0.9³ − 0.9⁶ = 0.198; the trap adds a displacement at the extrapolated point."""
+    mixed = AndersonSweeps(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + trap), np.ones(1)), np.ones(1), 1)
+    mixed.sweep(3 * FIRST_WINDOW)
+    away = trap * 0.9 ** (FIRST_WINDOW - 1)
     assert mixed.impulses() == pytest.approx(away, rel=1e-3)
     mixed.sweep(1)
-    assert (mixed.impulses() == pytest.approx(0.9 ** (2 * WINDOW + 1))) is is_taken_back
+    assert (mixed.impulses() == pytest.approx(0.9 ** (2 * FIRST_WINDOW + 1))) is is_undone
 
 
-def test_differences_without_a_step_and_iterates_without_bound_are_not_mixed() -> None:
-    differences = Differences(3, 2)
+def test_zero_differences_and_diverging_iterates_are_not_extrapolated() -> None:
+    differences = WindowDifferences(3, 2)
     assert differences.step(np.ones(2), np.zeros(2)) is None
     assert differences.step(np.ones(2), np.zeros(2)) is None  # no difference at all
     with np.errstate(over="ignore", invalid="ignore"):
-        mixed = MixedIterates(Map(lambda x: 1e300 * x, np.ones(1)), np.ones(1), 3)
-        mixed.sweep(4 * WINDOW)
+        mixed = AndersonSweeps(Map(lambda x: 1e300 * x, np.ones(1)), np.ones(1), 3)
+        mixed.sweep(4 * FIRST_WINDOW)
     assert mixed.impulses() == np.inf
 
 
@@ -135,18 +135,18 @@ def test_a_memory_out_of_range_is_named(memory: object) -> None:
         create("AndersonSORprox", memory=memory)
 
 
-def test_without_progress_mixing_becomes_rarer_and_is_left_out() -> None:
+def test_without_progress_extrapolations_become_rarer_and_end() -> None:
     """From then on the iterates are those of plain sweeps."""
-    mixed = MixedIterates(Map(lambda x: 0.9 * x, np.ones(1)), np.ones(1), 3)
+    mixed = AndersonSweeps(Map(lambda x: 0.9 * x, np.ones(1)), np.ones(1), 3)
     reductions = 0
     while mixed.reduce_acceleration():
         reductions += 1
-    assert WINDOW * 2 ** (reductions - 1) <= LONGEST < WINDOW * 2**reductions
+    assert FIRST_WINDOW * 2 ** (reductions - 1) <= MAX_WINDOW < FIRST_WINDOW * 2**reductions
     mixed.sweep(500)
     assert mixed.impulses() == pytest.approx(0.9**500, rel=1e-12)
 
 
 @pytest.mark.slow
-def test_what_plain_sweeps_solve_is_solved_though_mixing_leads_nowhere() -> None:
+def test_problems_of_plain_sweeps_are_solved_even_if_acceleration_fails() -> None:
     problem = load("funnel-planar-1000")
     assert create("AndersonSORprox").prepare(problem).solve(Stop(1e-8, 40_000)).status is Status.SOLVED

@@ -1,0 +1,37 @@
+"""Charts for a notebook: of one problem, of one kind of profile, and of the convergence on one problem."""
+
+import altair as alt
+
+from ....problems.errors import suggestion
+from ...errors import BenchError
+from ...store.frames import RunFrames
+from ..profiles import COMMON, baseline_of, check_view, profile_tables
+from .problems import convergence, has_drawable_rows, problem_chart, trajectory_chart
+from .profiles import profile_charts
+
+
+def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
+    """Return what accuracy costs on a problem and how its solvers converge; see ``Run.plot``."""
+    own = frames.only([problem])
+    if not has_drawable_rows(own, problem):
+        raise BenchError(f"no solver has a finite residual on {problem}, so there is nothing to draw.")
+    return trajectory_chart(own, problem) if own.is_study else problem_chart(own, problem)
+
+
+def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str = COMMON) -> alt.VConcatChart:
+    """Return the chart of one kind of profile; see ``Run.plot_profile``."""
+    check_view(profiles)
+    if frames.is_study:
+        raise BenchError(f"{frames.folder} is over trajectories, which have no profiles; plot a problem of it.")
+    against = baseline_of(frames, baseline)
+    charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
+    if kind not in charts:
+        raise BenchError(f"there is no profile {kind!r}{suggestion(kind, charts)}")
+    return charts[kind]
+
+
+def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
+    """Return the judged residual over iterations on a problem; see ``plot_convergence``."""
+    if not (frames.iterations["problem"] == problem).any():
+        raise BenchError(f"no solver has iterates on {problem}, so there is nothing to draw.")
+    return convergence(frames, problem)

@@ -1,0 +1,192 @@
+"""Ratios of two times with confidence intervals: the only estimator of such ratios in this package.
+
+Two solvers that are measured in the same pass meet the same state of the machine, so their times t are compared in
+pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; where passes
+are too few, each round gives a pair. The ratio is exp(median d): other programs disturb few rounds, but each by a large
+factor.
+
+The interval is the percentile interval of ``scipy.stats.bootstrap``. For n values its level is expanded so that its
+ends are the quantiles
+
+    Φ(±t(1/2 + level/2, n - 1) √(n / (n - 1)))
+
+with the normal distribution Φ and the quantile t of Student's (T. Hesterberg, What Teachers Should Know About the
+Bootstrap, The American Statistician 69(4), 2015); the plain interval is too narrow for small n. Fewer than
+``MIN_PAIRS`` pairs have no interval, because it would miss the true ratio too often.
+
+Excluded rounds never count. Where too few pairs are left, the remaining times are compared as two samples,
+median log t_a - median log t_b, with n the size of the smaller one. ``MIN_ROUNDS`` rounds of both are enough: all of
+them are slower than three others by chance in 1 of 20 cases.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy import special, stats
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.solver import Status
+from .outcome import Outcome
+
+CONFIDENCE = 0.95
+"""Share of intervals that hold the true ratio."""
+
+MIN_PAIRS = 5
+"""Pairs that an interval needs."""
+
+MIN_ROUNDS = 3
+"""Times of both that an interval needs without pairs."""
+
+MARGIN = 0.05
+"""Part by which a solver must be slower than the fastest one to count as slower: processes that run the same program
+differ by some per cent."""
+
+RESAMPLES = 1000
+"""Resamples of a bootstrap."""
+
+MAX_OVERTIME = 1.1
+"""Solves that take longer than this many times their limit reach nothing; the others may finish an iteration."""
+
+SLOWER, EXCLUDED = "slower", "excluded"
+"""Standings of a solver that is slower than the fastest one, and of one whose rounds are all excluded."""
+
+STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")
+"""Columns of ``standings``."""
+
+_PASS, _ROUND = ["session", "number"], ["session", "number", "turn"]
+
+Times = dict[tuple[str, float], "pd.Series[float]"]
+"""Logarithms of the times of one problem by solver and tolerance, indexed by session, number and turn."""
+
+
+class Ratio(NamedTuple):
+    """A ratio of times, and the ends of its interval; infinitely wide where there are too few times."""
+
+    value: float
+    low: float
+    high: float
+
+
+UNKNOWN = Ratio(np.nan, 0.0, np.inf)
+"""The ratio of nothing."""
+
+
+def bootstrap_ratio(
+    logarithms: FloatArray,
+    others: FloatArray | None = None,
+    confidence: float = CONFIDENCE,
+    statistic: Callable[..., Any] = np.median,
+) -> Ratio:
+    """Return a ratio of times and its interval.
+
+    Args:
+        logarithms: of the ratios of pairs, or of the times of one side, shape (n,).
+        others: of the times of the other side, shape (m,); None for pairs.
+        confidence: level of the interval.
+        statistic: location of a sample, with an argument ``axis``.
+    """
+    samples = (logarithms,) if others is None else (logarithms, others)
+    n, needed = min(map(len, samples)), MIN_PAIRS if others is None else MIN_ROUNDS
+    if n == 0:
+        return UNKNOWN
+
+    def difference(*parts: FloatArray, axis: int = -1) -> Any:
+        located = [statistic(part, axis=axis) for part in parts]
+        return located[0] - located[1] if others is not None else located[0]
+
+    value = float(np.exp(difference(*samples)))
+    if n < needed:
+        return Ratio(value, 0.0, np.inf)
+    found = stats.bootstrap(
+        samples,
+        difference,
+        n_resamples=RESAMPLES,
+        vectorized=True,
+        confidence_level=_expanded(confidence, n),
+        method="percentile",
+        rng=np.random.default_rng(n),
+    )
+    low, high = np.exp(found.confidence_interval)
+    return Ratio(value, float(low), float(high))
+
+
+@cache
+def _expanded(confidence: float, n: int) -> float:
+    """Return the level at which a percentile interval of n values holds the true value with a confidence."""
+    return float(2.0 * special.ndtr(special.stdtrit(n - 1, 0.5 + confidence / 2.0) * np.sqrt(n / (n - 1))) - 1.0)
+
+
+def ratio(times: "pd.Series[float]", others: "pd.Series[float]") -> Ratio:
+    """Return the ratio of the times of two solvers on one problem, both as in ``Times``; NaN where there are none."""
+    for moment in (_PASS, _ROUND):
+        pairs = (times.groupby(level=moment).mean() - others.groupby(level=moment).mean()).dropna()
+        if len(pairs) >= MIN_PAIRS:
+            return bootstrap_ratio(pairs.to_numpy())
+    if min(len(times), len(others)) >= MIN_ROUNDS:
+        return bootstrap_ratio(times.to_numpy(), others.to_numpy())
+    return bootstrap_ratio(pairs.to_numpy())
+
+
+def counted_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
+    """Return the rounds that are not excluded and have a time, with its logarithm as a column "logarithm"."""
+    counted = rounds[(rounds["excluded"] == "") & (rounds["total_seconds"] > 0.0)]
+    return counted.assign(logarithm=np.log(counted["total_seconds"]))
+
+
+def times_by_point(rounds: pd.DataFrame) -> Times:
+    """Return the counted rounds of one problem, whose rounds are as in ``RunFrames``."""
+    logarithms = counted_rounds(rounds).set_index(_ROUND)
+    return {
+        (str(solver), float(tolerance)): own["logarithm"]
+        for (solver, tolerance), own in logarithms.groupby(["solver", "tolerance"], sort=False)
+    }
+
+
+def reaching(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> pd.DataFrame:
+    """Return the points whose residual is at most ``accuracy``, of solves that kept their time limit [s].
+
+    Points whose claim the judge refutes (WRONG), or that claim success after the limit, do not count, nor do those that
+    took more than ``MAX_OVERTIME`` times the limit.
+    """
+    is_late = (points["outcome"] == Outcome.TIME_LIMIT) & (points["status"] == Status.SOLVED)
+    is_late |= points["total_seconds"] > MAX_OVERTIME * limit
+    found: pd.DataFrame = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG) & ~is_late]
+    return found
+
+
+def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float) -> pd.DataFrame:
+    """Return one row for each solver that reaches an accuracy on one problem, the fastest first, excluded ones last.
+
+    Columns: solver, tolerance (of its fastest point that reaches it), seconds (its median time), ratio (to the fastest
+    solver), low and high (the ends of its interval), standing: "fastest" where all others are slower by ``MARGIN``,
+    "tie" where it, or the fastest, may be as fast, "slower", "undecided" where rounds are too few, and "excluded".
+    An excluded solver has no ratio. Its true time may be any fraction of the excluded one, so no solver is "fastest" on
+    a problem with an excluded solver.
+
+    Args:
+        points: of the problem, as in ``RunFrames``.
+        times: of the problem.
+        accuracy: judged residual.
+        limit: of the time of one solve [s].
+    """
+    reached = reaching(points, accuracy, limit).sort_values("total_seconds", kind="stable")
+    reached = reached[reached["total_seconds"].notna()].drop_duplicates("solver")
+    rows = reached[["solver", "tolerance", "total_seconds"]].rename(columns={"total_seconds": "seconds"})
+    is_excluded = reached["is_excluded"].astype(bool)
+    rows = pd.concat([rows[~is_excluded], rows[is_excluded]], ignore_index=True)
+    n_compared = int((~is_excluded).sum())
+    none = pd.Series([], index=pd.MultiIndex.from_arrays([[]] * 3, names=_ROUND), dtype=np.float64)
+    own = [times.get(place, none) for place in zip(rows["solver"], rows["tolerance"], strict=True)]
+    ratios = [ratio(one, own[0]) for one in own[1:n_compared]]
+    standing = [SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios]
+    best = next((found for found in ("tie", "undecided") if found in standing), "fastest")
+    if is_excluded.any():
+        best = "undecided"
+    shown = [*[Ratio(1.0, 1.0, 1.0), *ratios][:n_compared], *[UNKNOWN] * int(is_excluded.sum())]
+    values = np.array(shown, dtype=np.float64).reshape(-1, 3)
+    columns = dict(zip(("ratio", "low", "high"), values.T, strict=True))
+    standing = [*[best, *standing][:n_compared], *[EXCLUDED] * int(is_excluded.sum())]
+    return rows.assign(**columns, standing=pd.Series(standing, dtype=str))

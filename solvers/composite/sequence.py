@@ -1,0 +1,106 @@
+"""Solvers that run one after the other on one problem, within the limits of one solve; the best impulses are kept."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Status, Stop
+from ..iteration.stopping import Clock
+
+
+@dataclass(frozen=True)
+class SolverRun:
+    """One run of a solver in a sequence.
+
+    Attributes:
+        name: what messages call the run.
+        prepared: the solver made ready.
+        start: the first Λ [N s], shape (n_rows,), or None for zero.
+        max_iterations: its iteration limit.
+    """
+
+    name: str
+    prepared: Prepared
+    start: FloatArray | None
+    max_iterations: int
+
+
+@dataclass(eq=False)
+class SolverSequence:
+    """The runs of one solve so far.
+
+    Attributes:
+        problem: the problem.
+        residual: its residual.
+        prepared: prepared solvers by name; those of later runs are added.
+        stop: the limits of the whole sequence.
+        observe: receives the iterates of all runs, numbered consecutively.
+        clock: the time left.
+        iterations: number of iterations so far.
+        history: the name and outcome of each run.
+        best_impulses: the best Λ so far [N s], shape (n_rows,).
+        best_residual: its residual in the judge's arithmetic.
+        latest: the Λ of the last run [N s], shape (n_rows,).
+        status: outcome of the last run, or the time limit if any run lacked time for its next step.
+    """
+
+    problem: ContactProblem
+    residual: Residual
+    prepared: dict[str, Prepared] = field(repr=False)
+    stop: Stop
+    observe: Observer | None
+    clock: Clock
+    iterations: int = 0
+    history: list[str] = field(default_factory=list)
+    best_impulses: FloatArray | None = None
+    best_residual: float = np.inf
+    latest: FloatArray | None = None
+    status: Status = Status.STALLED
+
+    def prepare(self, solver: Solver) -> Prepared:
+        """Return the prepared solver, the same one for every run."""
+        if solver.name not in self.prepared:
+            self.prepared[solver.name] = solver.prepare(self.problem)
+        return self.prepared[solver.name]
+
+    def plan(self, solver: Solver, start: FloatArray | None, max_iterations: int) -> SolverRun:
+        """Return a run of ``solver`` under its own name; see ``SolverRun``."""
+        return SolverRun(solver.name, self.prepare(solver), start, max_iterations)
+
+    def run(self, run: SolverRun) -> Solution | None:
+        """Do one run; return the solution if the sequence is over, else None."""
+        left = self.stop.max_iterations - self.iterations
+        limits = Stop(self.stop.tolerance, min(run.max_iterations, left), max(self.clock.remaining, 1e-9))
+        last = run.prepared.solve(limits, run.start, self._run_observer())
+        self.iterations += last.iterations
+        self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
+        self.history.append(f"{run.name}: {last.status}")
+        self.latest = last.impulses
+        self.keep_best(last.impulses, self.residual.judged(self.problem, last.impulses))
+        if last.status in (Status.SOLVED, Status.INFEASIBLE):
+            reasons = [last.message] if last.message else []
+            return Solution(last.impulses, last.status, self.iterations, "; ".join([*self.history, *reasons]))
+        limit = self.clock.reached_limit(self.stop, self.iterations)
+        return self.finish(limit) if limit else None
+
+    def keep_best(self, impulses: FloatArray, residual: float) -> None:
+        """Record Λ and its residual if it is the best so far."""
+        if self.best_impulses is None or residual < self.best_residual:
+            self.best_impulses, self.best_residual = impulses, residual
+
+    def finish(self, status: Status, reason: str | None = None) -> Solution:
+        """Return the best Λ with the status and reason of the whole sequence; the reason defaults to the residual."""
+        assert self.best_impulses is not None
+        reasons = [f"residual {self.best_residual:.1e}" if reason is None else reason]
+        message = "; ".join([*self.history, *filter(None, reasons)])
+        return Solution(self.best_impulses, status, self.iterations, message)
+
+    def _run_observer(self) -> Observer | None:
+        """Return an observer of one run that numbers its iterations after those of the runs before."""
+        observe, before = self.observe, self.iterations
+        if observe is None:
+            return None
+        return lambda iteration, impulses: self.clock.show(observe, before + iteration, impulses)

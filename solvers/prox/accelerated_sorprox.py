@@ -1,0 +1,96 @@
+"""SORprox over the Delassus matrix with ω = 1 and an acceleration: three methods that differ in this ingredient alone.
+
+    NesterovSORprox     momentum by Nesterov's sequence, with restarts      (``iteration.momentum``)
+    AndersonSORprox     Anderson acceleration every three sweeps            (``iteration.anderson``)
+    AdaptiveSORprox     relaxation that follows the convergence rate        (``iteration.relaxation``)
+
+The last two have the safeguard of ``sweeps.safeguarded``: contacts that oscillate take smaller steps, one by one.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
+from ..iteration.anderson import AndersonSweeps
+from ..iteration.loop import AcceleratedIterates, PreparedIteration
+from ..iteration.method import Method, check_option
+from ..iteration.momentum import RestartedMomentum
+from ..iteration.relaxation import AdaptiveRelaxation
+from ..sweeps.delassus import DelassusIterates, DelassusSweep
+from ..sweeps.safeguarded import SafeguardedIterates
+from ..sweeps.step_size import diagonal_step_sizes, lane_weights
+
+
+class _AcceleratedSORprox(Method, ABC):
+    """SORprox with an acceleration."""
+
+    @abstractmethod
+    def accelerate(self, iterates: DelassusIterates, weights: FloatArray) -> AcceleratedIterates:
+        """Return the accelerated iterates; ``weights`` is √α of each lane of padded Λ."""
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Assemble G and the step sizes for ω = 1."""
+        sizes = diagonal_step_sizes(problem, 1.0)
+        sweep, weights = DelassusSweep.over(problem, sizes), lane_weights(problem.layout, sizes)
+
+        def begin(start: FloatArray) -> AcceleratedIterates:
+            return self.accelerate(DelassusIterates(sweep, start), weights)
+
+        return PreparedIteration(problem, Residual(problem), begin)
+
+
+@dataclass(frozen=True)
+class NesterovSORprox(_AcceleratedSORprox):
+    """SORprox over the Delassus matrix with Nesterov's momentum, which has no parameter to choose."""
+
+    def accelerate(self, iterates: DelassusIterates, weights: FloatArray) -> AcceleratedIterates:
+        """Add momentum."""
+        return RestartedMomentum(iterates)
+
+
+@dataclass(frozen=True)
+class AndersonSORprox(_AcceleratedSORprox):
+    """SORprox over the Delassus matrix with Anderson acceleration every three sweeps.
+
+    Attributes:
+        memory: number of differences between windows that are kept, 0 for no acceleration.
+
+    Raises:
+        SolverError: for an option out of range.
+    """
+
+    memory: int = 5
+
+    def __post_init__(self) -> None:
+        is_valid = type(self.memory) is int and 0 <= self.memory <= 50
+        check_option("memory", self.memory, is_valid, "a whole number from 0 to 50")
+
+    def accelerate(self, iterates: DelassusIterates, weights: FloatArray) -> AcceleratedIterates:
+        """Add the safeguard, then the acceleration."""
+        return AndersonSweeps(SafeguardedIterates(iterates), weights, self.memory)
+
+
+@dataclass(frozen=True)
+class AdaptiveSORprox(_AcceleratedSORprox):
+    """SORprox over the Delassus matrix with a relaxation that follows the convergence rate, from ω = 1 to 1.9."""
+
+    def accelerate(self, iterates: DelassusIterates, weights: FloatArray) -> AcceleratedIterates:
+        """Adapt ω, then add the safeguard."""
+        return SafeguardedRelaxation(AdaptiveRelaxation(iterates, weights))
+
+
+class SafeguardedRelaxation(SafeguardedIterates):
+    """Safeguarded iterates with adaptive relaxation."""
+
+    def __init__(self, iterates: AdaptiveRelaxation) -> None:
+        super().__init__(iterates)
+        self._relaxation = iterates
+
+    def reduce_acceleration(self) -> bool:
+        """Reduce the largest ω, and restore the steps of contacts that oscillated with a larger one."""
+        is_reduced = self._relaxation.reduce_acceleration()
+        if is_reduced:
+            self.restore_steps()
+        return is_reduced

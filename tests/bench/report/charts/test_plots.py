@@ -1,0 +1,36 @@
+"""One call draws a problem, a profile or a convergence, or says why it cannot."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench import load, plot_convergence
+from proxbench.bench.errors import BenchError
+
+REFERENCE = Path(__file__).parents[4] / "results/reference"
+
+
+def test_a_problem_is_drawn_by_name() -> None:
+    chart = json.loads(load(REFERENCE).plot("funnel-100").to_json())
+    assert chart["title"]["text"] == "funnel-100"
+    assert len(chart["vconcat"]) >= 2
+
+
+@pytest.mark.parametrize(("kind", "title"), [("performance", "Performance profile"), ("speedup", "Speed-up")])
+def test_a_profile_is_drawn_by_kind(kind: str, title: str) -> None:
+    assert json.loads(load(REFERENCE).plot_profile(kind, "NSGS").to_json())["title"]["text"] == title
+
+
+def test_unknown_names_are_refused_with_the_nearest_one() -> None:
+    run = load(REFERENCE)
+    with pytest.raises(BenchError, match="did you mean 'funnel-100'"):
+        run.plot("funel-100")
+    with pytest.raises(BenchError, match="did you mean 'performance'"):
+        run.plot_profile("performence")
+
+
+@pytest.mark.slow
+def test_convergence_of_solvers_is_drawn_in_one_call() -> None:
+    chart = json.loads(plot_convergence("hard-sticking-box", ["SORprox", "NSGS"]).to_json())
+    drawn = {row["solver"] for rows in chart["datasets"].values() for row in rows}
+    assert {"SORprox", "NSGS"} <= drawn
