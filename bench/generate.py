@@ -28,7 +28,8 @@ from ..problems.motion.bodies.mixed_friction import MixedFriction
 from ..problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from ..problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
 from ..problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
-from ..problems.motion.stepping.moreau import Moreau, Step
+from ..problems.motion.stepping.midpoint import MidpointRule
+from ..problems.motion.stepping.step import Step
 from ..solvers.registry import create
 from .plugins.describing import plugin_problem
 
@@ -175,7 +176,7 @@ def _funnel_problems(
     wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
     balls = scene.system()
     system = balls if mixed is None else MixedFriction(balls, *mixed, scene.seed)
-    stepper = Moreau(system, _solver(), stop, TIME_STEP)
+    stepper = MidpointRule(system, _solver(), stop, TIME_STEP)
     for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
         for name in members:
             if wanted[name] == number:
@@ -190,7 +191,7 @@ def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProbl
 
 def _woodpecker_problems(members: dict[str, WoodpeckerRecipe]) -> Iterator[ContactProblem]:
     time_step = PERIOD / WOODPECKER_STEPS
-    stepper = Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
+    stepper = MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
     waiting = dict(members)
     for number, step in enumerate(stepper.steps(section_start(), 2 * WOODPECKER_STEPS)):
         if step.contacts is None:

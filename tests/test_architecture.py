@@ -37,7 +37,7 @@ AT_HOME = {
         "bench/report/charts/profiles.py",
         "bench/report/charts/summary.py",
         "bench/report/charts/templates.py",
-        "bench/simulation/chart.py",
+        "bench/simulation/view/chart.py",
     },
     "vl_convert": {"bench/report/charts/drawing.py"},
     "clarabel": {"solvers/conic/programs.py"},
@@ -63,7 +63,7 @@ AT_HOME = {
         "bench/report/comparison/pairing.py",
         "bench/report/comparison/solved.py",
         "bench/report/comparison/times.py",
-        "bench/simulation/chart.py",
+        "bench/simulation/view/chart.py",
     },
     "typer": {
         f"bench/cli/{name}.py"

@@ -78,7 +78,7 @@ def run_command(arguments: list[str]) -> int:
 def _refusal(error: Exception) -> tuple[str, int]:
     """Return the sentence and the exit code of an error that is meant for users; raise any other one again."""
     from ...problems.errors import ProxbenchError
-    from ...problems.motion.stepping.moreau import StepError
+    from ...problems.motion.stepping.step import StepError
     from ...problems.spelling import for_command_line
     from ..errors import FailedSimulationError, InterruptedWorkError
 

@@ -6,10 +6,8 @@ there. It may raise, hang, crash or take memory without harm to this process: a 
 """
 
 import io
-import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -22,63 +20,34 @@ from ...problems.contact.laws import Laws
 from ...problems.contact.matrices.pieces import Pieces
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.archive import read_arrays
-from ...problems.exchange.plugin_scenes import build_plugin_scene, plugin_scene
+from ...problems.exchange.plugin_scenes import plugin_scene
 from ...problems.motion.bodies.system import ActiveContacts, Overlaps, StepAssembly
 from ...problems.motion.scenes.registry import make_scene, read_scene
-from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding
 from ...problems.motion.state import State
-from ...problems.motion.stepping.extrapolation import is_reversible
 from ..errors import BenchError
-from ..isolation.child import MisbehaviourError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
-from ..store.fields import Count, Number, Positive, Record
 from ..store.outcome import Outcome
-from .ball_records import BallsRecord, ball_arrays, described_balls, read_balls
+from .ball_records import read_balls
+from .scene_task import NUMBER, SAME_FIELDS, Arrays, ObservableRecord, SceneRecord, SceneTask
 
 T = TypeVar("T")
 
-Arrays = dict[str, NDArray[Any]]
-
-_NUMBER = struct.Struct("d")
-
-_UNFIT = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
+_UNFIT = (
+    msgspec.ValidationError,
+    KeyError,
+    ValueError,
+    TypeError,
+    IndexError,
+    OverflowError,
+    AttributeError,
+    ProxbenchError,
+)
 """Exceptions that reading a malformed answer raises."""
 
 
 class FailedSceneError(BenchError):
     """A scene of a plugin did not answer."""
-
-
-class SceneRecord(Record, frozen=True, kw_only=True):
-    """What a scene says of itself; see ``Scene`` for the fields that have the same names.
-
-    Attributes:
-        time: when it begins [s].
-        is_reversible: of its system.
-        functions: those that it has of the ones that a scene may lack.
-        balls: what recordings draw, None if there are no balls.
-    """
-
-    options: dict[str, Any]
-    time: Number
-    length: Positive
-    step_size: Positive
-    duration: Positive
-    longest_step: Positive
-    n_balls: Count
-    depth: Positive | None
-    coordinates: dict[str, Count]
-    has_few_contacts: bool
-    is_reversible: bool
-    functions: list[Literal["potential_energy", "balls_through", "agitation", "exact"]]
-    balls: BallsRecord | None
-
-
-_FUNCTIONS = ("potential_energy", "balls_through", "agitation", "exact")
-"""Functions that a scene may lack."""
-
-_SAME = tuple(name for name in SceneRecord.__struct_fields__ if name in Scene.__dataclass_fields__ and name != "balls")
-"""Fields of the record that the scene has as they are."""
 
 
 def local_or_remote_scene(
@@ -141,11 +110,11 @@ class RemoteSystem(RenewedWorker):
             self._name,
             system=self,
             start=start,
-            **{name: getattr(about, name) for name in _SAME},
+            **{name: getattr(about, name) for name in SAME_FIELDS},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
             potential_energy=(lambda q: self._number("potential_energy", q)) if "potential_energy" in has else None,
-            balls_through=(lambda q: int(self._number("balls_through", q))) if "balls_through" in has else None,
-            agitation=(lambda q, u: self._number("agitation", q, u)) if "agitation" in has else None,
+            observables=[self._observable(index, one) for index, one in enumerate(about.observables)],
+            ending=None if about.ending_seconds is None else EndingRule(about.ending_seconds, self._ending),
             exact=self._exact if "exact" in has else None,
             balls=balls,
         )
@@ -209,9 +178,22 @@ class RemoteSystem(RenewedWorker):
 
     def _number(self, request: str, *arguments: Any) -> float:
         _, content = self.ask("number", request, *arguments)
-        if len(content) != _NUMBER.size:
+        if len(content) != NUMBER.size:
             raise self.failure(no_answer())
-        return float(_NUMBER.unpack(content)[0])
+        return float(NUMBER.unpack(content)[0])
+
+    def _observable(self, index: int, record: ObservableRecord) -> Observable:
+        return Observable(
+            compute=lambda state: self._number("observe", index, state.position, state.velocity),
+            **msgspec.structs.asdict(record),
+        )
+
+    def _ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
+        answer, _ = self.ask("ending", steps)
+        try:
+            return msgspec.convert(answer["ending"], SceneEnding | None)
+        except _UNFIT:
+            raise self.failure(no_answer()) from None
 
     def _exact(self, time: float) -> State:
         return self._arrays(lambda arrays: self._state(time, arrays), "exact", time)
@@ -272,98 +254,3 @@ def _contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
     laws = Laws.contacts(_numbers(arrays["friction"], (count,)), rows, count)
     gap, restitution = _numbers(arrays["gap"], (count,)), _numbers(arrays["restitution"], (rows * count,))
     return ActiveContacts(keys, gap, laws, directions, restitution, rows)
-
-
-@dataclass
-class SceneTask:
-    """The child's half: answers "describe", "move", "assemble", "gaps_below", "overlaps", "number" and "exact"."""
-
-    name: str
-    options: dict[str, Any]
-    _scene: Scene | None = None
-    _sent: InverseMass | None = None
-
-    def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request."""
-        try:
-            self._scene = self._scene or build_plugin_scene(self.name, self.options)
-        except ProxbenchError as error:
-            if request != "describe":
-                raise
-            return {"refused": str(error)}, b""
-        if request == "describe":
-            arrays = _state_arrays(self._scene.start) | ball_arrays(self._scene)
-            return {"scene": _described(self._scene)}, _packed(arrays)
-        if request == "number":
-            return {}, _NUMBER.pack(getattr(self._scene, arguments[0])(*arguments[1:]))
-        if request == "exact":
-            assert self._scene.exact is not None
-            return {}, _packed(_state_arrays(self._scene.exact(*arguments)))
-        return {}, _packed(getattr(self, f"_{request}")(self._scene.system, *arguments))
-
-    def _move(self, system: Any, position: FloatArray, velocity: FloatArray, seconds: float) -> Arrays:
-        return {"position": system.move(position, velocity, seconds)}
-
-    def _gaps_below(self, system: Any, position: FloatArray, limit: float) -> Arrays:
-        keys, gap = system.gaps_below(position, limit)
-        return {"keys": keys.astype(np.int64), "gap": gap}
-
-    def _overlaps(self, system: Any, position: FloatArray, tolerated: float) -> Arrays:
-        found = system.overlaps(position, tolerated)
-        if found is None:
-            return {}
-        return {"gap": found.gap, **_piece_arrays(found.normals), **_mass_arrays(found.inverse_mass)}
-
-    def _assemble(
-        self, system: Any, midpoint: FloatArray, velocity: FloatArray, seconds: float, mass_is_known: bool
-    ) -> Arrays:
-        assembly = system.assemble(midpoint, velocity, seconds)
-        arrays: Arrays = {"free_motion": assembly.free_motion}
-        if not mass_is_known or assembly.inverse_mass is not self._sent:
-            arrays |= _mass_arrays(assembly.inverse_mass)
-            self._sent = assembly.inverse_mass
-        return arrays if assembly.contacts is None else arrays | _contact_arrays(assembly.contacts)
-
-
-def _described(scene: Scene) -> dict[str, Any]:
-    """Return the fields of ``SceneRecord``."""
-    about = {name: getattr(scene, name) for name in _SAME}
-    return {
-        **about,
-        "options": dict(scene.options),
-        "coordinates": dict(scene.coordinates),
-        "time": scene.start.time,
-        "is_reversible": is_reversible(scene.system),
-        "balls": None if scene.balls is None else described_balls(scene.balls),
-        "functions": [name for name in _FUNCTIONS if getattr(scene, name) is not None],
-    }
-
-
-def _state_arrays(state: State) -> Arrays:
-    return {"position": np.asarray(state.position, float), "velocity": np.asarray(state.velocity, float)}
-
-
-def _mass_arrays(inverse: InverseMass) -> Arrays:
-    return {f"mass_{part}": getattr(inverse.matrix, part) for part in ("data", "indices", "indptr")}
-
-
-def _piece_arrays(pieces: Pieces) -> Arrays:
-    starts, chunks = pieces.starts.astype(np.int64), pieces.chunks.astype(np.int64)
-    return {"starts": starts, "chunks": chunks, "values": pieces.values}
-
-
-def _contact_arrays(contacts: ActiveContacts) -> Arrays:
-    laws, count = contacts.laws, len(contacts.keys)
-    friction = laws.friction_coefficient[laws.is_friction] if contacts.rows_per_contact > 1 else np.zeros(count)
-    if laws.fixed_bound.any() or len(friction) != count:
-        raise MisbehaviourError("its laws are not those of contacts with Coulomb friction")
-    own = {"keys": contacts.keys.astype(np.int64), "gap": contacts.gap, "restitution": contacts.restitution}
-    return {**own, "friction": friction, **_piece_arrays(contacts.directions)}
-
-
-def _packed(arrays: Arrays) -> bytes:
-    if not arrays:
-        return b""
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()

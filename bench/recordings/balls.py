@@ -9,8 +9,9 @@ import rerun.blueprint as rrb
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.motion.bodies.balls import BallSystem
+from ...problems.motion.scenes.scene import Observable
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import Step
 from ..report.charts.palette import PALETTE, rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States
@@ -43,7 +44,7 @@ class BallRecorder(StepRecorder):
         gravity: g along the last axis [m/s²], which sets the length of arrows.
         force: replace an existing file.
         every: draw bodies and impulses at each such step.
-        balls_through: q ↦ how many balls have left through the outlet, for a curve; None where there is none.
+        observables: of the scene, for curves of their own.
         potential_energy: q ↦ V [J]; that of the system if None.
     """
 
@@ -55,7 +56,7 @@ class BallRecorder(StepRecorder):
         gravity: float = 0.0,
         force: bool = False,
         every: int = 1,
-        balls_through: Callable[[FloatArray], int] | None = None,
+        observables: Sequence[Observable] = (),
         potential_energy: Callable[[FloatArray], float] | None = None,
     ) -> None:
         about = (
@@ -66,7 +67,7 @@ class BallRecorder(StepRecorder):
         )
         super().__init__(file, title, about, force, every)
         self._system, self._potential_energy = system, potential_energy or system.potential_energy
-        self._balls_through = balls_through
+        self._observables = [one for one in observables if one.label]
         self._orientations = upright(system.n_balls)
         self._layers: list[IntArray] = []
         relative = np.repeat(system.radii / system.radii.max(), 3).reshape(-1, 3).astype(np.float32)
@@ -81,8 +82,8 @@ class BallRecorder(StepRecorder):
         ]
 
     def _plots(self) -> list[rrb.TimeSeriesView]:
-        through = [plot("balls through the outlet", "/curves/through", legend=False)]
-        return [*(through if self._balls_through is not None else []), *super()._plots()]
+        observed = (plot(one.label, f"/curves/{one.name}", legend=False) for one in self._observables)
+        return [*observed, *super()._plots()]
 
     def _scenery(self, state: State) -> Entities:
         system, centres = self._system, self._in_space(state)
@@ -138,7 +139,7 @@ class BallRecorder(StepRecorder):
         return self._system.kinetic_energy(state.velocity), None if known is None else known(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
-        return {} if self._balls_through is None else {"through": float(self._balls_through(state.position))}
+        return {one.name: float(one.compute(state)) for one in self._observables}
 
     def _spins(self, velocity: FloatArray) -> FloatArray:
         """Return angular velocities in space [rad/s], shape (n, 3); in the plane (x, z) from x to z, thus about −y."""

@@ -1,7 +1,7 @@
 """Recordings of simulations that are stored: bodies and impulses at the states that were kept, curves of all steps."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
+from ...problems.errors import suggestion
 from ...problems.motion.bodies.system import System
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step, step_problem
+from ...problems.motion.stepping.midpoint import step_problem
+from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
 from ..report.layout.text import counted
 from .balls import BallRecorder
@@ -23,6 +25,10 @@ FRAMES = 1000
 """Pictures of one recording: half a minute of film, and less than 100 MB with a thousand balls."""
 
 
+VIEWS: dict[str, Callable[[Path, bool, int], StepRecorder]] = {"woodpecker": WoodpeckerRecorder}
+"""Recordings that draw the bodies of a scene, by the name of its ``view``."""
+
+
 def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) -> StepRecorder:
     """Return the recorder of a scene, which draws about ``FRAMES`` of ``n_steps`` steps; curves have all of them.
 
@@ -30,15 +36,15 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
         BenchError: if the file cannot be written.
     """
     every = max(1, math.ceil(n_steps / FRAMES))
-    if scene.name == "woodpecker":
-        return WoodpeckerRecorder(file, force, every)
+    if scene.view is not None:
+        if scene.view not in VIEWS:
+            raise BenchError(f"the scene {scene.name!r} has no view {scene.view!r}{suggestion(scene.view, VIEWS)}")
+        return VIEWS[scene.view](file, force, every)
     if scene.balls is not None:
         title = f"{scene.name}, {counted(scene.n_balls, 'disc' if scene.balls.dimension == 2 else 'ball')}"
         weight: Any = scene.options.get("gravity")
         gravity = float(weight) if isinstance(weight, int | float) else 0.0
-        return BallRecorder(
-            scene.balls, file, title, gravity, force, every, scene.balls_through, scene.potential_energy
-        )
+        return BallRecorder(scene.balls, file, title, gravity, force, every, scene.observables, scene.potential_energy)
     return CoordinateRecorder(scene, file, force, every)
 
 

@@ -17,7 +17,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.residual import Residual
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
 from ..report.charts.palette import PALETTE, rgb
 from .blueprints import STEP, TIME, plot, set_heights, simulation_blueprint

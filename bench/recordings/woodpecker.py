@@ -11,7 +11,7 @@ from ...problems.arrays import FloatArray
 from ...problems.motion.scenes import woodpecker as toy
 from ...problems.motion.scenes.scene import kinetic_energy
 from ...problems.motion.state import State
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import Step
 from ..report.charts.palette import rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States

@@ -1,7 +1,7 @@
 """Result files of simulations: uncompressed arrays without pickle, and JSON that describes them.
 
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
-steps            one row an accepted step, see ``trajectory.STEP``
+steps            one row an accepted step, see ``step_row.StepRow``
 switches         one row a switching point, see ``trajectory.SWITCH``
 state_…          states, from the last of which the simulation goes on, see ``thinning``
 closed, sticking keys of the contacts that are so after the last step, where the stepper looks at them
@@ -24,18 +24,19 @@ from ...problems.contact.solver import Solver
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.archive import ArchiveError, read_arrays
 from ...problems.exchange.atomic_file import replacing
-from ...problems.motion.stepping.contact_states import LawStates
+from ...problems.motion.stepping.step import LawStates
 from ..errors import BenchError
 from ..plugins.files import check_again, sources
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
 from ..store.records import PluginUse
 from ..store.store import refuse_links_out
-from .beside import beside_from
 from .history import Failure, Segment, check_segments
+from .kept_states import kept_arrays, restore_kept
+from .outputs import beside_from
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
-from .thinning import kept_arrays, restore_kept
-from .trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
+from .step_row import step_columns
+from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 
 SUFFIX = ".npz"
 
@@ -45,7 +46,7 @@ ABOUT = "about"
 KIND = "proxbench simulation"
 """What a file says it is."""
 
-FORMAT = 5
+FORMAT = 6
 """Version of the content."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
@@ -138,7 +139,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
             record.failure,
             beside_from(record.beside, path),
         )
-        _check_arrays(content, len(simulation.statuses))
+        _check_arrays(content, simulation)
         restore_kept(simulation.thinning, content, record.doublings, content["steps"]["time"])
         states = LawStates(tuple(content["closed"].tolist()), tuple(content["sticking"].tolist()))
         check_segments(record.segments, len(content["steps"]))
@@ -171,12 +172,13 @@ def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:
     return make_simulation_plan(**{**msgspec.structs.asdict(stored), "solver": solver or stored.solver})
 
 
-def _check_arrays(content: Mapping[str, NDArray[Any]], n_statuses: int) -> None:
+def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -> None:
     """Raise an error if an array has another type than rows of it have, or an index in it leads nowhere."""
-    for name, dtype in {"steps": STEP, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
+    steps = step_columns(simulation.plan.scene)
+    for name, dtype in {"steps": steps, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
         if content[name].dtype != dtype or content[name].ndim != 1:
             raise ValueError(f"these are no {name}")
-    most = {"status": n_statuses, "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
+    most = {"status": len(simulation.statuses), "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
     for name, number in most.items():
         if (content["steps" if name == "status" else "switches"][name] >= number).any():
             raise ValueError(f"there is no such {name}")

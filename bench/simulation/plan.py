@@ -10,15 +10,18 @@ import msgspec
 from ...problems.contact.solver import Solver, Stop
 from ...problems.motion.scenes.registry import check_option, read_scene
 from ...problems.motion.scenes.scene import Scene
-from ...problems.motion.stepping.moreau import ContactSolver
-from ...problems.motion.stepping.registry import EventDriven, Stepper, Variable, make_stepper
+from ...problems.motion.stepping.event_driven.event_driven import EventDriven
+from ...problems.motion.stepping.midpoint import ContactSolver
+from ...problems.motion.stepping.registry import make_stepper
+from ...problems.motion.stepping.stepper import Stepper
+from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote
 from ..store.fields import Count, Positive, Record, Tolerance
+from .kept_states import STATES
 from .starts.registry import DEFAULT_START, check_start, default_start, make_step_solver
-from .thinning import STATES
 
 
 class _Default(NamedTuple):
@@ -145,7 +148,7 @@ def make_simulation_plan(
     _check_seconds(seconds)
     made = local_or_remote_scene(scene, options, seconds)
     named = ("Extrapolated" if made.has_few_contacts else "Moreau") if stepper is None else stepper
-    taken = (make_stepper(named) if isinstance(named, str) else named).fitted(made)
+    taken = (make_stepper(named) if isinstance(named, str) else named).with_defaults_of(made)
     default = _default(made, taken)
     chosen = default.solver if solver is None else solver
     plan = SimulationPlan(
@@ -166,7 +169,7 @@ def make_simulation_plan(
 def _default(scene: Scene, stepper: Stepper) -> _Default:
     if isinstance(stepper, EventDriven):
         return _EVENT_DRIVEN
-    if isinstance(stepper, Variable):
+    if isinstance(stepper, VariableStepper):
         return _VARIABLE_STEP
     return _FEW_CONTACTS if scene.has_few_contacts else _MANY_CONTACTS
 
@@ -211,8 +214,8 @@ def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, A
             values += [(option, check_option(name, option, value)) for option, value in options.items()]
     if "stepper" in given:
         stepper = given["stepper"]
-        other = (make_stepper(stepper) if isinstance(stepper, str) else stepper).fitted(plan.scene)
-        if not (isinstance(other, Variable) and isinstance(plan.stepper, Variable)):
+        other = (make_stepper(stepper) if isinstance(stepper, str) else stepper).with_defaults_of(plan.scene)
+        if not (isinstance(other, VariableStepper) and isinstance(plan.stepper, VariableStepper)):
             values.append(("stepper", other.name))
     if "states" in given:
         values.append(("states", given["states"]))
@@ -242,4 +245,4 @@ def _check_numbers(plan: SimulationPlan) -> None:
         )
     if not plan.states >= 1:
         raise BenchError(f"states must be at least 1, got {plan.states}.")
-    plan.stepper.check(plan.scene, plan.solver, plan.scene.start.time, plan.until)
+    plan.stepper.check(plan.scene, plan.scene.start.time, plan.until)

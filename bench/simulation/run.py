@@ -3,28 +3,21 @@
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ...problems.arrays import FloatArray
-from ...problems.contact.judge import local_residual
-from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
-from ...problems.motion.bodies.system import ActiveContacts
-from ...problems.motion.scenes.scene import Scene
-from ...problems.motion.stepping.accepted_step import AcceptedStep
-from ...problems.motion.stepping.moreau import Step
+from ...problems.motion.stepping.step import AcceptedStep
+from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ..errors import BenchError, FailedSimulationError
 from ..report.layout.output_file import output_file
 from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
-from .trajectory import NO_CONTACT, STEP, Simulation
+from .step_clock import WarmClock, warm_up
+from .step_row import step_row
+from .trajectory import Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
 """``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
@@ -118,7 +111,7 @@ def begun_simulation(
     if duration is not None:
         changes["duration"] = duration
     plan = changed(simulation.plan, **changes)
-    if simulation.state.time - plan.until > plan.stepper.shortest(plan.scene):
+    if simulation.state.time - plan.until > plan.stepper.shortest_step(plan.scene):
         raise BenchError(
             f"{file} has come to {simulation.state.time:g} s already, past the duration of {plan.duration:g} s; "
             "name a longer one, or leave it out."
@@ -148,8 +141,10 @@ def advance(
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
     written = clock()
-    begin = (simulation.state, plan.until, simulation.law_states)
-    steps = plan.stepper.steps(plan.scene, plan.step_solver, plan.stop, *begin)
+    motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
+    if isinstance(plan.stepper, VariableStepper):
+        warm_up(plan.stepper, *motion, simulation.law_states)
+    steps = plan.stepper.steps(*motion, states=simulation.law_states, clock=WarmClock())
     try:
         while not simulation.is_finished and not should_stop():
             taken = _next_step(simulation, steps)
@@ -172,12 +167,14 @@ def _store(simulation: Simulation) -> None:
 
 def _next_step(simulation: Simulation, steps: Iterator[AcceptedStep]) -> AcceptedStep:
     """Take one step and note it."""
+    scene = simulation.plan.scene
     try:
         taken = next(steps)
-        row = _row(simulation, taken)
+        row = step_row(scene, taken, simulation.statuses)
     except (Exception, SystemExit) as error:
         raise _failed(simulation, error_text(error)) from error
-    if not all(map(math.isfinite, row[_energies(simulation.plan.scene)])):
+    energies = [row.kinetic_energy] if scene.potential_energy is None else [row.kinetic_energy, row.potential_energy]
+    if not all(map(math.isfinite, energies)):
         raise _failed(simulation, "the motion is no longer finite")
     simulation.append(row, taken)
     return taken
@@ -192,96 +189,3 @@ def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
         reason=what.rstrip("."),
     )
     return simulation.failure.error(simulation.file)
-
-
-def _energies(scene: Scene) -> slice:
-    """Return where a row has the energies that ``scene`` knows."""
-    first = (STEP.names or ()).index("kinetic_energy")
-    return slice(first, first + (1 if scene.potential_energy is None else 2))
-
-
-def _row(simulation: Simulation, taken: AcceptedStep) -> tuple[float, ...]:
-    """Return the values of one accepted step in the order of ``STEP``."""
-    scene, state = simulation.plan.scene, taken.end
-    solved = [step for step, _ in taken.substeps]
-    residuals = [judged_residual(step) for step in solved]
-    worst = residuals.index(max(residuals)) if residuals else None
-    status = None if worst is None else solved[worst].status
-    contacts = solved[-1].contacts if solved else None
-    solves = list(_solves(taken))
-    depth, impact = _depths(solves)
-    return (
-        state.time,
-        state.time - taken.begin.time,
-        taken.error,
-        taken.solves,
-        taken.rejected,
-        0 if contacts is None else len(contacts.keys),
-        sum(step.iterations for step in solved),
-        max(residuals, default=0.0),
-        max(map(_local_residual, solves), default=0.0),
-        simulation.statuses.index(NO_CONTACT if status is None else status),
-        scene.kinetic_energy(state.velocity),
-        math.nan if scene.potential_energy is None else scene.potential_energy(state.position),
-        depth / scene.length,
-        impact / scene.length,
-        -1 if scene.balls_through is None else scene.balls_through(state.position),
-        0.0 if scene.agitation is None else scene.agitation(state.position, state.velocity),
-        taken.seconds,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Solve:
-    """A one-step solve with contacts.
-
-    Attributes:
-        problem: the one-step problem.
-        contacts: its active contacts.
-        impulses: Λ [N s], shape (n_rows,).
-        length: Δt [s].
-        approach: Wᵀu_B [m/s], shape (n_rows,), of the velocity where it begins.
-    """
-
-    problem: ContactProblem
-    contacts: ActiveContacts
-    impulses: FloatArray
-    length: float
-    approach: FloatArray
-
-
-def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
-    """Yield the one-step solves with contacts."""
-    velocity = taken.begin.velocity
-    for step, length in taken.substeps:
-        if step.contacts is not None and step.problem is not None:
-            approach = step.contacts.directions.transposed_times(velocity)
-            yield _Solve(step.problem, step.contacts, step.impulses, length, approach)
-        velocity = step.state.velocity
-
-
-def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
-    """Return the deepest penetration [m] of the states in which one-step solves begin, and that at their midpoints.
-
-    What is in contact at a midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
-    """
-    depth, impact = 0.0, 0.0
-    for solve in solves:
-        gap, normal = solve.contacts.gap, solve.approach[:: solve.contacts.rows_per_contact]
-        depth = max(depth, -float((gap - 0.5 * solve.length * normal).min()))
-        impact = max(impact, -float(gap.min()))
-    return depth, impact
-
-
-def _local_residual(solve: _Solve) -> float:
-    """Return the local residual of a solve; its free fall is what forces add to c, c - (1 + ε) Wᵀu_B."""
-    forced = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
-    return local_residual(solve.problem, solve.impulses, float(np.abs(forced).max(initial=0.0)))
-
-
-def judged_residual(step: Step) -> float:
-    """Return the judge's residual of a step, 0 without contacts."""
-    problem = step.problem
-    if problem is None:
-        return 0.0
-    return Residual(problem).judged(problem, step.impulses)

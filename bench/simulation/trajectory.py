@@ -11,45 +11,18 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
+from ...problems.motion.scenes.scene import SceneEnding
 from ...problems.motion.state import State
-from ...problems.motion.stepping.accepted_step import AcceptedStep
-from ...problems.motion.stepping.contact_states import LawStates, SwitchingPoint
+from ...problems.motion.stepping.step import AcceptedStep, LawStates, SwitchingPoint
 from ...problems.motion.trajectories.limit_cycle import Incident
 from ..report.layout.text import counted
 from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
-from .beside import Beside
 from .history import Failure, Segment, extended, planned_segment
+from .kept_states import Thinning
+from .outputs import Beside
 from .plan import SimulationPlan
-from .thinning import Thinning
-
-STEP = np.dtype(
-    [
-        ("time", "<f8"),
-        ("length", "<f8"),
-        ("error", "<f8"),
-        ("solves", "<i4"),
-        ("rejected", "<i4"),
-        ("contacts", "<i4"),
-        ("iterations", "<i4"),
-        ("residual", "<f8"),
-        ("local_residual", "<f8"),
-        ("status", "u1"),
-        ("kinetic_energy", "<f8"),
-        ("potential_energy", "<f8"),
-        ("penetration", "<f8"),
-        ("impact_depth", "<f8"),
-        ("balls_through", "<i4"),
-        ("agitation", "<f8"),
-        ("seconds", "<f8"),
-    ]
-)
-"""One accepted step: its end and length [s]; estimated relative error, 0 where none is estimated; one-step inclusions
-solved for it and attempts rejected before it; active contacts at its end; iterations of the solver behind it; the
-largest judged residual and the largest local residual of its solves, and an index into the statuses, that of the solve
-with the largest judged residual; energies [J] at its end; deepest penetration over the length of the scene, in the
-states where one-step solves begin and at their midpoints, where contacts are found; balls that have left through the
-outlet, −1 where there is none; mean kinetic energy of the others over m g r; wall time [s]."""
+from .step_row import STATUSES, StepRow, step_columns
 
 SWITCH = np.dtype(
     [("begin", "<f8"), ("end", "<f8"), ("law", "u1"), ("contact", "<i8"), ("before", "u1"), ("after", "u1")]
@@ -60,41 +33,27 @@ LAWS = ("unilateral", "friction")
 
 LAW_STATES = ("open", "closed", "stick", "slip")
 
-JAM_SECONDS = 0.25
-"""Simulated time of rest after which a funnel counts as jammed; a ball falls through thirty radii in it."""
-
-JAM_AGITATION = 1e-4
-"""A pile rests while its balls move with less than this kinetic energy over m g r, on average."""
-
-NO_CONTACT = "no contact"
-"""Status of a step without an active contact, in which nothing is solved."""
-
-STATUSES = (NO_CONTACT, *(status.value for status in Status))
-"""What the status of a step is an index into."""
-
 SLACK = 1.001
 """A step counts as solved up to this many tolerances: solver and judge sum relative velocities in different orders."""
 
 
 class Ending(StrEnum):
-    """Why a simulation is over."""
+    """Why a simulation is over, unless its scene ends it."""
 
     DURATION = "duration"
-    EMPTIED = "emptied"
-    JAMMED = "jammed"
     STOPPED = "stopped"
     FAILED = "failed"
 
 
-class Rows:
-    """Rows that are appended one by one, kept in one array that doubles when it is full.
+class GrowingArray:
+    """GrowingArray that are appended one by one, kept in one array that doubles when it is full.
 
     Args:
-        begun: the rows so far, of the shape and type of all.
+        start: the rows so far, of the shape and type of all.
     """
 
-    def __init__(self, begun: NDArray[Any]) -> None:
-        self._array, self._count = begun, len(begun)
+    def __init__(self, start: NDArray[Any]) -> None:
+        self._array, self._count = start, len(start)
 
     def append(self, row: Any) -> None:
         """Add one row."""
@@ -115,7 +74,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class _Reached:
+class _Progress:
     """Where a simulation has come; replaced as a whole, so that an interruption leaves it as it was or as it is."""
 
     n_steps: int
@@ -146,35 +105,38 @@ class Simulation:
     failure: Failure | None = None
     beside: Beside = field(default_factory=Beside)
     thinning: Thinning = field(init=False, repr=False)
-    _rows: Rows = field(init=False, repr=False)
-    _switches: Rows = field(init=False, repr=False)
-    _reached: _Reached = field(init=False, repr=False)
+    _rows: GrowingArray = field(init=False, repr=False)
+    _switches: GrowingArray = field(init=False, repr=False)
+    _progress: _Progress = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         scene = self.plan.scene
         self.thinning = Thinning(self.plan.states, scene.start, self.plan.stepper.resolution(scene))
-        self._rows, self._switches = Rows(np.zeros(0, dtype=STEP)), Rows(np.zeros(0, dtype=SWITCH))
-        self._reached = _Reached(0, 0, scene.start)
+        self._rows, self._switches = (
+            GrowingArray(np.zeros(0, dtype=step_columns(scene))),
+            GrowingArray(np.zeros(0, dtype=SWITCH)),
+        )
+        self._progress = _Progress(0, 0, scene.start)
 
     @property
     def n_steps(self) -> int:
         """Number of accepted steps."""
-        return self._reached.n_steps
+        return self._progress.n_steps
 
     @property
     def state(self) -> State:
         """The last state."""
-        return self._reached.state
+        return self._progress.state
 
     @property
     def law_states(self) -> LawStates | None:
         """States of the laws in the step that led there, None at the start."""
-        return self._reached.law_states
+        return self._progress.law_states
 
     @property
     def segments(self) -> tuple[Segment, ...]:
         """Which settings made which steps, in order; empty without steps."""
-        return self._reached.segments
+        return self._progress.segments
 
     @property
     def tolerances(self) -> FloatArray:
@@ -200,13 +162,13 @@ class Simulation:
 
     @property
     def steps(self) -> NDArray[np.void]:
-        """The accepted steps, a structured array of dtype ``STEP``, shape (n_steps,)."""
-        return self._rows.all[: self._reached.n_steps]
+        """The accepted steps, a structured array of dtype ``step_columns(scene)``, shape (n_steps,)."""
+        return self._rows.all[: self._progress.n_steps]
 
     @property
     def switches(self) -> NDArray[np.void]:
         """The switching points, a structured array of dtype ``SWITCH``."""
-        return self._switches.all[: self._reached.n_switches]
+        return self._switches.all[: self._progress.n_switches]
 
     @property
     def incidents(self) -> list[Incident]:
@@ -218,31 +180,27 @@ class Simulation:
 
     @property
     def is_finished(self) -> bool:
-        """Whether nothing is left to simulate: the duration is over, the last ball through, or the outlet jammed."""
+        """Whether nothing is left to simulate: the duration is over, or the scene has ended."""
         return self.ending not in (Ending.STOPPED, Ending.FAILED)
 
     @property
-    def ending(self) -> "Ending":
-        """Why the simulation is over, or that it is not."""
-        if self.plan.scene.balls_through is not None and self.n_steps:
-            if self.steps["balls_through"][-1] == self.plan.scene.n_balls:
-                return Ending.EMPTIED
-            if self._is_jammed:
-                return Ending.JAMMED
-        if self.plan.stepper.ends(self.plan.scene, self.state, self.plan.until):
-            return Ending.DURATION
-        return Ending.STOPPED if self.failure is None else Ending.FAILED
+    def scene_ending(self) -> SceneEnding | None:
+        """How the scene has ended by itself, None if it has not."""
+        rule, steps = self.plan.scene.ending, self.steps
+        if rule is None or not self.n_steps:
+            return None
+        since = int(np.searchsorted(steps["time"], steps["time"][-1] - rule.seconds, side="right"))
+        return rule.find(steps[max(0, since - 1) :])
 
     @property
-    def _is_jammed(self) -> bool:
-        """Whether balls are left above the outlet, and have rested there, none leaving, for ``JAM_SECONDS``."""
-        steps = self.steps
-        since = int(np.searchsorted(steps["time"], steps["time"][-1] - JAM_SECONDS, side="right"))
-        if not since or steps["agitation"][-1] > JAM_AGITATION:
-            return False
-        last = steps[since:]
-        rested = bool((last["agitation"] <= JAM_AGITATION).all())
-        return rested and bool(last["balls_through"][0] == last["balls_through"][-1])
+    def ending(self) -> str:
+        """Why the simulation is over, or that it is not: an ``Ending``, or the name of ``scene_ending``."""
+        by_scene = self.scene_ending
+        if by_scene is not None:
+            return by_scene.name
+        if self.plan.stepper.has_reached(self.plan.scene, self.state, self.plan.until):
+            return Ending.DURATION
+        return Ending.STOPPED if self.failure is None else Ending.FAILED
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:
@@ -266,17 +224,17 @@ class Simulation:
         """Which steps have a local residual that the judged one hides, shape (n_steps,)."""
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
-    def append(self, row: tuple[float, ...], taken: AcceptedStep) -> None:
-        """Add one accepted step with its values in the order of ``STEP``; an interruption in between leaves it out."""
-        reached = self._reached
-        self._rows.cut(reached.n_steps)
-        self._switches.cut(reached.n_switches)
-        self._rows.append(row)
+    def append(self, row: StepRow, taken: AcceptedStep) -> None:
+        """Add one accepted step with its row; an interruption in between leaves it out."""
+        progress = self._progress
+        self._rows.cut(progress.n_steps)
+        self._switches.cut(progress.n_switches)
+        self._rows.append(row.values)
         for switch in taken.switches:
             self._switches.append(_switch_row(switch))
-        segments = extended(reached.segments, self.plan, reached.n_steps)
-        n_switches = reached.n_switches + len(taken.switches)
-        self._reached = _Reached(reached.n_steps + 1, n_switches, taken.end, taken.states, segments)
+        segments = extended(progress.segments, self.plan, progress.n_steps)
+        n_switches = progress.n_switches + len(taken.switches)
+        self._progress = _Progress(progress.n_steps + 1, n_switches, taken.end, taken.states, segments)
         if taken.switches:
             self.thinning.offer(taken.begin, True)
         self.thinning.offer(taken.end, bool(taken.switches))
@@ -299,9 +257,9 @@ class Simulation:
             segments: their segments; one of the settings of the plan if None.
         """
         known = np.zeros(0, dtype=SWITCH) if switches is None else switches
-        self._rows, self._switches = Rows(steps), Rows(known)
+        self._rows, self._switches = GrowingArray(steps), GrowingArray(known)
         made = ([planned_segment(self.plan, 0)] if len(steps) else []) if segments is None else segments
-        self._reached = _Reached(len(steps), len(known), state, states if len(steps) else None, tuple(made))
+        self._progress = _Progress(len(steps), len(known), state, states if len(steps) else None, tuple(made))
         self.thinning.offer(state)
 
 

@@ -8,17 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 from ..errors import PluginError, ProblemError, first_line, suggestion
-from ..motion.bodies.balls import BallSystem
-from ..motion.bodies.system import System
-from ..motion.scenes.funnel import TIME_STEP
 from ..motion.scenes.registry import SCENES, read_scene
-from ..motion.scenes.scene import Scene, kinetic_energy
+from ..motion.scenes.scene import Scene, bare_scene
 from ..motion.state import State
 from ..names import check_options
 from .plugins import Offer, offers
-
-LENGTH = 1.0
-"""What penetrations are related to [m] where a plugin names nothing and nothing has a radius."""
 
 
 def plugin_scenes() -> list[Offer]:
@@ -90,16 +84,4 @@ def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> S
         return replace(made, name=name, options=options)
     if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], State)):
         raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(made).__name__}.")
-    system: System = made[0]
-    return Scene(
-        name,
-        options,
-        system,
-        made[1],
-        length=float(system.radii.max()) if isinstance(system, BallSystem) else LENGTH,
-        step_size=TIME_STEP,
-        duration=1.0,
-        kinetic_energy=kinetic_energy(system, made[1]),
-        potential_energy=system.potential_energy if isinstance(system, BallSystem) else None,
-        n_balls=system.n_balls if isinstance(system, BallSystem) else 0,
-    )
+    return bare_scene(name, options, *made)

@@ -9,16 +9,16 @@ from proxbench.bench.generate import RECIPES, FunnelRecipe
 from proxbench.problems import judge
 from proxbench.problems.motion.scenes.funnel import TIME_STEP
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 
 @cache
-def flowing(size: int) -> tuple[Moreau, State]:
+def flowing(size: int) -> tuple[MidpointRule, State]:
     """The stepper, and the state at the instant of the library's problem ``funnel-SIZE``."""
     recipe = RECIPES[f"funnel-{size}"]
     assert isinstance(recipe, FunnelRecipe)
-    stepper = Moreau(recipe.scene.system(), create("SORprox", relaxation=1.5), Stop(TOLERANCE), TIME_STEP)
+    stepper = MidpointRule(recipe.scene.system(), create("SORprox", relaxation=1.5), Stop(TOLERANCE), TIME_STEP)
     state = recipe.scene.start()
     for step in stepper.steps(state, round(recipe.time / TIME_STEP)):
         state = step.state

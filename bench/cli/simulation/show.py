@@ -12,13 +12,13 @@ from rich.console import Console
 from ...errors import FailedSimulationError, InterruptedSimulationError, UnwritableError
 from ...report.layout.output_file import drawn, output_file
 from ...report.layout.text import output_width, print_json
-from ...simulation.beside import Beside, chosen_beside, recorded
 from ...simulation.file import SUFFIX, read_simulation, write_simulation
-from ...simulation.live import LiveSummary
+from ...simulation.outputs import Beside, chosen_beside, recorded
 from ...simulation.plan import make_simulation_plan
 from ...simulation.run import advance, begun_simulation
-from ...simulation.table import document, print_simulation
 from ...simulation.trajectory import Simulation
+from ...simulation.view.live import LiveSummary
+from ...simulation.view.table import document, print_simulation
 from .interrupts import deferred_interrupts
 
 
@@ -159,7 +159,7 @@ def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path
     yield "result", file
     chart, recording = simulation.beside.chart, simulation.beside.recording
     if simulation.n_steps and chart is not None:
-        from ...simulation.chart import write_chart  # altair and pandas take a second to import
+        from ...simulation.view.chart import write_chart  # altair and pandas take a second to import
 
         for path in drawn(lambda: write_chart(simulation, chart), file):
             yield "chart", path

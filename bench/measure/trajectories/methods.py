@@ -10,7 +10,10 @@ from typing import Any
 
 from msgspec import structs
 
-from ....problems.motion.stepping.registry import EXAMPLE, STEPPERS, Moreau, Stepper, Variable, make_stepper
+from ....problems.motion.stepping.moreau import Moreau
+from ....problems.motion.stepping.registry import EXAMPLE, STEPPERS, make_stepper
+from ....problems.motion.stepping.stepper import Stepper
+from ....problems.motion.stepping.variable_stepper import VariableStepper
 from ....problems.names import read_name
 from ...errors import BenchError
 from ...plugins.contestants import Contestant
@@ -61,7 +64,7 @@ class Method:
             return made, value
         if isinstance(made, Moreau):
             return replace(made, step=value), self.record.tolerance
-        has_resolution = isinstance(made, Variable) and "min_step" not in self.stepper
+        has_resolution = isinstance(made, VariableStepper) and "min_step" not in self.stepper
         finest = {"min_step": value / RESOLUTION} if has_resolution else {}
         return replace(stepper, tolerance=value, **finest), self.record.tolerance
 

@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 from msgspec.structs import replace
 
 from ....problems.contact.solver import Solver
-from ....problems.motion.scenes.registry import read_scene
-from ....problems.motion.scenes.scene import Scene
-from ....problems.motion.scenes.woodpecker import PERIOD
+from ....problems.motion.scenes.registry import SCENES, read_scene
+from ....problems.motion.scenes.scene import Scene, StudyDefaults
 from ....problems.names import Name
 from ...errors import BenchError
 from ...plugins.describing import contestant
@@ -28,11 +26,8 @@ LIMITS = Limits(solve_seconds=600.0, case_seconds=7200.0)
 NEIGHBOURS = (0.98, 0.99, 1.0, 1.01, 1.02)
 """Factors on steps and tolerances: the error is erratic in the number of steps, so medians are compared."""
 
-N_BALLS, N_SEEDS, POUR_SECONDS = 250, 6, 0.6
-"""A small pour: it begins after 0.2 s, and half of the balls are through when it ends."""
-
-CYCLE: Mapping[str, Any] = {"start": "cycle"}
-"""Options of the woodpecker from whose start one period of the limit cycle leads back to it."""
+N_SEEDS = 6
+"""Seeds of a scene of balls."""
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-6)
 """Errors that tables give the time to."""
@@ -76,11 +71,10 @@ def make_study_plan(
     chosen = [method.started(start) for method in chosen]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
-    nothing: Any = None  # a stepper looks at its solver when it steps
     for method in chosen:
         for value in method.record.values:
-            stepper = method.setting(value)[0].fitted(made)
-            stepper.check(made, nothing, made.start.time, made.start.time + trajectory.duration)
+            stepper = method.setting(value)[0].with_defaults_of(made)
+            stepper.check(made, made.start.time, made.start.time + trajectory.duration)
     return Plan(
         (trajectory.name,),
         (),
@@ -94,12 +88,11 @@ def make_study_plan(
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
     """Return the problem that a scene is, without its reference, and the scene."""
     plain, options = read_scene(scene)
-    is_cycle = plain == "woodpecker" and duration is None and options in ({}, CYCLE)
-    if is_cycle:
-        options = dict(CYCLE)
-    if plain in ("funnel", "pile"):
-        options = {"balls": N_BALLS, **options}
-        duration = POUR_SECONDS if duration is None else duration
+    study = SCENES[plain].study if plain in SCENES else StudyDefaults()
+    is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options
+    if is_cycle or not study.is_limit_cycle:
+        options = {**study.options, **options}
+        duration = study.duration if duration is None else duration
     made = local_or_remote_scene(str(Name(plain, options)))
     is_pour = made.n_balls > 1 and "seed" in made.options and made.exact is None
     if is_pour:
@@ -111,7 +104,7 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
     wrong = next((one for one in chosen if not (0.0 <= one < math.inf and (is_pour or one))), None)
     if wrong is not None or not chosen:
         raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {wrong}.")
-    seconds = PERIOD if is_cycle else made.duration if duration is None else duration
+    seconds = made.duration if duration is None else duration
     if not 0.0 < seconds < math.inf:
         raise BenchError(f"duration must be positive and finite, got {seconds} s.")
     trajectory = TrajectoryRecord(

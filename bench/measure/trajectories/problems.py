@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from ....problems.contact.solver import Status
+from ....problems.motion.scenes.registry import make_scene
 from ....problems.motion.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
@@ -23,13 +24,21 @@ def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
     """Return the problem of a run, its members those that the reference has."""
     known = {one.member: one.values for one in record.known if not one.failure}
     members = tuple(record.members)
-    measure: Measure = LimitCycle()
-    if record.error == "aggregates":
+    if record.error == "limit cycle":
+        measure: Measure = _limit_cycle(record.name)
+    elif record.error == "aggregates":
         measure = Aggregates(known)
         members = tuple(member for member in members if member in known) or members
-    elif record.error == "end position":
+    else:
         measure = EndPosition(next(iter(known.values()), {}), record.scale)
     return TrajectoryProblem(record.name, record.duration, members, measure)
+
+
+def _limit_cycle(name: str) -> LimitCycle:
+    scene = make_scene(name)
+    if scene.limit_cycle is None:
+        raise BenchError(f"the scene {name} has no limit cycle; run the study again.")
+    return LimitCycle(scene.limit_cycle, len(scene.start.position))
 
 
 def referenced(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:

@@ -12,7 +12,7 @@ from ....problems.errors import ProxbenchError
 from ....problems.exchange.plugin_scenes import build_plugin_scene, plugin_scene
 from ....problems.motion.scenes.registry import make_scene, read_scene
 from ....problems.motion.scenes.scene import Scene
-from ....problems.motion.stepping.accepted_step import AcceptedStep
+from ....problems.motion.stepping.step import AcceptedStep
 from ....problems.motion.trajectories.pour import Watch
 from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
@@ -69,7 +69,7 @@ class TrajectoryTask:
 
     def _plan(self, value: float, member: float) -> SimulationPlan:
         scene, (stepper, tolerance) = self._scene(member), self.method.setting(value)
-        stepper = stepper.fitted(scene)
+        stepper = stepper.with_defaults_of(scene)
         if not self.problem.varies_seeds:
             stepper = neighbour(stepper, member, self.problem.duration)
         return SimulationPlan(

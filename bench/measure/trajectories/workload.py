@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ....problems.motion.stepping.registry import Moreau
+from ....problems.motion.stepping.moreau import Moreau
 from ...report.layout.text import counted
 from ...store.trajectory_records import TrajectoryRecord
 from .methods import Method, neighbour

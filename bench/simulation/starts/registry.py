@@ -2,7 +2,7 @@
 
 from ....problems.contact.solver import Solver
 from ....problems.errors import suggestion
-from ....problems.motion.stepping.registry import Stepper
+from ....problems.motion.stepping.stepper import Stepper
 from ...errors import BenchError
 from .cold import Cold
 from .step_solver import StepSolver

@@ -103,6 +103,8 @@ class MechanicalSystem:
         restitution_normal: ε_N of each contact, shape (n_contacts,).
         restitution_tangential: ε_T of each contact, shape (n_contacts,).
         rows_per_contact: 1, 2 or 3.
+        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), for EventDriven; None where W does not depend on
+            q.
         is_reversible: whether M and W are constant and h depends on q alone. The midpoint rule is symmetric then, and
             its error in smooth phases has even powers of Δt only, which extrapolation makes use of.
 
@@ -118,6 +120,7 @@ class MechanicalSystem:
     restitution_normal: ArrayLike
     restitution_tangential: ArrayLike
     rows_per_contact: int = 2
+    direction_rates: Callable[[FloatArray, FloatArray], FloatArray] | None = None
     is_reversible: bool = False
     _inverse: tuple[FloatArray, FloatArray, InverseMass] | None = field(default=None, init=False, repr=False)
     _laws: dict[bytes, tuple[IntArray, IntArray, Laws, FloatArray]] = field(

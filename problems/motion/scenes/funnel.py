@@ -5,18 +5,22 @@ height over an outlet of 4.5 ball radii, a vertical wall above, and a circular r
 jittered lattice of pitch 2.3 radii and drop at 1 m/s.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import FloatArray
 from ...errors import ProblemError
 from ..bodies.balls import BallSystem
 from ..bodies.surfaces import Plane, Rim, Segment, Surface
 from ..state import State
-from .effects import Conservative, Effect, Friction, Gravity, Planar, Restitution, ball_system
+from .effects import Conservative, Drag, Effect, Friction, Gravity, Planar, Restitution, Spring, ball_system
+from .options import Option
+from .scene import EndingRule, Observable, Scene, SceneEnding, SceneKind, StudyDefaults
 
 RADIUS = 0.01
 DENSITY = 2500.0
@@ -28,6 +32,15 @@ DROP_SPEED = 1.0
 TIME_STEP = 5e-4
 WALL_TOP = 1e3
 STANDARD_GRAVITY = 9.81
+
+POUR_SECONDS = 5.0
+"""Time that a thousand balls have to leave through the outlet [s]; a pour ends earlier when all are through."""
+
+JAM_SECONDS = 0.25
+"""Simulated time of rest after which a funnel counts as jammed [s]; a ball falls through thirty radii in it."""
+
+JAM_AGITATION = 1e-4
+"""A pile rests while its balls move with less than this kinetic energy over m g r, on average."""
 
 STANDARD_EFFECTS: tuple[Effect, ...] = (Gravity(9.81), Friction(0.3), Restitution(0.3, 0.0))
 """The effects of the paper's example."""
@@ -94,6 +107,23 @@ class Funnel:
         energies = self._still_system.kinetic_energies(velocity)
         return float(energies[above].mean()) / (MASS * STANDARD_GRAVITY * RADIUS)
 
+    def ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
+        """Return how a pour ends: all balls are through, or those left have rested for ``JAM_SECONDS``."""
+        last = steps[-1]
+        seconds = f"{last['time']:.4g} s"
+        left = self.n_balls - int(last["balls_through"])
+        if not left:
+            return SceneEnding(
+                "emptied", f"emptied: all {self.n_balls} balls are through the outlet after {seconds}", True
+            )
+        if last["agitation"] > JAM_AGITATION or steps["time"][0] > last["time"] - JAM_SECONDS:
+            return None
+        has_rested = (steps["agitation"][1:] <= JAM_AGITATION).all()
+        if not has_rested or steps["balls_through"][1] != last["balls_through"]:
+            return None
+        sentence = f"jammed at {seconds}: {left} of {self.n_balls} balls rest above the outlet and none passes"
+        return SceneEnding("jammed", sentence, False)
+
     def potential_energy(self, position: FloatArray) -> float:
         """Return V [J] of the effects at q, shape (n_balls · d,); weight counts from the outlet."""
         centres = position.reshape(self.n_balls, self._dimension)
@@ -144,3 +174,80 @@ class Funnel:
         centres = np.column_stack([grid[index % len(grid)], height])
         jitter = np.random.default_rng(self.seed).uniform(-JITTER, JITTER, centres.shape)
         return centres + RADIUS * jitter
+
+
+def _build(name: str, options: Mapping[str, Any]) -> Scene:
+    # a pile is a funnel without the option of an outlet: it is closed
+    funnel = Funnel(options["balls"], _effects(options), options.get("outlet", 0.0), options["seed"])
+    system = funnel.system()
+    has_outlet, projection = bool(options.get("outlet")), options["projection"]
+    observables = (
+        Observable(
+            "balls_through",
+            lambda state: funnel.balls_through(state.position),
+            is_count=True,
+            label="balls through",
+            head="through",
+            rate="flow rate",
+        ),
+        Observable("agitation", lambda state: funnel.agitation(state.position, state.velocity)),
+    )
+    return Scene(
+        name,
+        options,
+        system,
+        funnel.start(),
+        length=RADIUS,
+        step_size=TIME_STEP,
+        duration=POUR_SECONDS if has_outlet else 1.0,
+        kinetic_energy=system.kinetic_energy,
+        potential_energy=funnel.potential_energy,
+        n_balls=funnel.n_balls,
+        depth=None if projection is None else projection * RADIUS,
+        longest_step=4.0 * TIME_STEP,
+        observables=observables if has_outlet else (),
+        ending=EndingRule(JAM_SECONDS, funnel.ending) if has_outlet else None,
+    )
+
+
+def _effects(options: Mapping[str, Any]) -> tuple[Effect, ...]:
+    effects: list[Effect] = []
+    for name, effect in (("gravity", Gravity), ("drag", Drag), ("friction", Friction)):
+        if options[name] is not None:
+            effects.append(effect(options[name]))
+    if options["spring"] is not None:
+        middle = (0.0,) if options["planar"] else (0.0, 0.0)
+        effects.append(Spring(options["spring"], (*middle, CONE_HEIGHT)))
+    if options["restitution"] is not None or options["tangential_restitution"] is not None:
+        effects.append(Restitution(options["restitution"] or 0.0, options["tangential_restitution"] or 0.0))
+    if options["planar"]:
+        effects.append(Planar())
+    return tuple(effects)
+
+
+_OPTIONS: dict[str, Option] = {
+    "balls": Option(1000, "number of balls", lowest=1, highest=1_000_000),
+    "seed": Option(0, "of the jitter of the start"),
+    "gravity": Option(STANDARD_GRAVITY, "acceleration of weight [m/s²]", can_be_off=True),
+    "friction": Option(0.3, "friction coefficient; off: no friction laws, and balls do not turn", can_be_off=True),
+    "restitution": Option(0.3, "normal restitution", highest=1.0, can_be_off=True),
+    "tangential_restitution": Option(None, "tangential restitution", highest=1.0, can_be_off=True),
+    "drag": Option(None, "linear drag on each centre [kg/s]", can_be_off=True),
+    "spring": Option(None, "spring from each centre to the middle of the cone's top [N/m]", can_be_off=True),
+    "projection": Option(
+        0.02, "penetration [ball radii] to which positions are projected", lowest=1e-3, highest=1.0, can_be_off=True
+    ),
+    "planar": Option(False, "discs in a vertical plane instead of balls"),
+}
+
+_STUDY = StudyDefaults({"balls": 250}, duration=0.6)
+"""A small pour: it begins after 0.2 s, and half of the balls are through when it ends."""
+
+FUNNEL = SceneKind(
+    "balls pouring through a funnel",
+    {**_OPTIONS, "outlet": Option(4.5, "radius of the outlet in ball radii; 0 closes it", highest=1000.0)},
+    _build,
+    _STUDY,
+)
+
+PILE = SceneKind("balls settling in a closed funnel", _OPTIONS, _build, _STUDY)

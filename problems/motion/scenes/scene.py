@@ -1,12 +1,13 @@
 """A scene that is ready to be simulated, and what the registry knows of one that is not built yet."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import FloatArray
 from ...errors import ProblemError
@@ -14,10 +15,83 @@ from ..bodies.balls import BallSystem
 from ..bodies.surfaces import Plane
 from ..bodies.system import MechanicalSystem, System
 from ..state import State
+from ..trajectories.limit_cycle import KnownCycle
 from .options import Option, OptionValue
+
+LENGTH = 1.0
+"""What penetrations are related to [m] where nothing has a radius."""
+
+STEP_SIZE = 5e-4
+"""Δt [s] of a fixed step."""
 
 LONGEST_STEP = 0.02
 """Δt_max [s] of a variable step through the motion of a few bodies."""
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A number that a scene records at each step.
+
+    Attributes:
+        name: of its column.
+        compute: state ↦ value.
+        is_count: whether it is a whole number, which jumps.
+        label: what charts and recordings call it; empty if it is not shown.
+        head: of its column in tables.
+        rate: what studies call its mean rate of change; empty if they do not compare it.
+    """
+
+    name: str
+    compute: Callable[[State], float]
+    is_count: bool = False
+    label: str = ""
+    head: str = ""
+    rate: str = ""
+
+
+@dataclass(frozen=True)
+class SceneEnding:
+    """Why a simulation ends before its duration.
+
+    Attributes:
+        name: one word, for programs.
+        sentence: what happened, for people.
+        is_success: whether the scene has come to its proper end.
+    """
+
+    name: str
+    sentence: str
+    is_success: bool
+
+
+@dataclass(frozen=True)
+class EndingRule:
+    """When a simulation ends before its duration.
+
+    Attributes:
+        seconds: simulated time that ``find`` looks back [s].
+        find: some last steps ↦ the ending, or None. The steps have ``time`` [s] and the observables as fields; they go
+            back ``seconds`` and one step further, as far as there are steps.
+    """
+
+    seconds: float
+    find: Callable[[NDArray[np.void]], SceneEnding | None]
+
+
+@dataclass(frozen=True)
+class StudyDefaults:
+    """What a study of a scene measures unless it is told otherwise.
+
+    Attributes:
+        options: of the scene.
+        duration: simulated time [s]; the scene's if None.
+        is_limit_cycle: whether the motion returns to its start, up to the descent, after ``duration`` with ``options``,
+            so that the error of its end is that of the limit cycle. It holds for exactly these values.
+    """
+
+    options: Mapping[str, OptionValue] = field(default_factory=dict)
+    duration: float | None = None
+    is_limit_cycle: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +108,6 @@ class Scene:
         duration: how long it is simulated [s] by default.
         kinetic_energy: u ↦ T [J].
         potential_energy: q ↦ V [J], None where it is not known.
-        balls_through: q ↦ how many balls have left through the outlet, None where there is no outlet.
-        agitation: (q, u) ↦ mean kinetic energy of the balls that have not left, over m g r; None where there is none.
         n_balls: number of balls, 0 where there are none.
         depth: penetration [m] to which positions are projected, None where they are not.
         longest_step: Δt_max [s] of a variable step if it has none of its own: nothing is jumped over in it.
@@ -43,6 +115,11 @@ class Scene:
         has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
         exact: t [s] ↦ the state in closed form, None where there is none.
         balls: sizes and surfaces of the balls, to draw them; None where there are none.
+        observables: what is recorded at each step beside what every simulation records.
+        ending: what may end a simulation before its duration, None if nothing does.
+        contact_names: names of the contacts by their keys, empty if they have none.
+        limit_cycle: the known limit cycle, None where there is none.
+        view: name of the recording that draws it, None if its balls or its coordinates are drawn.
     """
 
     name: str
@@ -54,8 +131,6 @@ class Scene:
     duration: float
     kinetic_energy: Callable[[FloatArray], float]
     potential_energy: Callable[[FloatArray], float] | None
-    balls_through: Callable[[FloatArray], int] | None = None
-    agitation: Callable[[FloatArray, FloatArray], float] | None = None
     n_balls: int = 0
     depth: float | None = None
     longest_step: float = LONGEST_STEP
@@ -63,6 +138,11 @@ class Scene:
     has_few_contacts: bool = False
     exact: Callable[[float], State] | None = None
     balls: BallSystem | None = None
+    observables: Sequence[Observable] = ()
+    ending: EndingRule | None = None
+    contact_names: Sequence[str] = ()
+    limit_cycle: KnownCycle | None = None
+    view: str | None = None
 
     def __post_init__(self) -> None:
         if self.balls is None and isinstance(self.system, BallSystem):
@@ -77,11 +157,30 @@ class SceneKind:
         summary: what it is, for people.
         options: its options by name.
         build: makes the scene from its name and the value of every option.
+        study: what a study of it measures by default.
     """
 
     summary: str
     options: Mapping[str, Option]
     build: Callable[[str, Mapping[str, Any]], Scene]
+    study: StudyDefaults = field(default_factory=StudyDefaults)
+
+
+def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, start: State) -> Scene:
+    """Return the scene of a system and its first state, with the usual numbers for all else."""
+    is_of_balls = isinstance(system, BallSystem)
+    return Scene(
+        name,
+        options,
+        system,
+        start,
+        length=float(system.radii.max()) if is_of_balls else LENGTH,
+        step_size=STEP_SIZE,
+        duration=1.0,
+        kinetic_energy=kinetic_energy(system, start),
+        potential_energy=system.potential_energy if is_of_balls else None,
+        n_balls=system.n_balls if is_of_balls else 0,
+    )
 
 
 OVERLAP = 1e-9

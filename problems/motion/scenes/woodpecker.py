@@ -4,11 +4,18 @@ q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the
 pole, 2 the lower edge of the sleeve, 3 its upper edge; all planar, with rows N and T.
 """
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from ...arrays import FloatArray
 from ..bodies.system import MechanicalSystem
 from ..state import State
+from ..trajectories.limit_cycle import Incident, KnownCycle
+from .options import Option
+from .scene import Scene, SceneKind, StudyDefaults, kinetic_energy
 
 SLEEVE_MASS, SLEEVE_INERTIA = 3e-4, 5e-9
 BIRD_MASS, BIRD_INERTIA = 4.5e-3, 7e-7
@@ -26,22 +33,27 @@ DESCENT = 0.019445379284716507
 """Descent in one limit cycle [m]."""
 
 INCIDENTS = (
-    (-0.03959340699946194, "friction", 1, "slip", "stick"),
-    (0.0, "friction", 1, "stick", "slip"),
-    (0.005820757234809802, "unilateral", 1, "closed", "open"),
-    (0.016709825280643503, "unilateral", 2, "open", "closed"),
-    (0.016709825280643503, "unilateral", 2, "closed", "open"),
-    (0.019811178939636433, "unilateral", 0, "open", "closed"),
-    (0.019811178939636433, "unilateral", 0, "closed", "open"),
-    (0.020390700477988667, "unilateral", 2, "open", "closed"),
-    (0.022245391272032778, "unilateral", 2, "closed", "open"),
-    (0.05753380196015821, "unilateral", 1, "open", "closed"),
-    (0.05753380196015821, "unilateral", 1, "closed", "open"),
-    (0.06026253599142089, "unilateral", 1, "open", "closed"),
+    Incident(-0.03959340699946194, "friction", 1, "slip", "stick"),
+    Incident(0.0, "friction", 1, "stick", "slip"),
+    Incident(0.005820757234809802, "unilateral", 1, "closed", "open"),
+    Incident(0.016709825280643503, "unilateral", 2, "open", "closed"),
+    Incident(0.016709825280643503, "unilateral", 2, "closed", "open"),
+    Incident(0.019811178939636433, "unilateral", 0, "open", "closed"),
+    Incident(0.019811178939636433, "unilateral", 0, "closed", "open"),
+    Incident(0.020390700477988667, "unilateral", 2, "open", "closed"),
+    Incident(0.022245391272032778, "unilateral", 2, "closed", "open"),
+    Incident(0.05753380196015821, "unilateral", 1, "open", "closed"),
+    Incident(0.05753380196015821, "unilateral", 1, "closed", "open"),
+    Incident(0.06026253599142089, "unilateral", 1, "open", "closed"),
 )
-"""Switching incidents of one limit cycle in the order of table 1 of Studer & Glocker (2005): time after the section
-[s], computed event by event in 45-digit arithmetic; law, key of the contact (0 beak, 1 lower, 2 upper edge of the
-sleeve), before, after."""
+"""Switching points of one limit cycle in the order of table 1 of Studer & Glocker (2005), with times after the section
+[s], computed event by event in 45-digit arithmetic."""
+
+CONTACT_NAMES = ("beak", "lower edge", "upper edge")
+"""Contacts by their keys; the paper counts them from 1, and the edges are those of the sleeve."""
+
+RANGES = (0.01945, 0.47, 17.57)
+"""What y [m], φ_S [rad] and its velocity [rad/s] range over in one period."""
 
 OVERLAP = 1e-12
 """Depth [m] at which a start in contact is taken for closed; it turns the sleeve by 2e-10 rad."""
@@ -125,3 +137,64 @@ def section_start(overlap: float = 0.0) -> State:
     """
     jammed = -(SLEEVE_RADIUS - POLE_RADIUS + overlap) / SLEEVE_HALF_HEIGHT
     return State(0.0, np.array([0.0, jammed, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))
+
+
+def section_error(state: State) -> float:
+    """Return the largest error of y, φ_S and its velocity after one period, each over its range in the cycle."""
+    start = section_start()
+    errors = (
+        state.position[0] - start.position[0] + DESCENT,
+        state.position[2] - start.position[2],
+        state.velocity[2] - start.velocity[2],
+    )
+    return max(abs(float(error)) / reach for error, reach in zip(errors, RANGES, strict=True))
+
+
+LIMIT_CYCLE = KnownCycle(
+    PERIOD,
+    DESCENT,
+    INCIDENTS,
+    section=1,
+    section_error=section_error,
+    source="table 1 of the paper",
+    transient=60,  # the deviation falls by 0.839 a period, and by 3e-5 in 60
+)
+"""The limit cycle; in its section the lower edge of the sleeve begins to slip."""
+
+
+def _build(name: str, options: Mapping[str, Any]) -> Scene:
+    gravity = options["gravity"] or 0.0
+    system = woodpecker(options["friction"], options["restitution"] or 0.0, gravity)
+    start = published_start() if options["start"] == "published" else section_start(OVERLAP)
+    is_default = all(options[key] == option.default for key, option in _OPTIONS.items() if key != "start")
+    return Scene(
+        name,
+        options,
+        system,
+        start,
+        length=POLE_RADIUS,
+        step_size=2e-5,
+        duration=1.0,
+        kinetic_energy=kinetic_energy(system, start),
+        potential_energy=lambda position: potential_energy(position, gravity),
+        coordinates={"sleeve angle [rad]": 1, "bird angle [rad]": 2, "sleeve height [m]": 0},
+        has_few_contacts=True,
+        contact_names=CONTACT_NAMES,
+        limit_cycle=replace(LIMIT_CYCLE, is_of_scene=is_default),
+        view="woodpecker",
+    )
+
+
+_OPTIONS = {
+    "gravity": Option(GRAVITY, "acceleration of weight [m/s²]", can_be_off=True),
+    "friction": Option(FRICTION, "friction coefficient; off: no friction laws", can_be_off=True),
+    "restitution": Option(RESTITUTION[0], "normal restitution of the beak", highest=1.0, can_be_off=True),
+    "start": Option("published", "first state", choices=("published", "cycle")),
+}
+
+WOODPECKER = SceneKind(
+    "the woodpecker toy, hopping down its pole",
+    _OPTIONS,
+    _build,
+    StudyDefaults({"start": "cycle"}, duration=PERIOD, is_limit_cycle=True),
+)

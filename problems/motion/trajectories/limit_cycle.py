@@ -1,39 +1,18 @@
-"""The limit cycle of the woodpecker: its periods in a motion, its incidents, and the error after one period.
+"""Limit cycles: what a scene knows of its own, and the periods of a motion beside it."""
 
-Incidents are distinguished as in table 1 of Studer & Glocker (2005); a period is measured from section to section.
-"""
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from ...arrays import FloatArray
-from ..scenes.woodpecker import DESCENT, INCIDENTS, PERIOD, section_start
 from ..state import State
-
-RANGES = (0.01945, 0.47, 17.57)
-"""What y [m], φ_S [rad] and its velocity [rad/s] range over in one period."""
-
-SECTION = ("friction", 1, "stick", "slip")
-"""What the section of the limit cycle is: the lower edge of the sleeve begins to slip."""
-
-
-def section_error(state: State) -> float:
-    """Return the largest error of y, φ_S and its velocity after one period, each over its range in the cycle."""
-    start = section_start()
-    errors = (
-        state.position[0] - start.position[0] + DESCENT,
-        state.position[2] - start.position[2],
-        state.velocity[2] - start.velocity[2],
-    )
-    return max(abs(float(error)) / reach for error, reach in zip(errors, RANGES, strict=True))
 
 
 @dataclass(frozen=True)
 class Incident:
-    """A switching point.
+    """A switching point, with the middle of its interval as its time.
 
     Attributes:
         time: middle of the interval in which it lies [s].
@@ -49,84 +28,120 @@ class Incident:
     before: str
     after: str
 
-    @property
-    def what(self) -> tuple[str, int, str, str]:
-        """Everything but the time."""
-        return self.law, self.contact, self.before, self.after
+    def is_like(self, other: "Incident") -> bool:
+        """Whether it is the same switch at another time."""
+        return replace(self, time=0.0) == replace(other, time=0.0)
+
+
+@dataclass(frozen=True)
+class KnownCycle:
+    """The known limit cycle of a scene, whose periods are counted from section to section.
+
+    Attributes:
+        period: its duration [s].
+        descent: how much its first coordinate falls in one period.
+        incidents: its switching points, with times after the section.
+        section: index of the incident that is the section.
+        section_error: state after one period from the section ↦ largest relative error.
+        source: where ``incidents`` are published, for people.
+        transient: periods after which a motion is taken to be on the limit cycle.
+        is_of_scene: whether it is that of the scene with its options; with others only the order of incidents compares.
+    """
+
+    period: float
+    descent: float
+    incidents: tuple[Incident, ...]
+    section: int
+    section_error: Callable[[State], float]
+    source: str
+    transient: int
+    is_of_scene: bool = True
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """One period of the woodpecker, from the incident that is row 1 of the table to the one before the next row 1.
+    """One period of a motion, from the incident that is the first one of the limit cycle to the one before the next.
 
     Attributes:
+        known: the limit cycle.
         incidents: in order of time.
         section: time of the section in it [s].
-        height: y in the section [m].
+        height: first coordinate in the section.
     """
 
+    known: KnownCycle
     incidents: tuple[Incident, ...]
     section: float
     height: float
 
     @property
     def is_published(self) -> bool:
-        """Whether these are the incidents of table 1, in its order."""
-        return [incident.what for incident in self.incidents] == [row[1:] for row in INCIDENTS]
+        """Whether the incidents are those of the limit cycle, in its order."""
+        known = self.known.incidents
+        return len(self.incidents) == len(known) and all(map(Incident.is_like, self.incidents, known))
 
     @property
     def deviations(self) -> FloatArray:
-        """Times after the section less those of the limit cycle [s], shape (12,); only where ``is_published``."""
-        return np.array([incident.time - self.section for incident in self.incidents]) - [row[0] for row in INCIDENTS]
+        """Times after the section less those of the limit cycle [s], shape (n_incidents,); if ``is_published``."""
+        known = [incident.time for incident in self.known.incidents]
+        return np.array([incident.time - self.section for incident in self.incidents]) - known
 
 
 @dataclass(frozen=True)
 class Cycles:
-    """What a motion of the woodpecker repeats.
+    """The periods of a motion.
 
     Attributes:
+        known: the limit cycle.
         cycles: complete periods, in order.
         sections: times of all sections [s].
-        heights: y in them [m].
+        heights: first coordinate in them.
     """
 
+    known: KnownCycle
     cycles: list[Cycle]
     sections: FloatArray
     heights: FloatArray
-
-    def mean_period(self, last: int) -> float:
-        """Return the mean of the last periods [s]."""
-        return float(np.diff(self.sections[-last - 1 :]).mean())
-
-    def mean_descent(self, last: int) -> float:
-        """Return the mean descent of the last periods [m]."""
-        return float(-np.diff(self.heights[-last - 1 :]).mean())
 
     @property
     def count(self) -> int:
         """Number of periods from section to section."""
         return max(0, len(self.sections) - 1)
 
+    @property
+    def published_count(self) -> int:
+        """Number of complete periods with the incidents of the limit cycle."""
+        return sum(cycle.is_published for cycle in self.cycles)
 
-def cycles(found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> Cycles:
-    """Return the periods of a woodpecker's motion.
+    def mean_period(self, last: int) -> float:
+        """Return the mean of the last periods [s]."""
+        return float(np.diff(self.sections[-last - 1 :]).mean())
+
+    def mean_descent(self, last: int) -> float:
+        """Return the mean descent of the last periods."""
+        return float(-np.diff(self.heights[-last - 1 :]).mean())
+
+    def relative_deviations(self, last: int) -> tuple[float, float]:
+        """Return the relative deviations of the means of the last periods from the known period and descent."""
+        return self.mean_period(last) / self.known.period - 1.0, self.mean_descent(last) / self.known.descent - 1.0
+
+
+def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> Cycles:
+    """Return the periods of a motion.
 
     Args:
+        known: the limit cycle of its scene.
         found: its switching points in order of time.
         times: of some of its states [s], those at switching points included, shape (n,).
-        heights: y in them [m], shape (n,).
+        heights: first coordinate in them, shape (n,).
     """
-    begins = [index for index, incident in enumerate(found) if incident.what == INCIDENTS[0][1:]]
-    sections = [incident.time for incident in found if incident.what == SECTION]
+    begins = [index for index, incident in enumerate(found) if incident.is_like(known.incidents[0])]
+    section = known.incidents[known.section]
+    sections = [incident.time for incident in found if incident.is_like(section)]
     at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
     complete = []
     for first, last in pairwise(begins):
-        inside = [incident.time for incident in found[first:last] if incident.what == SECTION]
+        inside = [incident.time for incident in found[first:last] if incident.is_like(section)]
         if inside:
-            complete.append(Cycle(tuple(found[first:last]), inside[0], at[inside[0]]))
-    return Cycles(complete, np.array(sections), np.array([at[time] for time in sections]))
-
-
-def relative_deviations(motion: Cycles, last: int) -> tuple[float, float]:
-    """Return how far the means of the last periods are from period and descent of the limit cycle, relatively."""
-    return motion.mean_period(last) / PERIOD - 1.0, motion.mean_descent(last) / DESCENT - 1.0
+            complete.append(Cycle(known, tuple(found[first:last]), inside[0], at[inside[0]]))
+    return Cycles(known, complete, np.array(sections), np.array([at[time] for time in sections]))

@@ -12,9 +12,9 @@ from ...arrays import FloatArray
 from ..scenes.scene import Scene
 from ..state import State
 
-FLOW, HEIGHT, ENERGY = "flow rate", "mean height", "energy lost"
+HEIGHT, ENERGY = "mean height", "energy lost"
 
-UNITS = {FLOW: "balls/s", HEIGHT: "m", ENERGY: "J"}
+UNITS = {"flow rate": "balls/s", HEIGHT: "m", ENERGY: "J"}
 
 GRID = 400
 """Points in time that means are taken over, in the second half of the duration."""
@@ -22,7 +22,7 @@ GRID = 400
 
 @dataclass
 class Watch:
-    """Notes states of a scene as they come; ``aggregates`` averages them.
+    """Notes the states of a scene as they come; ``aggregates`` averages them.
 
     Attributes:
         scene: the scene.
@@ -31,9 +31,10 @@ class Watch:
 
     scene: Scene
     last: State = field(init=False)
-    _rows: list[tuple[float, float, float, float]] = field(default_factory=list)
+    _columns: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._rates = [one for one in self.scene.observables if one.rate]
         self.note(self.scene.start)
 
     def note(self, state: State) -> None:
@@ -42,27 +43,32 @@ class Watch:
         scene = self.scene
         if not scene.n_balls:
             return
-        through = 0 if scene.balls_through is None else scene.balls_through(state.position)
-        energy = np.nan
-        if scene.potential_energy is not None:
-            energy = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
         heights = state.position.reshape(scene.n_balls, -1)[:, -1]
-        self._rows.append((state.time, float(through), float(np.maximum(heights, 0.0).mean()), energy))
+        values = {"time": state.time, HEIGHT: float(np.maximum(heights, 0.0).mean())}
+        if scene.potential_energy is not None:
+            values[ENERGY] = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
+        values |= {one.name: float(one.compute(state)) for one in self._rates}
+        for name, value in values.items():
+            self._columns.setdefault(name, []).append(value)
 
     def aggregates(self, duration: float) -> dict[str, float]:
         """Return the aggregates over the second half of ``duration`` [s]; a pour that ended earlier stays as it was.
 
-        Flow rate in balls a second, where there is an outlet; the mean height [m] of all balls above it, those below
-        counting as at it; the energy [J] lost since the start, where the scene knows it. The last two are means over
-        time.
+        The mean rate of each observable that has one, as balls through the outlet in balls a second; the mean height
+        [m] of all balls above the outlet, those below counting as at it; the energy [J] lost since the start, where the
+        scene knows it. The last two are means over time.
         """
-        time, through, height, energy = np.array(self._rows).T
+        columns = {name: np.array(values) for name, values in self._columns.items()}
+        time = columns["time"]
         grid = time[0] + duration * np.linspace(0.5, 1.0, GRID)
-        begin, end = np.interp(grid[[0, -1]], time, through)
-        found = {HEIGHT: _mean(grid, time, height)}
-        if self.scene.potential_energy is not None:
-            found[ENERGY] = float(energy[0]) - _mean(grid, time, energy)
-        return found if self.scene.balls_through is None else {FLOW: float(end - begin) / (0.5 * duration), **found}
+        found = {}
+        for one in self._rates:
+            begin, end = np.interp(grid[[0, -1]], time, columns[one.name])
+            found[one.rate] = float(end - begin) / (0.5 * duration)
+        found[HEIGHT] = _mean(grid, time, columns[HEIGHT])
+        if ENERGY in columns:
+            found[ENERGY] = float(columns[ENERGY][0]) - _mean(grid, time, columns[ENERGY])
+        return found
 
 
 def _mean(grid: FloatArray, time: FloatArray, values: FloatArray) -> float:

@@ -16,7 +16,7 @@ from statistics import fmean, median, stdev
 import numpy as np
 
 from ..state import State
-from .limit_cycle import section_error
+from .limit_cycle import KnownCycle
 from .pour import Watch
 
 ERROR = "error"
@@ -49,6 +49,11 @@ class Measure(ABC):
     def names(self) -> Collection[str]:
         """Names of the values that the error is computed of; none before the reference is known."""
 
+    @property
+    def numbers(self) -> dict[str, object]:
+        """The numbers that the digest of a problem is made of."""
+        return vars(self)
+
     @abstractmethod
     def values(self, watch: Watch, duration: float) -> Values:
         """Return what a simulation of ``duration`` [s] came to, from what ``watch`` saw of it."""
@@ -73,9 +78,25 @@ class _OfOneTrajectory(Measure):
 
 @dataclass(frozen=True)
 class LimitCycle(_OfOneTrajectory):
-    """The woodpecker after one period from the section of its limit cycle; see ``section_error``."""
+    """The state after one period from the section of a known limit cycle, whose name the scene has.
 
-    names = tuple(f"{name}{index}" for name in "qu" for index in range(3))
+    Attributes:
+        known: the limit cycle.
+        n_coordinates: number of coordinates, and of velocities.
+    """
+
+    known: KnownCycle
+    n_coordinates: int
+
+    @property
+    def names(self) -> Collection[str]:
+        """Names of q and u: q0, q1, … and u0, u1, … by number."""
+        return [f"{name}{index}" for name in "qu" for index in range(self.n_coordinates)]
+
+    @property
+    def numbers(self) -> dict[str, object]:
+        """None: the scene has them all."""
+        return {}
 
     def values(self, watch: Watch, duration: float) -> Values:
         """Return the last position and velocity, as q0, q1, …, u0, u1, … by name."""
@@ -85,7 +106,7 @@ class LimitCycle(_OfOneTrajectory):
     def error(self, values: Values) -> float:
         """Return the largest relative error in the section."""
         numbers = np.array([values[name] for name in self.names])
-        return section_error(State(0.0, numbers[:3], numbers[3:]))
+        return self.known.section_error(State(0.0, *np.split(numbers, 2)))
 
 
 @dataclass(frozen=True)
@@ -191,7 +212,7 @@ class TrajectoryProblem:
     @property
     def digest(self) -> str:
         """SHA-256 of its name and its numbers; results of problems with different digests do not compare."""
-        measure = [type(self.measure).__name__, vars(self.measure)]
+        measure = [type(self.measure).__name__, self.measure.numbers]
         numbers = [self.name, float(self.duration), [*map(float, self.members)], measure]
         return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 

@@ -13,8 +13,10 @@ from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, Planar, ball_system
 from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
+from proxbench.problems.motion.scenes.scene import Observable
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau, Step
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 
@@ -40,7 +42,7 @@ def test_a_rolling_ball_turns_by_its_path_over_its_radius(
     dimension: int, tmp_path: Path, read_back: Callable[[Path], Any]
 ) -> None:
     system, state = rolling_ball(dimension)
-    stepper = Moreau(system, create("SORprox"), Stop(1e-12, 1000), DT)
+    stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
     with BallRecorder(system, tmp_path / "a.rrd", gravity=9.81) as recorder:
         recorder.start(state)
         for step in stepper.steps(state, 200):
@@ -59,7 +61,7 @@ def test_a_ball_at_rest_is_carried_by_an_upward_impulse_below_it(
 ) -> None:
     system, state = rolling_ball(3)
     state = State(0.0, state.position, 0.0 * state.velocity)
-    stepper = Moreau(system, create("SORprox"), Stop(1e-12, 1000), DT)
+    stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
     with BallRecorder(system, tmp_path / "a.rrd", gravity=9.81) as recorder:
         recorder.start(state)
         for step in stepper.steps(state, 5):
@@ -78,7 +80,7 @@ def test_a_ball_at_rest_is_carried_by_an_upward_impulse_below_it(
 
 def test_curves_hold_every_step_and_shapes_every_so_many(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     scene = Funnel(30)
-    stepper = Moreau(scene.system(), create("SORprox"), Stop(1e-3, 50), TIME_STEP)
+    stepper = MidpointRule(scene.system(), create("SORprox"), Stop(1e-3, 50), TIME_STEP)
     with BallRecorder(scene.system(), tmp_path / "a.rrd", every=5) as recorder:
         recorder.start(scene.start())
         steps = list(stepper.steps(scene.start(), 22))
@@ -100,7 +102,7 @@ def test_a_system_that_cannot_turn_and_one_of_two_sizes_are_drawn(
 ) -> None:
     system = BallSystem(np.array([0.01, 0.02]), np.ones(2), [], 3)
     start = State(0.0, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.ones(6))
-    stepper = Moreau(system, create("SORprox"), Stop(), DT)
+    stepper = MidpointRule(system, create("SORprox"), Stop(), DT)
     with BallRecorder(system, tmp_path / "a.rrd") as recorder:
         recorder.start(start)
         recorder(stepper.step(start))
@@ -118,7 +120,7 @@ def simulate_without_state(recorder: BallRecorder, scene: Funnel, step: Step) ->
 
 def test_a_simulation_that_fails_keeps_what_was_recorded(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     scene = Funnel(30, STANDARD_EFFECTS)
-    broken = Moreau(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
+    broken = MidpointRule(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
     recorder = BallRecorder(scene.system(), tmp_path / "a.rrd")
     with pytest.raises(AttributeError), recorder:
         simulate_without_state(recorder, scene, broken)
@@ -128,7 +130,7 @@ def test_a_simulation_that_fails_keeps_what_was_recorded(tmp_path: Path, read_ba
 
 def test_a_recorder_is_started_before_it_is_called(tmp_path: Path) -> None:
     scene = Funnel(30)
-    step = Moreau(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
+    step = MidpointRule(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
     with pytest.raises(BenchError, match="not started"), BallRecorder(scene.system(), tmp_path / "a.rrd") as recorder:
         recorder(step)
     with pytest.raises(BenchError, match="every"):
@@ -140,9 +142,10 @@ def test_balls_through_the_outlet_have_a_curve_where_there_is_one(
     tmp_path: Path, read_back: Callable[[Path], Any]
 ) -> None:
     system, state = rolling_ball(3)
-    stepper = Moreau(system, create("SORprox"), Stop(1e-12, 1000), DT)
-    for name, count in (("open", lambda position: 3), ("closed", None)):
-        with BallRecorder(system, tmp_path / f"{name}.rrd", balls_through=count) as recorder:
+    stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
+    through = Observable("through", lambda state: 3, label="balls through the outlet")
+    for name, observables in (("open", [through]), ("closed", [replace(through, label="")])):
+        with BallRecorder(system, tmp_path / f"{name}.rrd", observables=observables) as recorder:
             recorder.start(state)
             recorder(stepper.step(state))
     assert set(read_back(tmp_path / "open.rrd").curve("/curves/through").values()) == {3.0}

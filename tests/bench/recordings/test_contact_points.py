@@ -8,7 +8,7 @@ from proxbench.problems import ContactProblem, load
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane
-from proxbench.problems.motion.stepping.moreau import step_problem
+from proxbench.problems.motion.stepping.midpoint import step_problem
 
 
 def heap(dimension: int, friction: float | None) -> tuple[ContactProblem, FloatArray]:

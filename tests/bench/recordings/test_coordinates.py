@@ -9,7 +9,7 @@ import pytest
 from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.bench.recordings.simulation import heights_of
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 
@@ -20,7 +20,7 @@ def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path) -> None:
     states = [scene.start]
     with scene_recorder(scene, file, 10) as recorder:
         recorder.start(scene.start)
-        for step in Moreau(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
+        for step in MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
             recorder(step)
             states.append(step.state)
     drawn: dict[str, list[float]] = {}
@@ -53,7 +53,7 @@ def test_a_recording_of_a_block_at_rest_opens_with_such_axes(tmp_path: Path, rea
     scene, file = make_scene("block_on_incline(speed=0.0)"), tmp_path / "block.rrd"
     with scene_recorder(scene, file, 10) as recorder:
         recorder.start(scene.start)
-        for step in Moreau(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
+        for step in MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
             recorder(step)
     ranges = [value for value in read_back(file).blueprint if isinstance(value, list) and np.shape(value) == (1, 2)]
     spans = {round(float(high - low), 9) for ((low, high),) in ranges}

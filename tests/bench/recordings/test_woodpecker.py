@@ -15,7 +15,8 @@ from proxbench.problems.motion.scenes.woodpecker import (
     section_start,
     woodpecker,
 )
-from proxbench.problems.motion.stepping.moreau import Moreau, Step
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 
@@ -24,7 +25,7 @@ from scipy.spatial.transform import Rotation
 def period(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Step]]:
     """One period of the limit cycle."""
     file = tmp_path_factory.mktemp("woodpecker") / "a.rrd"
-    stepper = Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
+    stepper = MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
     steps = list(stepper.steps(section_start(), 1000))
     with WoodpeckerRecorder(file) as recorder:
         recorder.start(section_start())
@@ -76,7 +77,7 @@ def test_energy_is_kept_in_flight_and_lost_at_contacts(
 
 @pytest.mark.slow
 def test_without_friction_impulses_are_normal_to_the_pole(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
-    stepper = Moreau(woodpecker(friction=None), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
+    stepper = MidpointRule(woodpecker(friction=None), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
     steps = list(stepper.steps(section_start(), 200))
     with WoodpeckerRecorder(tmp_path / "a.rrd") as recorder:
         recorder.start(section_start())

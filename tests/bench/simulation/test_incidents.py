@@ -1,16 +1,20 @@
 """The woodpecker's incidents in the order of the published table, and its period and descent."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.problems.motion.scenes.woodpecker import INCIDENTS, PERIOD
-from proxbench.problems.motion.trajectories.limit_cycle import Cycles, cycles, relative_deviations
+from proxbench.problems.motion.trajectories.limit_cycle import Cycles, find_cycles
 
 
 def periods(simulation: Simulation) -> Cycles:
-    return cycles(simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+    known = simulation.plan.scene.limit_cycle
+    assert known is not None
+    return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +33,12 @@ def test_complete_periods_have_the_incidents_of_the_published_table(pecking: Sim
 def test_period_and_descent_are_those_of_the_limit_cycle(pecking: Simulation) -> None:
     motion = periods(pecking)
     assert motion.count == 1
-    assert np.abs(relative_deviations(motion, 1)) == pytest.approx([0.0, 0.0], abs=1e-5)
+    assert np.abs(motion.relative_deviations(1)) == pytest.approx([0.0, 0.0], abs=1e-5)
 
 
 def test_a_period_with_an_incident_too_many_is_not_the_published_one(pecking: Simulation) -> None:
     first = periods(pecking).cycles[0]
-    doubled = type(first)((*first.incidents, first.incidents[-1]), first.section, first.height)
+    doubled = replace(first, incidents=(*first.incidents, first.incidents[-1]))
     assert not doubled.is_published
 
 

@@ -10,9 +10,9 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.remote_scene import local_or_remote_scene
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.view.chart import simulation_chart
 from proxbench.problems.exchange.plugin_files import PluginFile
 from proxbench.problems.exchange.plugins import forget
 from proxbench.problems.motion.bodies.surfaces import Plane

@@ -8,7 +8,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.plan import SimulationPlan, check_agreement, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems import ProxbenchError
-from proxbench.problems.motion.stepping.registry import Moreau
+from proxbench.problems.motion.stepping.moreau import Moreau
 
 Pour = Callable[..., SimulationPlan]
 

@@ -14,10 +14,12 @@ from proxbench.bench.plugins.remote_scene import RemoteSystem, local_or_remote_s
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.bench.simulation.step_row import step_columns
 from proxbench.problems import ProblemError
 from proxbench.problems.exchange.plugin_files import PluginFile
 from proxbench.problems.exchange.plugins import forget
 from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.state import State
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 
@@ -46,9 +48,29 @@ def test_a_scene_says_of_itself_what_the_same_scene_says_here() -> None:
         assert getattr(remote, name) == getattr(here, name)
     q, u = here.start.position, here.start.velocity
     assert (remote.kinetic_energy(u), remote.potential_energy(q)) == (here.kinetic_energy(u), here.potential_energy(q))
-    assert remote.balls_through is not None
-    assert here.balls_through is not None
-    assert remote.balls_through(-q) == here.balls_through(-q) == 5
+    for there, own in zip(remote.observables, here.observables, strict=True):
+        assert (there.name, there.is_count, there.label, there.rate) == (own.name, own.is_count, own.label, own.rate)
+        fallen = State(0.0, -q, u)
+        assert there.compute(fallen) == own.compute(fallen)
+    assert remote.observables[0].compute(State(0.0, -q, u)) == 5
+
+
+def test_a_scene_of_a_plugin_ends_as_the_same_scene_does_here() -> None:
+    remote, here = local_or_remote_scene("twin(balls=5)"), make_scene("funnel(balls=5)")
+    steps = np.zeros(2, dtype=step_columns(here))
+    for through, name in ((5, "emptied"), (3, "jammed")):
+        steps["balls_through"], steps["time"] = through, (0.0, 1.0)
+        endings = [scene.ending.find(steps) for scene in (remote, here) if scene.ending is not None]
+        assert endings[0] == endings[1]
+        assert endings[0] is not None
+        assert endings[0].name == name
+    steps["agitation"] = 1.0
+    assert remote.ending is not None
+    assert remote.ending.find(steps) is None
+
+
+def test_an_exact_motion_is_not_offered_by_a_scene_without_one() -> None:
+    remote = local_or_remote_scene("twin(balls=5)")
     assert remote.exact is None
 
 

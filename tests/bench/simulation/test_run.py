@@ -11,15 +11,17 @@ from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
-from proxbench.bench.simulation.trajectory import STEP, Ending, Simulation
+from proxbench.bench.simulation.step_row import step_columns
+from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
-from proxbench.problems.motion.stepping.accepted_step import AcceptedStep
-from proxbench.problems.motion.stepping.moreau import Moreau as MidpointRule
-from proxbench.problems.motion.stepping.registry import Moreau
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.step import AcceptedStep
 from proxbench.solvers import Solution, Status, Stop, create
 
 Pour = Callable[..., SimulationPlan]
-TIMELESS = [name for name in STEP.names or () if name != "seconds"]
+TIMELESS = [name for name in step_columns(make_scene("pile")).names or () if name != "seconds"]
 
 
 def assert_same_bits(one: Simulation, other: Simulation) -> None:
@@ -37,7 +39,8 @@ def assert_same_bits(one: Simulation, other: Simulation) -> None:
 def bare_rule(plan: SimulationPlan) -> MidpointRule:
     """Moreau's rule as the plan has it, without anything else."""
     assert isinstance(plan.stepper, Moreau)
-    return plan.stepper.rule(plan.scene, plan.solver, plan.stop)
+    step = plan.stepper.shortest_step(plan.scene)
+    return MidpointRule(plan.scene.system, plan.solver, plan.stop, step, depth=plan.scene.depth)
 
 
 def stop_after(steps: int) -> Callable[[], bool]:

@@ -14,7 +14,7 @@ from proxbench.bench.simulation.starts.registry import STARTS, make_step_solver
 from proxbench.problems import load
 from proxbench.problems.contact.model import Model
 from proxbench.problems.contact.problem import ContactProblem
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Solver, Status, Stop, create
 from proxbench.solvers.composite.fallback import ITERATIONS
 
@@ -65,8 +65,8 @@ def test_each_start_has_its_name_in_the_plan_and_in_the_registry() -> None:
 @pytest.mark.parametrize("start", ["warm", "cold"])
 def test_a_simulation_takes_the_steps_of_the_bare_solver(start: str, pour: Pour) -> None:
     plan = pour(170, solver="NSGS", tolerance=1e-30, start=start, max_iterations=700)
-    length = plan.stepper.shortest(plan.scene)
-    stepper = Moreau(
+    length = plan.stepper.shortest_step(plan.scene)
+    stepper = MidpointRule(
         plan.scene.system, create("NSGS"), plan.stop, length, warm_start=start == "warm", depth=plan.scene.depth
     )
     *_, last = stepper.steps(plan.scene.start, 170)

@@ -12,7 +12,7 @@ from proxbench.bench.recordings.replay import step_to
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.starts.step_solver import StepSolver
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Status, Stop, create
 
 FIXED = "simulate pile(balls=20) --duration 0.16 --stepper Moreau(step=1e-3) --no-progress --states 20"
@@ -152,8 +152,8 @@ def test_a_recording_has_curves_of_all_steps_and_bodies_where_states_are_kept(
 
 def test_the_step_that_led_to_a_state_has_its_contacts_and_impulses(pour: Callable[..., Any]) -> None:
     plan = pour(160)
-    length = plan.stepper.shortest(plan.scene)
-    stepper = Moreau(plan.scene.system, create("SORprox"), Stop(1e-6, 5000), length)
+    length = plan.stepper.shortest_step(plan.scene)
+    stepper = MidpointRule(plan.scene.system, create("SORprox"), Stop(1e-6, 5000), length)
     *_, last = stepper.steps(plan.scene.start, 160)
     assert last.contacts is not None
     again = step_to(plan.scene.system, last.state, length)
@@ -163,7 +163,7 @@ def test_the_step_that_led_to_a_state_has_its_contacts_and_impulses(pour: Callab
     np.testing.assert_allclose(again.contacts.gap, last.contacts.gap, atol=1e-12)
     forces = State(last.state.time, last.state.position, last.state.velocity, last.state.keys, last.state.impulses / 5)
     np.testing.assert_allclose(
-        step_to(plan.scene.system, forces, plan.stepper.shortest(plan.scene), 5.0).impulses, last.impulses
+        step_to(plan.scene.system, forces, plan.stepper.shortest_step(plan.scene), 5.0).impulses, last.impulses
     )
 
 

@@ -13,10 +13,9 @@ from proxbench.bench.simulation.run import advance, begun_simulation, simulate
 from proxbench.problems import ContactProblem, Model
 from proxbench.problems.contact.solver import Prepared
 from proxbench.problems.motion.scenes.woodpecker import PERIOD, potential_energy
-from proxbench.problems.motion.stepping import variable_step as adaptive
-from proxbench.problems.motion.stepping.accepted_step import AcceptedStep
-from proxbench.problems.motion.stepping.extrapolation import OneStep
-from proxbench.problems.motion.stepping.moreau import Step
+from proxbench.problems.motion.stepping import variable_stepper
+from proxbench.problems.motion.stepping.sequences import StepCounter
+from proxbench.problems.motion.stepping.step import AcceptedStep, Step
 from proxbench.solvers import create
 
 QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
@@ -46,14 +45,14 @@ def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPat
 
     A step is known to last only after the next one was tried, and what a search takes back has cost time as well.
     """
-    now, take = [0.0], OneStep.take
+    now, take = [0.0], StepCounter.take
 
     def timed(*arguments: Any, **options: Any) -> Step:
         now[0] += 1.0
         return take(*arguments, **options)
 
-    monkeypatch.setattr(OneStep, "take", timed)
-    monkeypatch.setattr(adaptive, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(StepCounter, "take", timed)
+    monkeypatch.setattr(variable_stepper, "perf_counter", lambda: now[0])
     steps = simulate(plan()).steps
     assert len(set(steps["solves"])) > 3  # of equal rows, one could have the time of another
     assert (steps["rejected"] > 0).any()

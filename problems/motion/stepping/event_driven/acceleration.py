@@ -16,7 +16,6 @@ Sticking and closed contacts are one contact problem in λ and γ̇ with G = W�
 contact has a unilateral law alone, whose force acts along w_N − μ sign(γ_T) w_T, and its column of G is not its row.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,9 +25,6 @@ from ....arrays import FloatArray, IntArray
 from ....contact.laws import LawKind, Laws
 from ....contact.problem import ContactProblem
 from ...bodies.system import MechanicalSystem
-
-DirectionRates = Callable[[FloatArray, FloatArray], FloatArray]
-"""(q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), the acceleration of the contacts at u̇ = 0."""
 
 SINGULAR = 1e-12
 """Ratio of singular values below which constraints count as redundant, and forces of least norm are taken."""
@@ -76,11 +72,9 @@ class AccelerationLaws:
 
     Attributes:
         system: with planar friction or none.
-        direction_rates: Ẇᵀ u, None where W does not depend on q.
     """
 
     system: MechanicalSystem
-    direction_rates: DirectionRates | None = None
 
     @property
     def width(self) -> int:
@@ -101,8 +95,8 @@ class AccelerationLaws:
         solved: FloatArray = np.linalg.solve(mass, applied).astype(np.float64)
         transposed = directions[:, rows].T
         free = transposed @ solved[:, 0]
-        if self.direction_rates is not None:
-            free += self.direction_rates(position, velocity)[rows]
+        if self.system.direction_rates is not None:
+            free += self.system.direction_rates(position, velocity)[rows]
         return Constraints(rows, transposed @ solved[:, 1:], free, solved[:, 0], solved[:, 1:])
 
     def motion(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> tuple[FloatArray, FloatArray]:

@@ -10,7 +10,7 @@ import numpy as np
 from ....arrays import FloatArray
 from ....errors import ProxbenchError
 from ...state import State
-from ..contact_states import LawName, LawState
+from ..step import LawName, LawState
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,10 @@
 import pytest
 from proxbench.bench.measure.trajectories.methods import make_method, neighbour, stored_method
 from proxbench.problems import ProxbenchError
-from proxbench.problems.motion.stepping.registry import EventDriven, Extrapolated, Moreau, StepDoubling
+from proxbench.problems.motion.stepping.event_driven.event_driven import EventDriven
+from proxbench.problems.motion.stepping.extrapolated import Extrapolated
+from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.step_doubling import StepDoubling
 
 NAMES = (
     "Moreau with SORprox(relaxation=1.5)",

@@ -14,7 +14,7 @@ from proxbench.bench.measure.trajectories import problems, task
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Limits
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
-from proxbench.problems.motion.trajectories.pour import ENERGY, FLOW, HEIGHT
+from proxbench.problems.motion.trajectories.pour import ENERGY, HEIGHT
 from proxbench.problems.motion.trajectories.problem import Aggregates, TrajectoryProblem
 from proxbench.solvers import create
 
@@ -82,7 +82,7 @@ def test_aggregates_of_a_pour_are_compared_seed_by_seed_with_a_finer_step(pour: 
     (trajectory,) = pour.info.plan.trajectories
     assert [one.member for one in trajectory.known] == [0.0, 1.0]
     spreads = Aggregates({one.member: one.values for one in trajectory.known}).spreads()
-    assert set(spreads) == set(pour.errors["quantity"]) == {FLOW, HEIGHT, ENERGY}
+    assert set(spreads) == set(pour.errors["quantity"]) == {"flow rate", HEIGHT, ENERGY}
     assert all(spreads[quantity][1] > 0.0 for quantity in (HEIGHT, ENERGY))
     energy = pour.errors[pour.errors["quantity"] == ENERGY].set_index(["solver", "tolerance"])["error"]
     assert 0.0 < energy["Moreau with SORprox", 4e-3] < energy["Moreau with SORprox", 8e-3] < 1.0
@@ -109,7 +109,7 @@ def test_a_study_reports_tables_points_and_charts_as_a_run_does(pour: Run) -> No
     assert [file.suffix for file in made.charts] == [".svg", ".png"]
     drawn = made.charts[0].read_text(encoding="utf-8")
     assert "one-step solves" in drawn
-    assert all(f"error of {quantity}" in drawn for quantity in (FLOW, HEIGHT, ENERGY))
+    assert all(f"error of {quantity}" in drawn for quantity in ("flow rate", HEIGHT, ENERGY))
     least = made.results.set_index("solver")["time_to_1e-01"]
     assert least.isna().all() == (pour.points["residual"] > 1e-1).all()
     assert "2 methods" in pour._repr_html_()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from proxbench.problems.motion.scenes.scene import ClosedFormScene
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Status, Stop, create
 
 Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -19,7 +19,7 @@ def step_errors() -> StepErrors:
 
     def measure(scene: ClosedFormScene, time_step: float, steps: int) -> Errors:
         positions, velocities = np.empty(steps), np.empty(steps)
-        moreau = Moreau(scene.system(), create("SORprox"), Stop(1e-12, 100_000), time_step)
+        moreau = MidpointRule(scene.system(), create("SORprox"), Stop(1e-12, 100_000), time_step)
         for index, step in enumerate(moreau.steps(scene.start(), steps)):
             assert step.status in (None, Status.SOLVED)
             exact = scene.exact(step.state.time)

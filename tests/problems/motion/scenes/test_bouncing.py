@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -52,7 +52,7 @@ def test_the_ball_comes_to_rest_at_the_accumulation_point() -> None:
     ball = BouncingBall()
     for steps in (300, 1000, 3000):
         time_step, moving = 1.1 * ball.rest_time / steps, 0.0
-        moreau = Moreau(ball.system(), create("SORprox"), Stop(1e-12), time_step)
+        moreau = MidpointRule(ball.system(), create("SORprox"), Stop(1e-12), time_step)
         for step in moreau.steps(ball.start(), steps):
             if abs(step.state.velocity[2]) > 1e-6:
                 moving = step.state.time
@@ -63,8 +63,8 @@ def test_the_general_system_is_the_same_ball() -> None:
     ball = BouncingBall()
     state, general = ball.start(), ball.general_start()
     for _ in range(700):
-        state = Moreau(ball.system(), create("SORprox"), Stop(1e-12), 1e-3).step(state).state
-        general = Moreau(ball.general_system(), create("SORprox"), Stop(1e-12), 1e-3).step(general).state
+        state = MidpointRule(ball.system(), create("SORprox"), Stop(1e-12), 1e-3).step(state).state
+        general = MidpointRule(ball.general_system(), create("SORprox"), Stop(1e-12), 1e-3).step(general).state
     assert general.position[0] == pytest.approx(state.position[2], abs=1e-12)
     assert general.velocity[0] == pytest.approx(state.velocity[2], abs=1e-12)
 

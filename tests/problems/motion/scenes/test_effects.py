@@ -16,7 +16,7 @@ from proxbench.problems.motion.scenes.effects import (
     ball_system,
 )
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 N = 12
@@ -30,7 +30,7 @@ def motion(effects: list[Effect], steps: int = 150) -> tuple[np.ndarray, BallSys
     centres = 0.195 * grid + np.array([0.0, 0.0, 0.3]) + 0.003 * np.random.default_rng(0).normal(size=(N, 3))
     start = State(0.0, centres.ravel(), system.at_rest(np.tile([0.3, 0.0, -1.0], (N, 1))))
     centres_over_time, rows = [], 0
-    for step in Moreau(system, create("SORprox"), Stop(1e-13, 20_000), 2e-3).steps(start, steps):
+    for step in MidpointRule(system, create("SORprox"), Stop(1e-13, 20_000), 2e-3).steps(start, steps):
         centres_over_time.append(step.state.position)
         rows += 0 if step.problem is None else step.problem.n_rows
     return np.array(centres_over_time), system, rows
@@ -73,7 +73,7 @@ def test_planar_is_the_motion_of_a_spatial_scene_that_stays_in_its_plane() -> No
         position = centres if dimension == 2 else np.insert(centres, 1, 0.0, axis=1)
         state = State(0.0, position.ravel(), system.at_rest(np.zeros((3, dimension))))
         count = 0
-        for step in Moreau(system, create("SORprox"), Stop(1e-13, 20_000), 1e-3).steps(state, 400):
+        for step in MidpointRule(system, create("SORprox"), Stop(1e-13, 20_000), 1e-3).steps(state, 400):
             state = step.state
             count += 0 if step.problem is None else step.problem.n_rows
         ends.append(system.centres(state.position)[:, [0, -1]])

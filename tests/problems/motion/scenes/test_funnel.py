@@ -6,7 +6,7 @@ from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
 from proxbench.problems.motion.scenes.funnel import RADIUS, TIME_STEP, Funnel
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 DISCS = (Gravity(), Friction(0.3), Restitution(0.3), Planar())
@@ -15,7 +15,7 @@ DISCS = (Gravity(), Friction(0.3), Restitution(0.3), Planar())
 def run(scene: Funnel, steps: int, tolerance: float = 1e-4) -> tuple[State, float, int]:
     """Final state, deepest penetration in radii, and rows of the last problem."""
     system, state, deepest, rows = scene.system(), scene.start(), 0.0, 0
-    stepper = Moreau(system, create("SORprox", relaxation=1.3), Stop(tolerance, 20_000), TIME_STEP)
+    stepper = MidpointRule(system, create("SORprox", relaxation=1.3), Stop(tolerance, 20_000), TIME_STEP)
     for step in stepper.steps(state, steps):
         state = step.state
         if step.contacts is not None:

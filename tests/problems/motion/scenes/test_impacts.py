@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.impacts import NewtonsCradle, ObliqueImpact
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -53,7 +53,7 @@ def test_positions_are_of_first_order_because_the_impact_is_late(
 def test_newtons_cradle_is_one_coupled_solve(n_balls: int, restitution: float) -> None:
     """Others (1 + e)/n, first (1 + e)/n − e, in a single step with all contacts in its problem."""
     scene = NewtonsCradle(n_balls, restitution)
-    moreau = Moreau(scene.system(), create("SORprox"), Stop(1e-13, 100_000), scene.impact_time / 4.25)
+    moreau = MidpointRule(scene.system(), create("SORprox"), Stop(1e-13, 100_000), scene.impact_time / 4.25)
     struck = [step for step in moreau.steps(scene.start(), 6) if np.abs(step.impulses).max(initial=0.0) > 1e-9]
     assert len(struck) == 1
     assert struck[0].problem is not None

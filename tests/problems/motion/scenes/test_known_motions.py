@@ -10,7 +10,7 @@ from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
 from proxbench.problems.motion.scenes.known_motions import KNOWN_MOTIONS
 from proxbench.problems.motion.scenes.registry import SCENES, make_scene
-from proxbench.problems.motion.stepping.registry import Extrapolated
+from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.solvers import Stop, create
 
 
@@ -18,7 +18,7 @@ from proxbench.solvers import Stop, create
 def test_a_variable_step_follows_the_exact_motion(name: str) -> None:
     """Accelerations are constant between switches, so only the minimal step about each of them makes an error."""
     scene = make_scene(name)
-    steps = Extrapolated().steps(scene, create("SORprox"), Stop(1e-12, 100_000), scene.start, scene.duration, None)
+    steps = Extrapolated().steps(scene, create("SORprox"), Stop(1e-12, 100_000), scene.start, scene.duration)
     *_, last = steps
     assert scene.exact is not None
     exact = scene.exact(last.end.time)

@@ -6,7 +6,7 @@ from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.scenes.registry import SCENES, make_scene
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 
@@ -71,11 +71,12 @@ def test_an_acceleration_switched_off_is_not_computed(off: str) -> None:
 
 def test_only_a_scene_with_an_outlet_counts_the_balls_that_leave() -> None:
     pour = make_scene("funnel", {"balls": 3})
-    assert pour.balls_through is not None
-    assert pour.balls_through(np.array([0.0, 0.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0, -1e-9])) == 2
-    for closed in ("pile", "woodpecker"):
-        assert make_scene(closed).balls_through is None
-    assert make_scene("funnel", {"outlet": 0.0}).balls_through is None
+    through = next(one for one in pour.observables if one.name == "balls_through")
+    fallen = np.array([0.0, 0.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0, -1e-9])
+    assert through.compute(State(0.0, fallen, pour.start.velocity)) == 2
+    for closed in ("pile", "woodpecker", "funnel(outlet=0.0)"):
+        assert not make_scene(closed).observables
+        assert make_scene(closed).ending is None
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,7 @@ def test_energy_is_kept_to_second_order_while_nothing_touches(name: str, options
     def drift(step_size: float) -> float:
         state = State(0.0, free, scene.start.velocity)
         energy = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
-        stepper = Moreau(scene.system, create("SORprox"), Stop(), step_size)
+        stepper = MidpointRule(scene.system, create("SORprox"), Stop(), step_size)
         for step in stepper.steps(state, round(1e-3 / step_size)):
             assert step.contacts is None
             state = step.state

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.inclines import SphereOnIncline
 from proxbench.problems.motion.scenes.resting import Stack, VGroove
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -31,7 +31,7 @@ def test_a_stack_rests_for_ten_seconds(
 @pytest.mark.parametrize("time_step", [1e-2, 1e-3])
 def test_each_contact_of_a_stack_carries_the_weight_above_it(time_step: float) -> None:
     scene = Stack((1.0, 3.0, 10.0, 2.0))
-    step = Moreau(scene.system(), create("SORprox"), Stop(1e-13, 100_000), time_step).step(scene.start())
+    step = MidpointRule(scene.system(), create("SORprox"), Stop(1e-13, 100_000), time_step).step(scene.start())
     assert step.contacts is not None
     pairs = np.append(np.arange(3) * 5 + np.arange(1, 4), 4)  # the keys of balls k, k + 1, and of ball 0 on the ground
     impulse = dict(zip(step.contacts.keys.tolist(), step.impulses.tolist(), strict=True))
@@ -59,7 +59,7 @@ def test_a_ball_in_a_level_groove_rests(step_errors: StepErrors, friction: float
 
 def test_the_walls_of_a_groove_without_friction_share_the_weight() -> None:
     scene = VGroove(half_angle=0.4, friction=None, slope=0.0)
-    step = Moreau(scene.system(), create("SORprox"), Stop(1e-13, 100_000), 1e-3).step(scene.start())
+    step = MidpointRule(scene.system(), create("SORprox"), Stop(1e-13, 100_000), 1e-3).step(scene.start())
     assert step.impulses == pytest.approx([9.81e-3 / (2.0 * sin(0.4))] * 2, rel=1e-10)
     assert scene.wall_force == pytest.approx(9.81 / (2.0 * sin(0.4)), rel=1e-14)
 

@@ -12,8 +12,9 @@ from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
 from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.effects import Gravity, Restitution, ball_system
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau, StepError
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.position_projection import ACCURACY, projected
+from proxbench.problems.motion.stepping.step import StepError
 from proxbench.solvers import Stop, create
 
 RADIUS, DEPTH = 0.01, 1e-4
@@ -25,8 +26,8 @@ def floor(n_balls: int, masses: np.ndarray | None = None, gravity: float = 9.81)
     return ball_system(np.full(n_balls, RADIUS), weights, plane, (Gravity(gravity), Restitution(0.0)))
 
 
-def stepper(system: BallSystem | MechanicalSystem, depth: float | None) -> Moreau:
-    return Moreau(system, create("SORprox"), Stop(1e-10, 10_000, np.inf), 5e-4, depth=depth)
+def stepper(system: BallSystem | MechanicalSystem, depth: float | None) -> MidpointRule:
+    return MidpointRule(system, create("SORprox"), Stop(1e-10, 10_000, np.inf), 5e-4, depth=depth)
 
 
 def free_balls(dimension: int, masses: np.ndarray, friction: float | None = 0.3) -> BallSystem:

@@ -7,7 +7,7 @@ import pytest
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.scene import Scene
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.trajectories.pour import ENERGY, FLOW, HEIGHT, Watch
+from proxbench.problems.motion.trajectories.pour import ENERGY, HEIGHT, Watch
 
 
 def column(scene: Scene, time: float, through: int) -> State:
@@ -23,7 +23,7 @@ def test_flow_and_height_are_those_of_the_second_half() -> None:
     for time, through in ((1.0, 0), (2.0, 5)):
         watch.note(column(scene, time, through))
     found = watch.aggregates(2.0)
-    assert found[FLOW] == pytest.approx(5.0)
+    assert found["flow rate"] == pytest.approx(5.0)
     assert found[HEIGHT] == pytest.approx(0.75)
     weight = float(scene.potential_energy(column(scene, 0.0, 0).position)) / 10.0
     assert found[ENERGY] == pytest.approx(weight * 2.0 * 2.5, rel=1e-9)
@@ -34,7 +34,7 @@ def test_a_pour_that_ends_early_stays_as_it_was() -> None:
     watch = Watch(replace(scene, start=column(scene, 0.0, 0)))
     watch.note(column(scene, 1.0, 4))
     found = watch.aggregates(4.0)
-    assert found[FLOW] == 0.0
+    assert found["flow rate"] == 0.0
     assert found[HEIGHT] == 0.0
 
 

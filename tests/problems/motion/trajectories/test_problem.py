@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, section_start
+from proxbench.problems.motion.scenes.woodpecker import DESCENT, LIMIT_CYCLE, PERIOD, section_error, section_start
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.trajectories.limit_cycle import section_error
 from proxbench.problems.motion.trajectories.pour import HEIGHT, Watch
 from proxbench.problems.motion.trajectories.problem import (
     ERROR,
@@ -37,7 +36,7 @@ def test_the_section_error_is_the_largest_of_the_three_over_its_range() -> None:
 
 
 def test_the_error_of_neighbours_is_their_median_from_the_least_to_the_largest() -> None:
-    measure, members = LimitCycle(), {}
+    measure, members = LimitCycle(LIMIT_CYCLE, 3), {}
     for factor, error in ((0.9, 1e-3), (1.0, 1e-5), (1.1, 1e-4)):
         watch = Watch(make_scene("woodpecker"))
         watch.note(after_a_period(0.47 * error))
@@ -47,7 +46,7 @@ def test_the_error_of_neighbours_is_their_median_from_the_least_to_the_largest()
 
 
 def test_no_member_has_no_error() -> None:
-    assert LimitCycle().estimates({}) == {}
+    assert LimitCycle(LIMIT_CYCLE, 3).estimates({}) == {}
 
 
 def test_the_error_of_an_end_is_the_largest_difference_over_the_way() -> None:

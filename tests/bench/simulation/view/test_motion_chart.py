@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.trajectory import STEP, SWITCH, Simulation
+from proxbench.bench.simulation.step_row import step_columns
+from proxbench.bench.simulation.trajectory import SWITCH, Simulation
+from proxbench.bench.simulation.view.chart import simulation_chart
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.contact_states import LawStates
+from proxbench.problems.motion.stepping.step import LawStates
 
 
 def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...] = ()) -> Simulation:
@@ -16,7 +17,7 @@ def made(scene: str, motion: float = 1.0, switches: tuple[tuple[float, int], ...
     options = {"balls": 3} if scene == "pile" else None
     plan = make_simulation_plan(scene, options, stepper="Extrapolated", duration=1.0)
     simulation = Simulation(plan)
-    steps = np.zeros(10, dtype=STEP)
+    steps = np.zeros(10, dtype=step_columns(simulation.plan.scene))
     steps["time"], steps["length"] = 0.1 * np.arange(1, 11), 0.1
     steps["kinetic_energy"], steps["potential_energy"] = np.arange(10.0), 7.0
     start = plan.scene.start

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from proxbench.bench.simulation.beside import Beside, beside_from
+from proxbench.bench.simulation.outputs import Beside, beside_from
 
 
 @pytest.mark.parametrize("place", ["/etc/chart.svg", "../chart.svg", "a/../../chart.svg"])

@@ -1,5 +1,6 @@
 """The variable step against the woodpecker's published limit cycle, closed forms, and what it promises of itself."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -14,27 +15,37 @@ from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SphereOnIn
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.resting import Stack, VGroove
 from proxbench.problems.motion.scenes.rolling import SlidingSphere
-from proxbench.problems.motion.scenes.scene import ClosedFormScene
+from proxbench.problems.motion.scenes.scene import ClosedFormScene, bare_scene
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, OVERLAP, PERIOD, section_start, woodpecker
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.accepted_step import AcceptedStep
-from proxbench.problems.motion.stepping.contact_states import SwitchingPoint
-from proxbench.problems.motion.stepping.extrapolation import Extrapolation, StepDoubling
-from proxbench.problems.motion.stepping.moreau import Moreau, StepError
-from proxbench.problems.motion.stepping.switching import Anticipating, LastStepOnly, NestedIntervals, Search
-from proxbench.problems.motion.stepping.variable_step import VariableStep
+from proxbench.problems.motion.stepping.extrapolated import Extrapolated
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.sequences import StepCounter
+from proxbench.problems.motion.stepping.step import AcceptedStep, StepError, SwitchingPoint
+from proxbench.problems.motion.stepping.step_doubling import StepDoubling
+from proxbench.problems.motion.stepping.switch_search import SEARCHES, Anticipating
+from proxbench.problems.motion.stepping.variable_stepper import VariableStepper
 from proxbench.solvers import Solution, Status, Stop, create
 
 from .published_cycle import INCIDENTS, TIMES
 
 
-def variable(system: Any, **options: Any) -> VariableStep:
-    chosen = {"tolerance": 1e-6, "min_step": 1e-8, "max_step": 2e-2, **options}
-    return VariableStep(system, create("SORprox"), Stop(1e-13, 100_000), **chosen)
+def steps_of(
+    system: Any,
+    start: State,
+    until: float,
+    kind: type[VariableStepper] = Extrapolated,
+    solver: Any = None,
+    **options: Any,
+) -> Iterator[AcceptedStep]:
+    still = State(0.0, np.ones(1), np.zeros(1))
+    scene = replace(bare_scene("own", {}, oscillator(True), still), system=system, start=start)
+    chosen: Any = {"tolerance": 1e-6, "min_step": 1e-8, "max_step": 2e-2, **options}
+    return kind(**chosen).steps(scene, solver or create("SORprox"), Stop(1e-13, 100_000), start, until)
 
 
 def cycle(periods: float, **options: Any) -> list[AcceptedStep]:
-    return list(variable(woodpecker(), **options).steps(section_start(OVERLAP), periods * PERIOD))
+    return list(steps_of(woodpecker(), section_start(OVERLAP), periods * PERIOD, **options))
 
 
 def switches(steps: list[AcceptedStep]) -> list[SwitchingPoint]:
@@ -82,15 +93,15 @@ def test_an_incident_is_located_to_the_minimal_step() -> None:
 
 @pytest.mark.slow
 def test_nested_intervals_converge_only_if_both_steps_are_taken_back() -> None:
-    def errors(search: type[Search]) -> list[float]:
+    def errors(search: str) -> list[float]:
         levels = [(1e-4, 1e-6), (1e-6, 1e-8), (1e-8, 1e-10)]
         return [
             section_error(cycle(1.0, tolerance=tolerance, min_step=min_step, search=search)[-1].end)
             for tolerance, min_step in levels
         ]
 
-    assert all(error > 1e-4 for error in errors(LastStepOnly))
-    coarse, medium, fine = errors(NestedIntervals)
+    assert all(error > 1e-4 for error in errors("last"))
+    coarse, medium, fine = errors("nested")
     assert coarse < 1e-3
     assert medium < 1e-5
     assert fine < 1e-7
@@ -99,12 +110,13 @@ def test_nested_intervals_converge_only_if_both_steps_are_taken_back() -> None:
 class Unforeseen(Anticipating):
     """Runs into every switching point."""
 
-    def limited(self, now: float, length: float) -> float:
+    def limited_length(self, now: float, length: float) -> float:
         return length
 
 
-def test_incidents_that_are_not_anticipated_are_located_all_the_same() -> None:
-    found = switches(cycle(1.0001, tolerance=1e-7, min_step=1e-9, search=Unforeseen))
+def test_incidents_that_are_not_anticipated_are_located_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SEARCHES, "unforeseen", Unforeseen)
+    found = switches(cycle(1.0001, tolerance=1e-7, min_step=1e-9, search="unforeseen"))
     assert [0.5 * (switch.begin + switch.end) for switch in found] == pytest.approx(TIMES, abs=1e-8)
 
 
@@ -112,7 +124,7 @@ def test_incidents_that_are_not_anticipated_are_located_all_the_same() -> None:
 def test_every_search_finds_the_same_incidents() -> None:
     found = [
         [(switch.law, switch.contact, switch.after) for switch in switches(cycle(1.01, search=search))]
-        for search in (Anticipating, NestedIntervals)
+        for search in ("anticipating", "nested")
     ]
     assert found[0] == found[1]
     assert len(found[0]) == 12
@@ -133,14 +145,12 @@ def test_every_search_finds_the_same_incidents() -> None:
     ],
     ids=lambda value: type(value).__name__,
 )
-@pytest.mark.parametrize(
-    ("search", "scheme"), [(Anticipating, Extrapolation()), (NestedIntervals, StepDoubling())], ids=["new", "paper"]
-)
+@pytest.mark.parametrize("kind", [Extrapolated, StepDoubling])
 def test_scenes_follow_their_closed_forms(
-    scene: ClosedFormScene, until: float, accuracy: float, search: type[Search], scheme: Any
+    scene: ClosedFormScene, until: float, accuracy: float, kind: type[VariableStepper]
 ) -> None:
     """Where accelerations are constant between switches, only the minimal step around a switch makes an error."""
-    for step in variable(scene.system(), search=search, scheme=scheme).steps(scene.start(), until):
+    for step in steps_of(scene.system(), scene.start(), until, kind):
         exact = scene.exact(step.end.time)
     assert step.end.time == pytest.approx(until, abs=1e-12)
     assert step.end.position == pytest.approx(exact.position, abs=accuracy)
@@ -149,7 +159,7 @@ def test_scenes_follow_their_closed_forms(
 
 def test_a_ball_comes_to_rest_through_the_accumulation_point() -> None:
     ball = BouncingBall()
-    *_, last = variable(ball.system(), min_step=1e-6).steps(ball.start(), 1.5 * ball.rest_time)
+    *_, last = steps_of(ball.system(), ball.start(), 1.5 * ball.rest_time, min_step=1e-6)
     assert last.end.position == pytest.approx(ball.exact(last.end.time).position, abs=1e-5)
     assert last.states.closed
 
@@ -157,8 +167,7 @@ def test_a_ball_comes_to_rest_through_the_accumulation_point() -> None:
 def test_a_slip_that_turns_round_between_two_steps_is_a_switching_point() -> None:
     block = BlockOnIncline(slope=0.6, friction=0.5, speed=-1.0)
     deceleration = 9.81 * (np.sin(0.6) + 0.5 * np.cos(0.6))
-    paper = variable(block.system(), search=NestedIntervals, scheme=StepDoubling())
-    (turn,) = switches(list(paper.steps(block.start(), 1.0)))
+    (turn,) = switches(list(steps_of(block.system(), block.start(), 1.0, StepDoubling)))
     assert (turn.law, turn.before, turn.after) == ("friction", "slip", "slip")
     assert turn.begin - 1e-8 <= 1.0 / deceleration <= turn.end + 1e-8
 
@@ -183,28 +192,32 @@ def oscillator(reversible: bool) -> MechanicalSystem:
 def test_the_error_estimate_falls_with_the_order_that_step_control_reckons_with(
     levels: int, reversible: bool, order: int
 ) -> None:
-    from proxbench.problems.motion.stepping.extrapolation import Acceptance, OneStep
-
     system, start = oscillator(reversible), State(0.0, np.array([1.0]), np.array([0.3]))
-    accept = Acceptance(0.0, lambda difference: float(np.abs(difference).max()), levels)
-    rule = OneStep(system, create("SORprox"), Stop(1e-12))
-    lengths = [0.1, 0.05]
-    errors = [Extrapolation(levels).attempt(rule, start, length, None, accept).errors[-1] for length in lengths]
-    assert Extrapolation(levels).order(levels, system) == order
+    stepper, counter = (
+        Extrapolated(tolerance=1e-300, levels=levels),
+        StepCounter(system, create("SORprox"), Stop(1e-12)),
+    )
+
+    def error(length: float) -> float:
+        largest: Any = lambda difference: float(np.abs(difference).max())  # noqa: E731
+        return stepper.attempt(counter, start, length, None, relative_error=largest, levels=levels).errors[-1]
+
+    errors = [error(length) for length in (0.1, 0.05)]
+    assert stepper.error_order(levels, system) == order
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)
 
 
 def test_tolerance_governs_the_error_of_a_smooth_motion() -> None:
     start, until = State(0.0, np.array([1.0]), np.zeros(1)), 6.0
     for tolerance in (1e-3, 1e-6, 1e-9):
-        options = {"tolerance": tolerance, "max_step": 5.0, "scheme": Extrapolation(5)}
-        steps = list(variable(oscillator(True), **options).steps(start, until))
+        options = {"tolerance": tolerance, "max_step": 5.0, "levels": 5}
+        steps = list(steps_of(oscillator(True), start, until, **options))
         assert abs(steps[-1].end.position[0] - np.cos(until)) <= 30.0 * tolerance
         assert sum(step.solves for step in steps) <= 200
 
 
 def test_steps_join_without_gap_and_end_at_the_given_time() -> None:
-    for options in ({}, {"search": NestedIntervals, "scheme": StepDoubling(), "max_step": 5e-3}):
+    for options in ({}, {"kind": StepDoubling, "search": "nested", "max_step": 5e-3}):
         steps = cycle(0.5, tolerance=1e-4, min_step=1e-6, **options)
         for before, after in pairwise(steps):
             assert after.begin is before.end
@@ -222,16 +235,16 @@ def test_the_unit_of_length_does_not_change_the_steps() -> None:
     ends = []
     for system, unit in ((metres, 1.0), (millimetres, scale)):
         start = State(0.0, np.array([unit]), np.zeros(1))
-        ends.append([step.end.time for step in variable(system).steps(start, 3.0)])
+        ends.append([step.end.time for step in steps_of(system, start, 3.0)])
     assert ends[0] == pytest.approx(ends[1], rel=1e-6)
 
 
 def test_colliding_balls_switch_alike_under_both_searches() -> None:
     scene = make_scene("funnel", {"balls": 3, "outlet": 3.0})
     found = []
-    for search in (Anticipating, NestedIntervals):
-        stepper = variable(scene.system, search=search, tolerance=1e-5, min_step=1e-7, max_step=2e-3)
-        found.append(switches(list(stepper.steps(scene.start, 0.2))))
+    for search in ("anticipating", "nested"):
+        options = {"search": search, "tolerance": 1e-5, "min_step": 1e-7, "max_step": 2e-3}
+        found.append(switches(list(steps_of(scene.system, scene.start, 0.2, **options))))
     assert len(found[0]) > 4
     assert [(s.law, s.contact, s.after) for s in found[0]] == [(s.law, s.contact, s.after) for s in found[1]]
     assert [s.begin for s in found[0]] == pytest.approx([s.begin for s in found[1]], abs=1e-5)
@@ -244,7 +257,7 @@ def test_it_costs_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
     What they would cost at equal accuracy is extrapolated from the measured order, not run.
     """
     state = section_start()
-    for step in Moreau(woodpecker(), create("SORprox"), Stop(1e-12, 100_000), PERIOD / 5000).steps(state, 5000):
+    for step in MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 100_000), PERIOD / 5000).steps(state, 5000):
         state = step.state
     steps = cycle(1.0, tolerance=1e-6, min_step=1e-8)
     assert sum(step.solves for step in steps) < 800
@@ -270,18 +283,16 @@ class Failing:
         return Solution(np.zeros(2), self._failure, 1)
 
 
-@pytest.mark.parametrize("search", [Anticipating, NestedIntervals])
+@pytest.mark.parametrize("search", ["anticipating", "nested"])
 @pytest.mark.parametrize("failure", [Status.INFEASIBLE, RuntimeError("no luck")])
-def test_a_failing_solver_ends_the_motion_with_the_last_good_state(
-    failure: Status | Exception, search: type[Search]
-) -> None:
-    stepper = replace(variable(woodpecker(), search=search), solver=Failing(100, failure))
+def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Status | Exception, search: str) -> None:
+    steps = steps_of(woodpecker(), section_start(OVERLAP), PERIOD, solver=Failing(100, failure), search=search)
     reached: list[State] = []
     with pytest.raises(StepError, match=r"from t = 0\.\d+ s") as raised:
-        reached.extend(step.end for step in stepper.steps(section_start(OVERLAP), PERIOD))
+        reached.extend(step.end for step in steps)
     assert len(reached) > 10
     assert raised.value.state is reached[-1]
-    rest = list(variable(woodpecker()).steps(raised.value.state, PERIOD))
+    rest = list(steps_of(woodpecker(), raised.value.state, PERIOD))
     assert section_error(rest[-1].end) < 1e-4
 
 
@@ -292,12 +303,12 @@ class NotANumber(Failing):
         return Solution(np.full(2, np.nan), Status.SOLVED, 1)
 
 
-@pytest.mark.parametrize("search", [Anticipating, NestedIntervals])
-def test_nan_that_a_solver_calls_solved_never_becomes_a_state(search: type[Search]) -> None:
-    stepper = replace(variable(woodpecker(), search=search), solver=NotANumber(100, Status.SOLVED))
+@pytest.mark.parametrize("search", ["anticipating", "nested"])
+def test_nan_that_a_solver_calls_solved_never_becomes_a_state(search: str) -> None:
+    steps = steps_of(woodpecker(), section_start(OVERLAP), PERIOD, solver=NotANumber(100, Status.SOLVED), search=search)
     reached: list[State] = []
     with pytest.raises(StepError, match="'solved, but with impulses that are not finite'") as raised:
-        reached.extend(step.end for step in stepper.steps(section_start(OVERLAP), PERIOD))
+        reached.extend(step.end for step in steps)
     assert all(np.isfinite([*state.position, *state.velocity]).all() for state in [*reached, raised.value.state])
     assert raised.value.state is reached[-1]
 
@@ -305,13 +316,13 @@ def test_nan_that_a_solver_calls_solved_never_becomes_a_state(search: type[Searc
 def test_a_singular_mass_matrix_is_an_error_with_the_time() -> None:
     broken = replace(oscillator(True), mass=lambda position: np.zeros((1, 1)))
     with pytest.raises(StepError, match=r"t = 0 s.*not positive definite"):
-        next(variable(broken).steps(State(0.0, np.ones(1), np.zeros(1)), 1.0))
+        next(steps_of(broken, State(0.0, np.ones(1), np.zeros(1)), 1.0))
 
 
 def test_directions_of_the_wrong_shape_are_an_error_with_the_time() -> None:
     broken = replace(oscillator(True), directions=lambda position: np.ones((1, 2)))
     with pytest.raises(StepError, match=r"t = 0 s.*W\(q\) is \(1, 2\), not \(1, 1\)"):
-        next(variable(broken).steps(State(0.0, np.array([-11.0]), np.zeros(1)), 1.0))
+        next(steps_of(broken, State(0.0, np.array([-11.0]), np.zeros(1)), 1.0))
 
 
 @pytest.mark.parametrize(
@@ -328,7 +339,7 @@ def test_directions_of_the_wrong_shape_are_an_error_with_the_time() -> None:
 )
 def test_functions_of_a_system_that_fail_are_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
     with pytest.raises(StepError, match=f"t = 0 s.*{what}"):
-        next(variable(replace(oscillator(True), **broken)).steps(State(0.0, np.ones(1), np.zeros(1)), 1.0))
+        next(steps_of(replace(oscillator(True), **broken), State(0.0, np.ones(1), np.zeros(1)), 1.0))
 
 
 def test_a_function_that_raises_later_is_an_error_with_time_and_step() -> None:
@@ -341,15 +352,14 @@ def test_a_function_that_raises_later_is_an_error_with_time_and_step() -> None:
     with pytest.raises(
         StepError, match=r"a step of \S+ s from t = \d\.\d+ s failed: OverflowError: too far\."
     ) as raised:
-        reached.extend(variable(replace(oscillator(True), gap=gap)).steps(State(0.0, np.ones(1), np.zeros(1)), 9.0))
+        reached.extend(steps_of(replace(oscillator(True), gap=gap), State(0.0, np.ones(1), np.zeros(1)), 9.0))
     assert raised.value.state is reached[-1].end
 
 
 @pytest.mark.parametrize("min_step", [1e-300, 1e-17])
 def test_a_minimal_step_that_no_clock_resolves_is_refused(min_step: float) -> None:
-    stepper = variable(woodpecker(), min_step=min_step)
     with pytest.raises(ProblemError, match=r"too short to separate times up to 0\.145\d+ s; choose at least 2e-15 s"):
-        next(stepper.steps(section_start(OVERLAP), PERIOD))
+        steps_of(woodpecker(), section_start(OVERLAP), PERIOD, min_step=min_step)
 
 
 @pytest.mark.parametrize(
@@ -362,15 +372,15 @@ def test_a_minimal_step_that_no_clock_resolves_is_refused(min_step: float) -> No
 )
 def test_options_out_of_range_are_named(options: dict[str, Any], what: str) -> None:
     with pytest.raises(ProblemError, match=what):
-        variable(oscillator(True), **options)
+        steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), 1.0, **options)
 
 
 @pytest.mark.parametrize("until", [-1.0, np.inf, np.nan])
 def test_an_end_before_the_start_or_never_is_named(until: float) -> None:
     with pytest.raises(ProblemError, match=f"until = {until} s must be finite and after the start at 0.0 s"):
-        variable(oscillator(True)).steps(State(0.0, np.ones(1), np.zeros(1)), until)
+        steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), until)
 
 
 def test_extrapolation_needs_two_levels() -> None:
     with pytest.raises(ProblemError, match="levels must be at least 2"):
-        Extrapolation(1)
+        Extrapolated(levels=1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from proxbench.bench.simulation.thinning import Thinning
+from proxbench.bench.simulation.kept_states import Thinning
 from proxbench.problems.motion.state import State
 
 lengths = st.lists(st.floats(1e-3, 3.0), min_size=1, max_size=200)

@@ -5,11 +5,12 @@ import io
 import numpy as np
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.table import print_simulation
-from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, STEP, SWITCH, Simulation
+from proxbench.bench.simulation.step_row import step_columns
+from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, SWITCH, Simulation
+from proxbench.bench.simulation.view.table import print_simulation
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.contact_states import LawStates
+from proxbench.problems.motion.stepping.step import LawStates
 from rich.console import Console
 
 
@@ -20,11 +21,11 @@ def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[
     count = round(periods * len(INCIDENTS))
     for number in range(first, first + count):
         period, row = divmod(number, len(INCIDENTS))
-        time, law, contact, before, after = INCIDENTS[row]
-        time += 0.05 + period * PERIOD
-        switch = (time, time, LAWS.index(law), contact, LAW_STATES.index(before), LAW_STATES.index(after))
+        one = INCIDENTS[row]
+        time, states = one.time + 0.05 + period * PERIOD, (LAW_STATES.index(one.before), LAW_STATES.index(one.after))
+        switch = (time, time, LAWS.index(one.law), one.contact, *states)
         rows += [switch] * (2 if period in extra and row == 6 else 1)
-    steps = np.zeros(len(rows) + 1, dtype=STEP)
+    steps = np.zeros(len(rows) + 1, dtype=step_columns(simulation.plan.scene))
     steps["time"], steps["length"] = [*(row[0] for row in rows), simulation.plan.until], 1e-3
     steps["residual"][0] = residual
     states = [State(time, np.array([-DESCENT / PERIOD * time, 0.0, 0.0]), np.zeros(3)) for time in steps["time"]]
@@ -44,7 +45,10 @@ def printed(simulation: Simulation) -> str:
 def test_the_table_says_which_period_it_shows_and_the_mean_which_times_it_is_of() -> None:
     text = printed(pecking(2.25))
     assert "complete period 2 of 2, as table 1 of the paper\n" in text
-    assert "2 of 2 complete periods, from row 1 to the next row 1, have the twelve switching points of table 1" in text
+    assert (
+        "2 of 2 complete periods, from row 1 to the next row 1, have the 12 switching points of table 1 of the paper"
+        in text
+    )
     assert "(the last of 2, from section to section: row 2 to the next row 2)" in text
     assert "27 switching points at 21 instants\n" in text
 
@@ -57,7 +61,7 @@ def test_one_section_to_the_next_is_no_mean() -> None:
 
 def test_more_times_from_section_to_section_than_complete_periods_are_no_contradiction() -> None:
     text = printed(pecking(2 + 1 / 12, first=1))  # from row 2 to row 2 of the period after the next
-    assert "1 of 1 complete period, from row 1 to the next row 1, has the twelve" in text
+    assert "1 of 1 complete period, from row 1 to the next row 1, has the 12" in text
     assert "(the last of 2, from section to section" in text
 
 

@@ -10,21 +10,22 @@ from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, Restitution, ball_system
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.moreau import Moreau, StepError
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.step import StepError
 from proxbench.solvers import Status, Stop, create
 
 GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def stepper(system: BallSystem | MechanicalSystem, time_step: float, warm_start: bool = True) -> Moreau:
-    return Moreau(system, create("SORprox"), Stop(1e-12, 20_000), time_step, warm_start)
+def stepper(system: BallSystem | MechanicalSystem, time_step: float, warm_start: bool = True) -> MidpointRule:
+    return MidpointRule(system, create("SORprox"), Stop(1e-12, 20_000), time_step, warm_start)
 
 
 def one_ball(*effects: object, surfaces: tuple[Plane, ...] = (GROUND,)) -> BallSystem:
     return ball_system(np.array([0.1]), np.array([2.0]), surfaces, effects)  # type: ignore[arg-type]
 
 
-def last(moreau: Moreau, state: State, count: int) -> State:
+def last(moreau: MidpointRule, state: State, count: int) -> State:
     for step in moreau.steps(state, count):
         state = step.state
     return state

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.live import LiveSummary
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.simulation.table import document, print_simulation, summary, windows
-from proxbench.bench.simulation.trajectory import STEP, Simulation
+from proxbench.bench.simulation.step_row import step_columns
+from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.view.live import LiveSummary
+from proxbench.bench.simulation.view.table import document, print_simulation, summary, windows
 from rich.console import Console
 
 Pour = Callable[..., SimulationPlan]
@@ -28,7 +29,7 @@ def printed(simulation: Simulation, width: int = 80) -> str:
 def made(times: np.ndarray, **columns: object) -> Simulation:
     """A simulation of the funnel whose steps end at ``times``, with chosen columns."""
     simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}, tolerance=1e-4))
-    steps = np.zeros(len(times), dtype=STEP)
+    steps = np.zeros(len(times), dtype=step_columns(simulation.plan.scene))
     steps["time"] = times
     for name, values in columns.items():
         steps[name] = values
@@ -62,7 +63,7 @@ def test_a_row_shows_means_of_costs_and_the_worst_of_errors() -> None:
     (row,) = windows(simulation)
     assert (row.iterations, row.step_milliseconds) == (3.0, pytest.approx(2.0))
     assert (row.residual, row.penetration, row.unsolved) == (3e-4, 0.3, 1)
-    assert (row.energy, row.balls_through) == (8.0, 4)
+    assert (row.energy, row.observed) == (8.0, {"balls_through": 4})
 
 
 def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_solver_says(pour: Pour) -> None:

@@ -1,6 +1,10 @@
-"""When the next switching point is due: margins of all laws over the last steps, extrapolated to zero.
+"""How switching points are located: the length to try when a law switches, or is about to.
 
-The margin of a law is positive as long as it stays in its state, and vanishes where it switches:
+``NestedIntervals`` is the paper's: the switch lies somewhere in *both* of two successive steps whose laws differ, so
+both are taken back and redone with half the step, down to the minimal one (figure 3). ``LastStepOnly`` redoes the
+second alone; its error stalls, because a gap may have closed after the middle of the first, where nothing is evaluated.
+``Anticipating`` approaches the switch from before, and needs four steps instead of forty. It follows the margins of all
+laws: a margin is positive as long as a law stays in its state, and vanishes where the law switches.
 
     open contact      g                    a gap that closes
     closed contact    Λ_N / Δt             a force that ends
@@ -11,6 +15,7 @@ Forces are those in the middle of a step, gaps and velocities those at its end. 
 polynomials through its last few values; the difference between two degrees says how far the root can be trusted.
 """
 
+from abc import ABC, abstractmethod
 from collections import defaultdict, deque
 from collections.abc import Iterator, Sequence
 
@@ -19,8 +24,14 @@ import numpy as np
 from ...arrays import FloatArray
 from ..bodies.system import System
 from ..state import State
-from .contact_states import LawStates
-from .moreau import Step
+from .sequences import Attempt
+from .step import LawStates, Step
+
+APPROACH = 0.45
+"""Fraction of the smooth part of a step in which a law switched that is tried next."""
+
+BLIND_CUT = 0.1
+"""The same fraction where the law switched at once, and nothing is known."""
 
 MEMORY = 5
 """Values of a margin that are kept, and one more than the degree of the polynomial through them."""
@@ -34,10 +45,128 @@ REACH = 2.0
 FORCES = ("force", "slack")
 """Margins of forces."""
 
-Key = tuple[str, int]
+MarginKey = tuple[str, int]
+"""Which margin, and the contact that it belongs to."""
 
 Substeps = Sequence[tuple[Step, float]]
 """Steps, each with its length [s]."""
+
+
+class Search(ABC):
+    """A search for switching points; what subclasses leave as it is looks at the laws alone.
+
+    Args:
+        system: what moves.
+        min_step: Δt_min [s].
+        max_step: Δt_max [s].
+    """
+
+    takes_back = False
+    """Whether the accepted step before a switch is taken back as well."""
+
+    def __init__(self, system: System, min_step: float, max_step: float) -> None:
+        self._min_step = min_step
+
+    def limited_length(self, now: float, length: float) -> float:
+        """Return the length to try instead of ``length``."""
+        return length
+
+    @abstractmethod
+    def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
+        """Return the length to try after an attempt of ``length`` in which a law switched."""
+
+    def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
+        """Whether an attempt that looks smooth has passed a switch all the same."""
+        return False
+
+    def length_after_step(self, now: float, length: float, wanted: float) -> float:
+        """Return the next length after an accepted step, where the error alone would allow ``wanted``."""
+        return wanted
+
+    def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:  # noqa: B027
+        """Note an accepted step."""
+
+    @abstractmethod
+    def note_switch(self, state: State) -> None:
+        """A switching point was passed."""
+
+
+class NestedIntervals(Search):
+    """Halve the step, and redo both steps between which the laws differ."""
+
+    takes_back = True
+
+    def __init__(self, system: System, min_step: float, max_step: float) -> None:
+        super().__init__(system, min_step, max_step)
+        self._seen_before = float("inf")
+
+    def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
+        """Return half the length, and remember that the switch comes before the end of the attempt."""
+        self._seen_before = min(self._seen_before, now + length)
+        return max(self._min_step, 0.5 * length)
+
+    def length_after_step(self, now: float, length: float, wanted: float) -> float:
+        """Let the step grow, at most twofold, but not while a switch is being located."""
+        if now + length > self._seen_before:
+            self._seen_before = float("inf")
+        return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
+
+    def note_switch(self, state: State) -> None:
+        """The switch is located."""
+        self._seen_before = float("inf")
+
+
+class LastStepOnly(NestedIntervals):
+    """Halve the step, and redo only the step in which the laws differ from those before: this stalls."""
+
+    takes_back = False
+
+
+class Anticipating(Search):
+    """Step to just before the next switching point that the margins of the laws announce."""
+
+    def __init__(self, system: System, min_step: float, max_step: float) -> None:
+        super().__init__(system, min_step, max_step)
+        self._margins = Margins(system, max_step)
+        self._waited = 0
+
+    def limited_length(self, now: float, length: float) -> float:
+        """Return ``length``, or the way to just before the next switching point if that is shorter."""
+        due, doubt = self._margins.next_switch(now)
+        if not due < now + 1.2 * length:
+            self._waited = 0
+            return length
+        way = due - now - max(2.0 * doubt, 0.5 * self._min_step)
+        if way < 0.3 * (due - now):
+            way = 0.5 * (due - now)
+        if way > self._min_step:
+            return min(length, way)
+        self._waited += 1
+        # a margin that was wrong must not make the motion creep for ever
+        return min(length, self._min_step * 2.0 ** min(max(0, self._waited - 4), 60))
+
+    def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
+        """Return a part of what was smooth."""
+        smooth = sum(part for _, part in attempt.substeps)
+        factor = APPROACH * smooth / length if smooth < length and smooth > 0.0 else BLIND_CUT
+        if attempt.end is not None:
+            factor = APPROACH
+        return max(self._min_step, factor * length)
+
+    def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
+        """Whether a gap has closed within the step, or a force has ended after the last look at it."""
+        return self._margins.penetrates(begin, end) or self._margins.outlasts(attempt.substeps, attempt.states)
+
+    def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
+        """Note the margins of all laws."""
+        for step, length in substeps:
+            self._margins.note(step, length, states)
+
+    def note_switch(self, state: State) -> None:
+        """Begin again behind a switching point."""
+        self._margins.forget()
+        self._margins.note_gaps(state)
+        self._waited = 0
 
 
 class Margins:
@@ -51,7 +180,7 @@ class Margins:
     def __init__(self, system: System, horizon: float) -> None:
         self._system = system
         self._horizon = horizon
-        self._values: dict[Key, deque[tuple[float, float]]] = {}
+        self._values: dict[MarginKey, deque[tuple[float, float]]] = {}
 
     def forget(self) -> None:
         """Forget everything: a switching point was passed."""
@@ -84,7 +213,7 @@ class Margins:
         """
         middles = (np.arange(len(substeps)) + 0.5) / len(substeps)
         weights = np.linalg.solve(np.vander(middles, increasing=True).T, np.ones(len(substeps)))
-        left: dict[Key, float] = defaultdict(float)
+        left: dict[MarginKey, float] = defaultdict(float)
         largest = 0.0
         for weight, (step, length) in zip(weights.tolist(), substeps, strict=True):
             for key, _, value in _law_margins(step, length, states):
@@ -106,11 +235,11 @@ class Margins:
         moved = self._system.move(state.position, state.velocity, 1.0) - state.position
         return 2.0 * float(np.abs(moved).max(initial=0.0))
 
-    def _add(self, key: Key, time: float, value: float) -> None:
+    def _add(self, key: MarginKey, time: float, value: float) -> None:
         self._values.setdefault(key, deque(maxlen=MEMORY)).append((time, value))
 
 
-def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple[Key, float, float]]:
+def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple[MarginKey, float, float]]:
     """Yield which margin it is, its time and its value."""
     if step.contacts is None or step.problem is None:
         return
@@ -168,3 +297,7 @@ def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
     candidates = np.where(is_real & (roots.real >= after[:, None] - 1e-3), roots.real, np.inf)
     first: FloatArray = candidates.min(axis=1, initial=np.inf)
     return first
+
+
+SEARCHES: dict[str, type[Search]] = {"anticipating": Anticipating, "nested": NestedIntervals, "last": LastStepOnly}
+"""Searches for switching points by name."""

@@ -29,7 +29,6 @@ the instant at which one of several sticking contacts begins to slip.
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,12 +36,13 @@ from numpy.typing import NDArray
 from ....arrays import FloatArray
 from ....contact.judge import judge
 from ....contact.problem import ContactProblem
+from ....contact.solver import Stop
 from ....errors import ProblemError, ProxbenchError, error_text
 from ...bodies.system import MechanicalSystem
 from ...state import State
-from ..contact_states import LawName, LawState
-from ..moreau import ContactSolver
-from .acceleration import AccelerationLaws, DirectionRates, Modes, least_change
+from ..midpoint import ContactSolver
+from ..step import LawName, LawState
+from .acceleration import AccelerationLaws, Modes, least_change
 from .events import Trigger, Watch
 from .motion import AccumulationError, Event, Motion, MotionError, Phase
 
@@ -50,118 +50,39 @@ ROUNDING = 1e-12
 """Velocities and accelerations below this fraction of the largest ones in their problem count as zero."""
 
 SIMULTANEOUS = 1e-6
-"""Contacts that would hit within this fraction of the resolution of time hit together."""
+"""Contacts that would hit within this fraction of the shortest flight hit together."""
 
 TRUSTED_RESIDUAL = 1e-9
 """Largest judged residual of a contact problem whose solution is taken."""
 
-EVENTS_AT_ONCE = 100
-"""Phases within the resolution of time after which no consistent mode is expected any more."""
+MAX_EVENTS_AT_ONCE = 100
+"""Phases within the shortest flight after which no consistent mode is expected any more."""
 
+ABSOLUTE_TOLERANCE = 1e-15
+"""Absolute tolerance of the integration of smooth phases, in the units of q and u."""
 
-@dataclass(frozen=True, eq=False)
-class EventDriven:
-    """The event-driven integrator.
-
-    Attributes:
-        system: with rows N or N, T.
-        solver: solves the contact problems of impacts and accelerations; Enumeration does so exactly.
-        stop: the stop criterion handed to it.
-        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,); None where W does not depend on q.
-        relative_tolerance: of the integration of smooth phases.
-        absolute_tolerance: of the same, in the units of q and u.
-        longest_step: of the integration [s]; two events of one contact within one step may be missed.
-        resolution: flight time [s] below which a bouncing contact is taken to come to rest by infinitely many impacts;
-            flights of 1e-7 s are 1e-14 m high under gravity, which positions of decimetres just resolve.
-        touching: gap [m] up to which a contact, penetrated or not, counts as closed at the start and is put to gap 0.
-
-    Raises:
-        ProblemError: if the system has spatial friction, or a tolerance is not positive.
-    """
-
-    system: MechanicalSystem
-    solver: ContactSolver
-    stop: Any
-    direction_rates: DirectionRates | None = None
-    relative_tolerance: float = 1e-13
-    absolute_tolerance: float = 1e-15
-    longest_step: float = np.inf
-    resolution: float = 1e-7
-    touching: float = 1e-6
-
-    def __post_init__(self) -> None:
-        if self.system.rows_per_contact not in (1, 2):
-            raise ProblemError(
-                "event-driven integration takes planar friction or none; the system has spatial friction."
-            )
-        for name in ("relative_tolerance", "absolute_tolerance", "longest_step", "resolution", "touching"):
-            if not getattr(self, name) > 0.0:
-                raise ProblemError(f"{name} must be positive, got {getattr(self, name)}.")
-
-    def simulate(self, start: State, until: float) -> Motion:
-        """Return the motion from ``start`` to the time ``until`` [s].
-
-        Raises:
-            AccumulationError: where impacts accumulate.
-            MotionError: if the start penetrates, M, h, g or W are not what they must be, a contact problem has no
-                solution, or no mode is consistent; like AccumulationError it holds the motion found up to there.
-            ProblemError: if ``until`` is before the start, or W depends on q while ``direction_rates`` is None.
-        """
-        run = _Run(self, start)
-        for _ in self._phases(run, until):
-            pass
-        return run.motion()
-
-    def phases(self, start: State, until: float) -> Iterator[Motion]:
-        """Yield the same motion in pieces: one phase, the events at its end, and the state after them.
-
-        Raises:
-            AccumulationError, MotionError, ProblemError: as ``simulate`` does.
-        """
-        run = _Run(self, start)
-        n_events = n_phases = 0
-        for _ in self._phases(run, until):
-            if len(run.phases) > n_phases:  # an event that is due at once has none
-                yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
-                n_events, n_phases = len(run.events), len(run.phases)
-
-    def _phases(self, run: "_Run", until: float) -> Iterator[None]:
-        """Advance phase by phase."""
-        if not run.time <= until < np.inf:
-            raise ProblemError(f"until must be a time from the start ({run.time} s) on, got {until}.")
-        begins = deque([-np.inf], maxlen=EVENTS_AT_ONCE)
-        try:
-            run.begin()
-            while run.time < until:
-                if len(begins) == EVENTS_AT_ONCE and run.time - begins[0] < self.resolution:
-                    raise MotionError(
-                        f"at t = {run.time:.9g} s the contact modes change {EVENTS_AT_ONCE} times within "
-                        f"{self.resolution:.0e} s; no mode is consistent to rounding. Time stepping does not need one.",
-                        run.motion(),
-                    )
-                begins.append(run.time)
-                run.advance(until)
-                yield
-        except ProxbenchError:
-            raise
-        except Exception as failure:
-            what = f"after t = {run.time:.9g} s the motion cannot be continued: {error_text(failure)}."
-            raise MotionError(what, run.motion()) from failure
+MAX_START_GAP = 1e-6
+"""Gap [m] up to which a contact, penetrated or not, counts as closed at the start and is put to gap 0."""
 
 
 @dataclass(eq=False)
-class _Run:
-    """One motion in the making."""
+class Integration:
+    """One motion in progress; the options are those of ``EventDriven``."""
 
-    options: EventDriven
+    system: MechanicalSystem
+    solver: ContactSolver
+    stop: Stop
     start: State
+    tolerance: float
+    longest_step: float
+    flight: float
     events: list[Event] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
     _impacts: dict[int, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.system, self.time = self.options.system, self.start.time
-        self.laws = AccelerationLaws(self.system, self.options.direction_rates)
+        self.time = self.start.time
+        self.laws = AccelerationLaws(self.system)
         self.width, self.n = self.system.rows_per_contact, len(self.start.position)
         self.position, self.velocity = self.start.position.copy(), self.start.velocity.copy()
         n_contacts = len(np.asarray(self.system.friction))
@@ -172,6 +93,28 @@ class _Run:
         """Return what is found so far."""
         return Motion(tuple(self.events), tuple(self.phases), self._state())
 
+    def advance_to(self, until: float) -> Iterator[None]:
+        """Advance to the time ``until`` [s], phase by phase."""
+        begins = deque([-np.inf], maxlen=MAX_EVENTS_AT_ONCE)
+        try:
+            self.begin()
+            while self.time < until:
+                if len(begins) == MAX_EVENTS_AT_ONCE and self.time - begins[0] < self.flight:
+                    raise MotionError(
+                        f"at t = {self.time:.9g} s the contact modes change {MAX_EVENTS_AT_ONCE} times within "
+                        f"{self.flight:.0e} s; no mode is consistent to rounding. Time stepping does not need "
+                        "one.",
+                        self.motion(),
+                    )
+                begins.append(self.time)
+                self.advance(until)
+                yield
+        except ProxbenchError:
+            raise
+        except Exception as failure:
+            what = f"after t = {self.time:.9g} s the motion cannot be continued: {error_text(failure)}."
+            raise MotionError(what, self.motion()) from failure
+
     def begin(self) -> None:
         """Find the modes at the start."""
         try:
@@ -180,14 +123,13 @@ class _Run:
             raise MotionError(f"the motion cannot begin at t = {self.time:.9g} s: {reason}", self.motion()) from None
         self._directions = self.system.directions(self.position)
         gap, velocity = self.system.gap(self.position), self._contact_velocity()
-        if gap.min(initial=0.0) < -self.options.touching:
+        if gap.min(initial=0.0) < -MAX_START_GAP:
             contact = int(np.argmin(gap))
             raise MotionError(
-                f"contact {contact} is {-gap[contact]:.2e} m deep in penetration at the start; separate the bodies, or "
-                "raise 'touching'.",
+                f"contact {contact} is {-gap[contact]:.2e} m deep in penetration at the start; separate the bodies.",
                 self.motion(),
             )
-        touching = gap <= self.options.touching
+        touching = gap <= MAX_START_GAP
         margin = ROUNDING * np.abs(velocity).max(initial=0.0)
         hitting = touching & (velocity[:, 0] < -margin)
         closed = touching & (np.abs(velocity[:, 0]) <= margin)
@@ -213,9 +155,9 @@ class _Run:
             (self.time, until),
             np.concatenate([self.position, self.velocity]),
             method="DOP853",
-            rtol=self.options.relative_tolerance,
-            atol=self.options.absolute_tolerance,
-            max_step=self.options.longest_step,
+            rtol=self.tolerance,
+            atol=ABSOLUTE_TOLERANCE,
+            max_step=self.longest_step,
             events=[trigger.for_scipy() for trigger in triggers],
             dense_output=True,
         )
@@ -245,7 +187,7 @@ class _Run:
             return
         if trigger.kind == "hit":
             velocity = self._contact_velocity()[:, 0]
-            soon = self.system.gap(self.position) + SIMULTANEOUS * self.options.resolution * velocity <= 0.0
+            soon = self.system.gap(self.position) + SIMULTANEOUS * self.flight * velocity <= 0.0
             hitting = ~modes.closed & self.armed & soon & (velocity < 0.0)
             hitting[contact] = True
             self._impact(hitting)
@@ -324,8 +266,8 @@ class _Run:
     def _check_directions(self) -> None:
         """Raise ``ProblemError`` if W has changed and its rate is not given."""
         directions, scale = self.system.directions(self.position), np.abs(self._directions).max(initial=0.0)
-        if self.options.direction_rates is None and np.abs(directions - self._directions).max() > ROUNDING * scale:
-            raise ProblemError("the force directions W depend on q; give 'direction_rates', (q, u) ↦ Ẇᵀ u.")
+        if self.system.direction_rates is None and np.abs(directions - self._directions).max() > ROUNDING * scale:
+            raise ProblemError("the force directions W depend on q; give the system 'direction_rates', (q, u) ↦ Ẇᵀ u.")
 
     def _record(self, modes: Modes, hitting: NDArray[np.bool_], impulses: FloatArray | None) -> None:
         """Write down which contacts change their states."""
@@ -352,12 +294,12 @@ class _Run:
             if len(times) < 3:
                 continue
             flight, previous = times[-1] - times[-2], times[-2] - times[-3]
-            if flight < min(self.options.resolution, previous):
+            if flight < min(self.flight, previous):
                 rest = flight * flight / (previous - flight)
                 raise AccumulationError(self.motion(), i, len(times), flight, self.time + rest)
 
     def _solved(self, problem: ContactProblem, level: str) -> FloatArray:
-        solution = self.options.solver.prepare(problem).solve(self.options.stop, None)
+        solution = self.solver.prepare(problem).solve(self.stop, None)
         residual = judge(problem, solution.impulses).residual
         if not residual <= TRUSTED_RESIDUAL:
             raise MotionError(

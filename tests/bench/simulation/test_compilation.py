@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from proxbench.bench.simulation import step_clock
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems import ContactProblem, Model
-from proxbench.problems.motion.stepping import variable_step as adaptive
-from proxbench.problems.motion.stepping import warming
-from proxbench.problems.motion.stepping.moreau import Moreau, Step
+from proxbench.problems.motion.stepping import variable_stepper
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import create
 
 Pour = Callable[..., SimulationPlan]
@@ -35,14 +36,14 @@ class Compiled:
 
 def test_no_fixed_step_is_charged_with_what_happens_once(pour: Pour, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = Compiled()
-    monkeypatch.setattr(warming, "perf_counter", lambda: solver.now)
+    monkeypatch.setattr(step_clock, "perf_counter", lambda: solver.now)
     steps = simulate(pour(solver=solver)).steps
     np.testing.assert_array_equal(steps["seconds"], steps["contacts"] > 0)
     assert steps["seconds"].sum() > 10
 
 
 def test_a_first_step_that_is_free_is_not_charged_either(pour: Pour, monkeypatch: pytest.MonkeyPatch) -> None:
-    now, step = [0.0], Moreau.step
+    now, step = [0.0], MidpointRule.step
     seen: list[bool] = []
 
     def timed(*arguments: Any) -> Step:
@@ -50,14 +51,14 @@ def test_a_first_step_that_is_free_is_not_charged_either(pour: Pour, monkeypatch
         seen.append(True)
         return step(*arguments)
 
-    monkeypatch.setattr(Moreau, "step", timed)
-    monkeypatch.setattr(warming, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(MidpointRule, "step", timed)
+    monkeypatch.setattr(step_clock, "perf_counter", lambda: now[0])
     assert set(simulate(pour(5)).steps["seconds"]) == {1.0}
 
 
 @pytest.mark.parametrize("start", ["cycle", "published"])
 def test_no_variable_step_is_charged_with_what_happens_once(start: str, monkeypatch: pytest.MonkeyPatch) -> None:
     solver = Compiled()
-    monkeypatch.setattr(adaptive, "perf_counter", lambda: solver.now)
+    monkeypatch.setattr(variable_stepper, "perf_counter", lambda: solver.now)
     steps = simulate(make_simulation_plan("woodpecker", {"start": start}, duration=0.01, solver=solver)).steps
     assert 0.0 < steps["seconds"].max() < 1000.0

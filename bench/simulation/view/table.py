@@ -9,12 +9,13 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...problems.contact.model import Model
-from ..report.layout.text import counted, unsolved_words
-from ..store.conversion import content_of
-from .history import Segment, planned_segment
+from ....problems.contact.model import Model
+from ....problems.motion.scenes.scene import Observable
+from ...report.layout.text import counted, unsolved_words
+from ...store.conversion import content_of
+from ..history import Segment, planned_segment
+from ..trajectory import Ending, Simulation, switching_words
 from .switching_table import period_lines, periods_document, plain_table, print_switches
-from .trajectory import Ending, Simulation, switching_words
 
 WINDOW_SECONDS = 0.1
 """Simulated time that one row of the table is about."""
@@ -36,7 +37,7 @@ class Window:
         penetration: deepest of a state, over the length of the scene.
         impact_depth: deepest at a midpoint, where contacts are found, over the same.
         energy: kinetic and potential at their end [J], None where the potential energy is not known.
-        balls_through: balls that have left by their end, None where there is no outlet.
+        observed: observables that are shown at their end, by name.
     """
 
     time: float
@@ -50,7 +51,7 @@ class Window:
     penetration: float
     impact_depth: float
     energy: float | None
-    balls_through: int | None
+    observed: dict[str, float]
 
 
 def windows(simulation: Simulation) -> Iterator[Window]:
@@ -69,14 +70,14 @@ def summary(simulation: Simulation) -> dict[str, Any]:
     """Return the summary of a simulation as plain values."""
     steps, plan = simulation.steps, simulation.plan
     seconds = simulation.state.time - plan.scene.start.time
-    has_outlet = plan.scene.balls_through is not None and len(steps) > 0
+    shown = [one.name for one in plan.scene.observables if one.label and len(steps)]
 
     def largest(name: str) -> float:
         return float(steps[name].max(initial=0.0))
 
     return {
         "finished": simulation.is_finished,
-        "ended": simulation.ending.value,
+        "ended": str(simulation.ending),
         "failure": None if simulation.failure is None else simulation.failure.what,
         "steps": simulation.n_steps,
         "simulated_seconds": seconds,
@@ -98,7 +99,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "deepest_penetration": largest("penetration"),
         "deepest_impact": largest("impact_depth"),
         "largest_contacts": int(largest("contacts")),
-        "balls_through": int(steps["balls_through"][-1]) if has_outlet else None,
+        **{name: steps[name][-1].item() for name in shown},
         **_off_the_exact_motion(simulation),
     }
 
@@ -117,7 +118,7 @@ def _off_the_exact_motion(simulation: Simulation) -> dict[str, float]:
 
 def document(simulation: Simulation) -> dict[str, Any]:
     """Return plan, summary, windows, switching points and periods as values that JSON can write."""
-    rows = [{key: finite(value) for key, value in asdict(window).items()} for window in windows(simulation)]
+    rows = [_window_document(window) for window in windows(simulation)]
     return {
         "file": None if simulation.file is None else str(simulation.file),
         "plan": content_of(simulation.plan.record),
@@ -132,6 +133,12 @@ def document(simulation: Simulation) -> dict[str, Any]:
         ],
         "periods": periods_document(simulation),
     }
+
+
+def _window_document(window: Window) -> dict[str, Any]:
+    values = asdict(window)
+    observed = values.pop("observed")
+    return {name: finite(value) for name, value in {**values, **observed}.items()}
 
 
 def finite(value: Any) -> Any:
@@ -189,9 +196,12 @@ _COLUMNS: dict[str, Callable[[Window], str]] = {
     "depth/r": lambda window: f"{window.penetration:.4f}",
     "mid/r": lambda window: f"{window.impact_depth:.4f}",
     "E [J]": lambda window: _energy(window.energy),
-    "through": lambda window: str(window.balls_through),
 }
 """Heads of columns, and what stands in each."""
+
+
+def _observed_cell(observable: Observable) -> Callable[[Window], str]:
+    return lambda window: f"{window.observed[observable.name]:{'d' if observable.is_count else '.4g'}}"
 
 
 def _energy(value: float | None) -> str:
@@ -207,13 +217,14 @@ def _digits(value: float, number: int) -> str:
 
 def _print_windows(simulation: Simulation, console: Console) -> None:
     absent = set() if simulation.plan.stepper.locates_switches else {"steps"}
-    if simulation.plan.scene.balls_through is None:
-        absent.add("through")
     if simulation.plan.scene.potential_energy is None:
         absent.add("E [J]")
     if not simulation.hiding.any():
         absent.add("local")
     columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
+    for one in simulation.plan.scene.observables:
+        if one.label:
+            columns[one.head or one.name] = _observed_cell(one)
     table = plain_table(*columns)
     for window in windows(simulation):
         styles = {"missed": "bold red"} if window.unsolved else {}
@@ -285,12 +296,9 @@ def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
 
 def _ending(simulation: Simulation) -> tuple[str, str] | None:
     """Return why the simulation ended before its duration was over, with a style; None if it did not."""
-    seconds, n_balls = f"{simulation.state.time:.4g} s", simulation.plan.scene.n_balls
-    if simulation.ending is Ending.EMPTIED:
-        return f"emptied: all {n_balls} balls are through the outlet after {seconds}", "green"
-    if simulation.ending is Ending.JAMMED:
-        left = n_balls - int(simulation.steps["balls_through"][-1])
-        return f"jammed at {seconds}: {left} of {n_balls} balls rest above the outlet and none passes", "bold yellow"
+    by_scene = simulation.scene_ending
+    if by_scene is not None:
+        return by_scene.sentence, "green" if by_scene.is_success else "bold yellow"
     if simulation.ending is Ending.FAILED and simulation.failure is not None:
         return simulation.failure.what, "bold red"
     if simulation.ending is Ending.STOPPED:
@@ -314,5 +322,5 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
         penetration=float(steps["penetration"].max()),
         impact_depth=float(steps["impact_depth"].max()),
         energy=None if scene.potential_energy is None else energy,
-        balls_through=None if scene.balls_through is None else int(last["balls_through"]),
+        observed={one.name: last[one.name].item() for one in scene.observables if one.label},
     )

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from proxbench.problems.motion.stepping import warming
-from proxbench.problems.motion.stepping.warming import WarmClock
+from proxbench.bench.simulation import step_clock
+from proxbench.bench.simulation.step_clock import WarmClock
 
 
 class Stepper:
@@ -33,7 +33,7 @@ class Stepper:
 def test_a_step_that_compiles_is_taken_again_once(monkeypatch: Any) -> None:
     stepper, clock = Stepper(), WarmClock()
     times = iter(range(100))
-    monkeypatch.setattr(warming, "perf_counter", lambda: float(next(times)))
+    monkeypatch.setattr(step_clock, "perf_counter", lambda: float(next(times)))
     for number in range(4):
         state = SimpleNamespace(number=number, keys=[], position=np.zeros(1), velocity=np.zeros(1))
         step, seconds = clock.step(stepper, state)  # type: ignore[arg-type]

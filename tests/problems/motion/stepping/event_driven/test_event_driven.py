@@ -12,11 +12,12 @@ from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
 from proxbench.problems.motion.scenes.inclines import BlockOnIncline
 from proxbench.problems.motion.scenes.rolling import SlidingSphere
+from proxbench.problems.motion.scenes.scene import bare_scene
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, published_start, section_start, woodpecker
 from proxbench.problems.motion.state import State
-from proxbench.problems.motion.stepping.event_driven.integrator import EventDriven
+from proxbench.problems.motion.stepping.event_driven.event_driven import EventDriven
 from proxbench.problems.motion.stepping.event_driven.motion import AccumulationError, Motion, MotionError
-from proxbench.problems.motion.stepping.moreau import Moreau
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Status, Stop, create
 
 from ..published_cycle import INCIDENTS, TIMES
@@ -25,13 +26,14 @@ NORMAL_IMPULSES = (4.7907580039e-05, 0.0012845029298, 0.00018723394475, 8.032396
 """Λ_N [N s] of the five impacts of a period; published limit cycle computed with 45 digits."""
 
 
-def integrator(system: MechanicalSystem, **options: Any) -> EventDriven:
-    return EventDriven(system, create("Enumeration"), Stop(1e-12), **options)
+def simulate(system: MechanicalSystem, start: State, until: float, solver: Any = None, **options: Any) -> Motion:
+    scene = bare_scene("own", {}, system, start)
+    return EventDriven(**options).simulate(scene, solver or create("Enumeration"), Stop(1e-12), start, until)
 
 
 def cycle(periods: float) -> Motion:
     """From the section on; the event in which the cycle leaves it is left out."""
-    motion = integrator(woodpecker()).simulate(section_start(), periods * PERIOD)
+    motion = simulate(woodpecker(), section_start(), periods * PERIOD)
     return Motion([event for event in motion.events if event.time > 1e-6], motion.phases, motion.end)
 
 
@@ -61,10 +63,10 @@ def test_the_woodpecker_comes_back_to_the_section_lower_by_its_descent() -> None
 def test_time_stepping_converges_to_it_from_the_published_start() -> None:
     """Away from the cycle, through twelve events, where no other reference is known; single errors are erratic."""
     until, errors = 0.13, []
-    motion = integrator(woodpecker()).simulate(published_start(), until)
+    motion = simulate(woodpecker(), published_start(), until)
     for steps in (250, 2250):
         state = motion.at(0.0)  # the published numbers penetrate by a rounding of 9e-7 m, which the reference removes
-        for step in Moreau(woodpecker(), create("SORprox"), Stop(1e-12), until / steps).steps(state, steps):
+        for step in MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12), until / steps).steps(state, steps):
             state = step.state
         errors.append(float(np.abs(state.position - motion.end.position).max()))
     assert errors[0] <= 0.3
@@ -74,7 +76,7 @@ def test_time_stepping_converges_to_it_from_the_published_start() -> None:
 def test_a_bouncing_ball_stops_it_at_the_accumulation_point() -> None:
     ball = BouncingBall()
     with pytest.raises(AccumulationError, match=r"accumulate at t = 1\.3545709.*time stepping") as raised:
-        integrator(ball.general_system()).simulate(ball.general_start(), 2.0)
+        simulate(ball.general_system(), ball.general_start(), 2.0)
     error = raised.value
     assert error.accumulation_time == pytest.approx(ball.rest_time, abs=1e-9)
     assert error.impacts == len(error.motion.events) / 2 == 25
@@ -87,7 +89,7 @@ def test_a_bouncing_ball_stops_it_at_the_accumulation_point() -> None:
 
 def test_a_ball_without_restitution_lies_where_it_falls() -> None:
     ball = BouncingBall(restitution=0.0)
-    motion = integrator(ball.general_system()).simulate(ball.general_start(), 2.0)
+    motion = simulate(ball.general_system(), ball.general_start(), 2.0)
     assert [(event.before, event.after) for event in motion.events] == [("open", "closed")]
     assert motion.events[0].time == pytest.approx(ball.fall_time, abs=1e-13)
     assert motion.end.position[0] == pytest.approx(ball.radius, abs=1e-14)
@@ -107,7 +109,7 @@ def test_a_ball_without_restitution_lies_where_it_falls() -> None:
 )
 def test_a_block_slides_stops_turns_or_stays_as_in_closed_form(block: BlockOnIncline, events: list[str]) -> None:
     """A reversal of slip changes no state of the contact and is no event of the list."""
-    motion = integrator(block.system()).simulate(block.start(), 1.0)
+    motion = simulate(block.system(), block.start(), 1.0)
     assert [event.after for event in motion.events] == events
     if events:
         assert motion.events[0].time == pytest.approx(block.stop_time, abs=1e-12)
@@ -129,7 +131,7 @@ def test_a_sliding_sphere_begins_to_roll_at_the_known_time() -> None:
         lambda q: q[1:2] - radius,
     )
     start = State(0.0, np.array([0.0, radius, 0.0]), np.array([scene.speed, 0.0, 0.0]))
-    motion = integrator(system).simulate(start, 1.0)
+    motion = simulate(system, start, 1.0)
     assert [(event.before, event.after) for event in motion.events] == [("slip", "stick")]
     assert motion.events[0].time == pytest.approx(scene.rolling_time, abs=1e-13)
     exact = scene.exact(1.0)
@@ -159,7 +161,7 @@ def test_a_bar_lands_on_three_supports_at_once_and_stays() -> None:
     bar = constant_system(
         [1.0, 1.0 / 12.0], [-9.81, 0.0], [[1.0] * 3, arms.tolist()], [0.0] * 3, lambda q: q[0] + arms * q[1]
     )
-    motion = integrator(bar).simulate(State(0.0, np.array([0.2, 0.0]), np.zeros(2)), 1.0)
+    motion = simulate(bar, State(0.0, np.array([0.2, 0.0]), np.zeros(2)), 1.0)
     assert [(event.contact, event.after) for event in motion.events] == [(0, "closed"), (1, "closed"), (2, "closed")]
     assert {event.time for event in motion.events} == {motion.events[0].time}
     assert motion.events[0].time == pytest.approx(sqrt(0.4 / 9.81), abs=1e-13)
@@ -192,7 +194,7 @@ def bowl_rates(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
 def test_directions_that_turn_with_the_motion_keep_constraint_and_energy() -> None:
     start = State(0.0, np.array([RADIUS * sin(1.2), -RADIUS * cos(1.2)]), np.zeros(2))
-    motion = integrator(bowl(), direction_rates=bowl_rates).simulate(start, 1.5)
+    motion = simulate(replace(bowl(), direction_rates=bowl_rates), start, 1.5)
     assert not motion.events
     for time in np.linspace(0.0, 1.5, 20):
         state = motion.at(time)
@@ -204,7 +206,7 @@ def test_directions_that_turn_with_the_motion_keep_constraint_and_energy() -> No
 def test_a_point_thrown_through_the_top_of_a_circle_leaves_it_where_its_weight_draws_it_off() -> None:
     """From the bottom with v² = 4 g R: cos of the angle from the top is (v²/gR − 2)/3 where the circle lets go."""
     start = State(0.0, np.array([0.0, -RADIUS]), np.array([sqrt(4.0 * 9.81 * RADIUS), 0.0]))
-    motion = integrator(bowl(), direction_rates=bowl_rates).simulate(start, 0.6)
+    motion = simulate(replace(bowl(), direction_rates=bowl_rates), start, 0.6)
     first = motion.events[0]
     assert (first.before, first.after) == ("closed", "open")
     assert first.state.position[1] == pytest.approx(RADIUS * 2.0 / 3.0, abs=1e-11)
@@ -213,7 +215,7 @@ def test_a_point_thrown_through_the_top_of_a_circle_leaves_it_where_its_weight_d
 def test_directions_that_turn_need_their_rate() -> None:
     start = State(0.0, np.array([RADIUS * sin(1.2), -RADIUS * cos(1.2)]), np.zeros(2))
     with pytest.raises(ProblemError, match="direction_rates"):
-        integrator(bowl()).simulate(start, 0.5)
+        simulate(bowl(), start, 0.5)
 
 
 def test_a_slip_that_draws_its_contact_in_is_an_error() -> None:
@@ -222,13 +224,13 @@ def test_a_slip_that_draws_its_contact_in_is_an_error() -> None:
     rod = constant_system([1.0, 1.0], (-9.81 * root[:, 0]).tolist(), root.tolist(), [2.0], lambda q: root[:, :1].T @ q)
     sliding = np.linalg.solve(root.T, [0.0, -1.0])
     with pytest.raises(MotionError, match="Painlevé"):
-        integrator(rod).simulate(State(0.0, np.zeros(2), sliding), 1.0)
+        simulate(rod, State(0.0, np.zeros(2), sliding), 1.0)
 
 
 def test_a_start_in_penetration_is_named() -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=r"contact 0 is 1\.00e-03 m deep"):
-        integrator(ball.general_system()).simulate(State(0.0, np.array([ball.radius - 1e-3]), np.zeros(1)), 1.0)
+        simulate(ball.general_system(), State(0.0, np.array([ball.radius - 1e-3]), np.zeros(1)), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -245,7 +247,7 @@ def test_a_start_in_penetration_is_named() -> None:
 def test_a_system_that_is_none_is_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=what) as raised:
-        integrator(replace(ball.general_system(), **broken)).simulate(ball.general_start(), 1.0)
+        simulate(replace(ball.general_system(), **broken), ball.general_start(), 1.0)
     assert raised.value.motion.end.time == 0.0
 
 
@@ -260,7 +262,7 @@ def test_a_system_that_fails_on_the_way_ends_the_motion(failing: dict[str, Any],
     ball = BouncingBall()
     assert ball.general_start().position[0] > 0.5
     with pytest.raises(MotionError, match=what):
-        integrator(replace(ball.general_system(), **failing)).simulate(ball.general_start(), 1.0)
+        simulate(replace(ball.general_system(), **failing), ball.general_start(), 1.0)
 
 
 @dataclass(frozen=True)
@@ -280,14 +282,14 @@ class Refusing:
 def test_a_wrong_solution_is_never_taken_and_the_motion_up_to_there_is_kept() -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match="impact law at residual") as raised:
-        EventDriven(ball.general_system(), Refusing(), Stop()).simulate(ball.general_start(), 1.0)
+        simulate(ball.general_system(), ball.general_start(), 1.0, Refusing())
     assert raised.value.motion.end.time == pytest.approx(ball.fall_time, abs=1e-13)
     assert raised.value.motion.end.velocity[0] == pytest.approx(-9.81 * ball.fall_time, rel=1e-12)
 
 
 def test_a_motion_has_no_state_beyond_its_end() -> None:
     ball = BouncingBall()
-    motion = integrator(ball.general_system()).simulate(ball.general_start(), 0.3)
+    motion = simulate(ball.general_system(), ball.general_start(), 0.3)
     assert motion.at(0.3).position[0] == motion.end.position[0]
     for time in (-0.1, 0.31):
         with pytest.raises(MotionError, match="no state"):
@@ -297,9 +299,9 @@ def test_a_motion_has_no_state_beyond_its_end() -> None:
 def test_bad_options_are_named() -> None:
     spatial = constant_system([1.0] * 3, [0.0] * 3, np.eye(3).tolist(), [0.3], lambda q: q[:1])
     with pytest.raises(ProblemError, match="planar"):
-        integrator(spatial)
-    ball = BouncingBall().general_system()
-    with pytest.raises(ProblemError, match="resolution"):
-        integrator(ball, resolution=0.0)
+        simulate(spatial, State(0.0, np.zeros(3), np.zeros(3)), 1.0)
+    ball = BouncingBall()
+    with pytest.raises(ProblemError, match="flight"):
+        simulate(ball.general_system(), ball.general_start(), 1.0, flight=0.0)
     with pytest.raises(ProblemError, match="until"):
-        integrator(ball).simulate(BouncingBall().general_start(), -1.0)
+        simulate(ball.general_system(), ball.general_start(), -1.0)

@@ -15,12 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from ...problems.arrays import FloatArray
-from ...problems.motion.trajectories.limit_cycle import Incident
-from ..report.charts.drawing import stacked, write_drawing
-from ..report.charts.palette import PALETTE
-from ..report.layout.text import counted
-from .trajectory import Simulation, switching_words
+from ....problems.arrays import FloatArray
+from ....problems.motion.trajectories.limit_cycle import Incident
+from ...report.charts.drawing import stacked, write_drawing
+from ...report.charts.palette import PALETTE
+from ...report.layout.text import counted
+from ..trajectory import Simulation, switching_words
 
 POINTS = 500
 """Intervals of time that curves are gathered in, so that charts of any length stay light."""
@@ -108,15 +108,16 @@ def _scientific(tolerance: float) -> str:
 
 
 def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:
-    """Return balls through the outlet, active contacts, iterations, penetration and energy.
+    """Return the observables of the scene, active contacts, iterations, penetration and energy.
 
-    Balls that have left fall for ever: their kinetic and potential energy, which cancel, would hide the total.
+    Balls that leave a scene fall for ever: their kinetic and potential energy, which cancel, would hide the total.
     """
-    curves, has_outlet = _gathered(simulation.steps[shown]), simulation.plan.scene.balls_through is not None
+    observed = [one for one in simulation.plan.scene.observables if one.label]
+    curves = _gathered(simulation.steps[shown], [one.name for one in observed])
     energies = {"energy": "total"}
     if simulation.plan.scene.potential_energy is None:
         energies = {"kinetic_energy": "kinetic"}
-    elif not has_outlet:
+    elif not observed:
         energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
     panels: list[Panel] = [
         _curve_panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),
@@ -124,19 +125,16 @@ def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel
         _curve_panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
         _curve_panel(curves, "energy [J]", energies),
     ]
-    if has_outlet:
-        through = {"balls_through": "through the outlet"}
-        panels.insert(0, _curve_panel(curves, "balls through", through, steps=True))
-    return panels
+    return [*(_curve_panel(curves, one.label, {one.name: one.label}, steps=one.is_count) for one in observed), *panels]
 
 
-def _gathered(rows: NDArray[np.void]) -> pd.DataFrame:
+def _gathered(rows: NDArray[np.void], observed: list[str]) -> pd.DataFrame:
     """Gather steps in intervals: means of contacts and iterations, the largest penetration, the last of the rest."""
     steps = pd.DataFrame({name: rows[name] for name in rows.dtype.names or ()})
     steps["energy"] = steps["kinetic_energy"] + steps["potential_energy"]
     steps["most_iterations"] = steps["iterations"]
     length = max(1, -(-len(steps) // POINTS))
-    last = ("time", "balls_through", "kinetic_energy", "potential_energy", "energy")
+    last = ("time", *observed, "kinetic_energy", "potential_energy", "energy")
     how: dict[str, Any] = {name: "last" for name in last}
     how |= {"contacts": "mean", "iterations": "mean"}
     how |= {"most_iterations": "max", "penetration": "max", "impact_depth": "max"}

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.chart import simulation_chart
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.trajectory import STEP, Simulation
+from proxbench.bench.simulation.step_row import step_columns
+from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.view.chart import simulation_chart
 
 
 @pytest.mark.parametrize(
@@ -19,7 +20,7 @@ from proxbench.bench.simulation.trajectory import STEP, Simulation
 )
 def test_the_subtitle_counts_the_steps_that_were_missed(residuals: list[float], tolerance: float, words: str) -> None:
     simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}, tolerance=tolerance))
-    steps = np.zeros(3, dtype=STEP)
+    steps = np.zeros(3, dtype=step_columns(simulation.plan.scene))
     steps["time"], steps["residual"] = [0.1, 0.2, 0.3], residuals
     simulation.restore(steps, replace(simulation.state, time=0.3))
     drawing: dict[str, Any] = simulation_chart(simulation).to_dict()

@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from .trajectory import Simulation
+from ..trajectory import Simulation
 
 REDRAW_SECONDS = 0.2
 """Wall time between two drawings; one takes about a millisecond."""

@@ -1,0 +1,181 @@
+"""What is stored of each accepted step: one row of numbers, whose columns have the names of the fields here."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.judge import local_residual
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
+from ...problems.contact.solver import Status
+from ...problems.motion.bodies.system import ActiveContacts
+from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.stepping.step import AcceptedStep, Step
+from ..errors import BenchError
+
+NO_CONTACT = "no contact"
+"""Status of a step without an active contact, in which nothing is solved."""
+
+STATUSES = (NO_CONTACT, *(status.value for status in Status))
+"""What the status of a step is an index into."""
+
+
+def _column(kind: str) -> Any:
+    return field(metadata={"type": kind})
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """One accepted step.
+
+    Attributes:
+        time: its end [s].
+        length: its length [s].
+        error: estimated relative error, 0 where none is estimated.
+        solves: one-step inclusions solved for it.
+        rejected: attempts rejected before it.
+        contacts: active contacts at its end.
+        iterations: iterations of the solver in its one-step solves.
+        residual: the largest judged residual of these solves.
+        local_residual: their largest local residual.
+        status: index into the statuses of its simulation, of the solve with the largest judged residual.
+        kinetic_energy: at its end [J].
+        potential_energy: at its end [J], nan where it is not known.
+        penetration: deepest one over the length of the scene, in the states where one-step solves begin.
+        impact_depth: the same at their midpoints, where contacts are found.
+        seconds: wall time [s].
+        observed: values of the observables of the scene, in its order; columns of their own.
+    """
+
+    time: float = _column("<f8")
+    length: float = _column("<f8")
+    error: float = _column("<f8")
+    solves: int = _column("<i4")
+    rejected: int = _column("<i4")
+    contacts: int = _column("<i4")
+    iterations: int = _column("<i4")
+    residual: float = _column("<f8")
+    local_residual: float = _column("<f8")
+    status: int = _column("u1")
+    kinetic_energy: float = _column("<f8")
+    potential_energy: float = _column("<f8")
+    penetration: float = _column("<f8")
+    impact_depth: float = _column("<f8")
+    seconds: float = _column("<f8")
+    observed: tuple[float, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The values in the order of ``step_columns``."""
+        *own, observed = astuple(self)
+        return (*own, *observed)
+
+
+def step_columns(scene: Scene) -> np.dtype[np.void]:
+    """Return the type of the rows of a scene: the columns of every scene, and its observables.
+
+    Raises:
+        BenchError: if two columns have the same name.
+    """
+    own = [(one.name, one.metadata["type"]) for one in fields(StepRow) if "type" in one.metadata]
+    names = [one.name for one in scene.observables]
+    for name in names:
+        if name in dict(own) or names.count(name) > 1 or not name:
+            raise BenchError(f"the scene {scene.name!r} has an observable {name!r}, a name that is taken; rename it.")
+    return np.dtype([*own, *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)])
+
+
+def step_row(scene: Scene, taken: AcceptedStep, statuses: Sequence[str]) -> StepRow:
+    """Judge one accepted step.
+
+    Args:
+        scene: what moves.
+        taken: the step.
+        statuses: what the status of the row is an index into.
+    """
+    state = taken.end
+    solved = [step for step, _ in taken.substeps]
+    residuals = [judged_residual(step) for step in solved]
+    worst = residuals.index(max(residuals)) if residuals else None
+    status = None if worst is None else solved[worst].status
+    contacts = solved[-1].contacts if solved else None
+    solves = list(_solves(taken))
+    depth, impact = _depths(solves)
+    return StepRow(
+        time=state.time,
+        length=state.time - taken.begin.time,
+        error=taken.error,
+        solves=taken.solves,
+        rejected=taken.rejected,
+        contacts=0 if contacts is None else len(contacts.keys),
+        iterations=sum(step.iterations for step in solved),
+        residual=max(residuals, default=0.0),
+        local_residual=max(map(_local_residual, solves), default=0.0),
+        status=statuses.index(NO_CONTACT if status is None else status),
+        kinetic_energy=scene.kinetic_energy(state.velocity),
+        potential_energy=math.nan if scene.potential_energy is None else scene.potential_energy(state.position),
+        penetration=depth / scene.length,
+        impact_depth=impact / scene.length,
+        seconds=taken.seconds,
+        observed=tuple(one.compute(state) for one in scene.observables),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Solve:
+    """A one-step solve with contacts.
+
+    Attributes:
+        problem: the one-step problem.
+        contacts: its active contacts.
+        impulses: Λ [N s], shape (n_rows,).
+        length: Δt [s].
+        approach: Wᵀu_B [m/s], shape (n_rows,), of the velocity where it begins.
+    """
+
+    problem: ContactProblem
+    contacts: ActiveContacts
+    impulses: FloatArray
+    length: float
+    approach: FloatArray
+
+
+def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
+    """Yield the one-step solves with contacts."""
+    velocity = taken.begin.velocity
+    for step, length in taken.substeps:
+        if step.contacts is not None and step.problem is not None:
+            approach = step.contacts.directions.transposed_times(velocity)
+            yield _Solve(step.problem, step.contacts, step.impulses, length, approach)
+        velocity = step.state.velocity
+
+
+def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
+    """Return the deepest penetration [m] of the states in which one-step solves begin, and that at their midpoints.
+
+    What is in contact at a midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
+    """
+    depth, impact = 0.0, 0.0
+    for solve in solves:
+        gap, normal = solve.contacts.gap, solve.approach[:: solve.contacts.rows_per_contact]
+        depth = max(depth, -float((gap - 0.5 * solve.length * normal).min()))
+        impact = max(impact, -float(gap.min()))
+    return depth, impact
+
+
+def _local_residual(solve: _Solve) -> float:
+    """Return the local residual of a solve; its free fall is what forces add to c, c - (1 + ε) Wᵀu_B."""
+    forced = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
+    return local_residual(solve.problem, solve.impulses, float(np.abs(forced).max(initial=0.0)))
+
+
+def judged_residual(step: Step) -> float:
+    """Return the judge's residual of a step, 0 without contacts."""
+    problem = step.problem
+    if problem is None:
+        return 0.0
+    return Residual(problem).judged(problem, step.impulses)

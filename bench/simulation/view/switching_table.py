@@ -1,0 +1,131 @@
+"""Switching points as a table, and the periods of a motion beside the known limit cycle of its scene."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ....problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, find_cycles
+from ...report.layout.text import counted
+from ..trajectory import Simulation
+
+MAX_ROWS = 30
+"""Switching points that are printed where no period is known; the result file has all."""
+
+_OF_WORDS = ("law", "contact", "from", "to")
+"""Heads of columns of words."""
+
+_LEFT = {*_OF_WORDS, "stepper", "solver", "start"}
+"""Heads of columns that stand on the left."""
+
+_HEADS = ("row", *_OF_WORDS, "t [s]")
+
+
+def print_switches(simulation: Simulation, console: Console) -> None:
+    """Print the switching points: those of a period beside the limit cycle, or else the first ones."""
+    motion = _motion(simulation)
+    found = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
+    if motion is not None and found:
+        shown = found[-1]  # the last one that can be set beside the limit cycle
+        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as {motion.known.source}"))
+        console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
+    elif len(simulation.switches):
+        console.print(_switches_table(simulation.incidents, simulation.plan.scene.contact_names))
+
+
+def periods_document(simulation: Simulation) -> dict[str, Any] | None:
+    """Return the periods as values that JSON can write, None where none are known."""
+    motion = _motion(simulation)
+    if motion is None:
+        return None
+    return {
+        "count": motion.count,
+        "published": motion.published_count,
+        "complete": len(motion.cycles),
+        "periods": np.diff(motion.sections).tolist(),
+        "descents": (-np.diff(motion.heights)).tolist(),
+    }
+
+
+def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
+    """Yield what is reported of the periods, each line with its style."""
+    motion = _motion(simulation)
+    if motion is None:
+        return
+    known = motion.known
+    section = f"row {known.section + 1}"
+    if not motion.cycles:
+        yield f"no complete period, from row 1 of {known.source} to the next row 1, yet", ""
+    else:
+        good = motion.published_count
+        many = f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
+        points = f"the {len(known.incidents)} switching points of {known.source} in its order"
+        yield f"{many}{'has' if good == 1 else 'have'} {points}", ""
+    if not motion.count:
+        yield f"the section, {section}, is not met twice yet, so there is no time from section to section", ""
+        return
+    last = max(1, motion.count - known.transient)
+    which = f"{_periods(last, motion.count)}, from section to section: {section} to the next {section}"
+    yield f"period   {motion.mean_period(last):.12f} s  ({which})", ""
+    yield f"descent  {motion.mean_descent(last):.12f} m", ""
+    if known.is_of_scene:
+        period, descent = motion.relative_deviations(last)
+        off = f"off by {period:+.1e} and {descent:+.1e}, relatively"
+        yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {off}", "bold"
+
+
+def _periods(last: int, count: int) -> str:
+    """Name the periods that a mean is of."""
+    one = f"the last of {count}" if count > 1 else "the only one"
+    return f"mean of the last {last} of {count}" if last > 1 else one
+
+
+def _motion(simulation: Simulation) -> Cycles | None:
+    """Return the periods, None for scenes without a known limit cycle and where no switching points are located."""
+    known = simulation.plan.scene.limit_cycle
+    if known is None or not simulation.plan.stepper.locates_switches:
+        return None
+    return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+
+
+def _published_table(cycle: Cycle, names: Sequence[str]) -> Table:
+    """Return one period in the form of the published table, beside the limit cycle."""
+    table = plain_table(*_HEADS, "after section [s]", "limit cycle [s]", "off by [s]")
+    rows = zip(cycle.incidents, cycle.known.incidents, cycle.deviations, strict=True)
+    for number, (incident, reference, deviation) in enumerate(rows, start=1):
+        table.add_row(
+            str(number),
+            *_words(incident, names),
+            f"{incident.time:.9f}",
+            f"{incident.time - cycle.section:+.9f}",
+            f"{reference.time:+.9f}",
+            f"{deviation:+.1e}",
+        )
+    return table
+
+
+def _switches_table(found: list[Incident], names: Sequence[str]) -> Table:
+    table = plain_table(*_HEADS)
+    for number, incident in enumerate(found[:MAX_ROWS], start=1):
+        table.add_row(str(number), *_words(incident, names), f"{incident.time:.9f}")
+    if len(found) > MAX_ROWS:
+        table.add_row("…", f"{len(found) - MAX_ROWS} more", "", "", "", "")
+    return table
+
+
+def plain_table(*heads: str) -> Table:
+    """Return a table without rows; words stand on the left of their columns, numbers on the right."""
+    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
+    for head in heads:  # as text: a string would be read as markup
+        table.add_column(Text(head), justify="left" if head in _LEFT else "right", no_wrap=True)
+    return table
+
+
+def _words(incident: Incident, names: Sequence[str]) -> tuple[str, str, str, str]:
+    """Return what switches; contacts with names are counted from 1."""
+    contact = f"{incident.contact + 1} {names[incident.contact]}" if names else str(incident.contact)
+    return incident.law, contact, incident.before, incident.after

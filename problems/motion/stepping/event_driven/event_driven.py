@@ -1,0 +1,151 @@
+"""The event-driven stepper, an independent reference for time stepping; see ``integration`` for the method."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import perf_counter
+from typing import ClassVar
+
+import numpy as np
+
+from ....contact.problem import ContactProblem
+from ....contact.solver import Prepared, Stop
+from ....errors import ProblemError
+from ...bodies.system import MechanicalSystem
+from ...scenes.scene import Scene
+from ...state import State
+from ..midpoint import ContactSolver
+from ..step import AcceptedStep, LawStates, SwitchingPoint
+from ..stepper import StepClock, Stepper
+from .integration import Integration
+from .motion import Motion
+
+
+@dataclass(frozen=True)
+class EventDriven(Stepper):
+    """The event-driven reference: smooth motion between events, for systems of few contacts given by functions.
+
+    Its solver finds the impulses of impacts and the forces after events, to a residual of 1e-9 or better; Enumeration
+    finds them exactly.
+
+    Attributes:
+        tolerance: relative error of the integration of smooth motion.
+        max_step: longest time between two states [s], the scene's if None; two events of one contact within it may be
+            missed.
+        flight: time between two impacts [s] below which a bouncing contact is taken to come to rest by infinitely many
+            impacts; flights of 1e-7 s are 1e-14 m high under gravity, which positions of decimetres just resolve.
+    """
+
+    tolerance: float = 1e-13
+    max_step: float | None = None
+    flight: float = 1e-7
+
+    holds_forces: ClassVar[bool] = False
+    shows_solves: ClassVar[bool] = False
+    uses_last_impulses: ClassVar[bool] = False
+
+    def shortest_step(self, scene: Scene) -> float:
+        """Return the shortest flight [s]."""
+        return self.flight
+
+    def longest_step(self, scene: Scene) -> float:
+        """Return the longest time between two states [s]."""
+        return scene.longest_step if self.max_step is None else self.max_step
+
+    def check(self, scene: Scene, begin: float, until: float) -> None:
+        """Check the options, the scene and the times."""
+        _check_system(scene)
+        for name, value in {**vars(self), "max_step": self.longest_step(scene)}.items():
+            if not value > 0.0:
+                raise ProblemError(f"{name} must be positive, got {value}.")
+        if not begin <= until < np.inf:
+            raise ProblemError(f"until must be a time from the start ({begin} s) on, got {until}.")
+
+    def steps(
+        self,
+        scene: Scene,
+        solver: ContactSolver,
+        stop: Stop,
+        start: State,
+        until: float,
+        *,
+        states: LawStates | None = None,
+        clock: StepClock | None = None,
+    ) -> Iterator[AcceptedStep]:
+        """Yield the motion at the ends of its phases and at times between them.
+
+        Raises:
+            ProblemError: as ``check`` does.
+            AccumulationError, MotionError: as ``simulate`` does.
+        """
+        counting, begin, began = _CountingSolver(solver), start, perf_counter()
+        for piece in self.phases(scene, counting, stop, start, until):
+            seconds, solves = perf_counter() - began, counting.pop_count()
+            count = max(1, math.ceil((piece.end.time - begin.time) / self.longest_step(scene)))
+            for time in np.linspace(begin.time, piece.end.time, count + 1)[1:-1].tolist():
+                end = piece.at(time)
+                yield AcceptedStep(begin, end, (), solves=0)
+                begin = end
+            switches = tuple(SwitchingPoint(e.time, e.time, e.law, e.contact, e.before, e.after) for e in piece.events)
+            yield AcceptedStep(begin, piece.end, (), switches=switches, solves=solves, seconds=seconds)
+            begin, began = piece.end, perf_counter()
+
+    def simulate(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Motion:
+        """Return the motion from ``start`` to the time ``until`` [s].
+
+        Raises:
+            AccumulationError: where impacts accumulate.
+            MotionError: if the start penetrates, M, h, g or W are not what they must be, a contact problem has no
+                solution, or no mode is consistent; like AccumulationError it holds the motion found so far.
+            ProblemError: as ``check`` does, or if W depends on q while the system has no ``direction_rates``.
+        """
+        run = self._begin(scene, solver, stop, start, until)
+        for _ in run.advance_to(until):
+            pass
+        return run.motion()
+
+    def phases(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Iterator[Motion]:
+        """Yield the same motion in pieces: one phase, the events at its end, and the state after them.
+
+        Raises:
+            AccumulationError, MotionError, ProblemError: as ``simulate`` does.
+        """
+        run = self._begin(scene, solver, stop, start, until)
+        n_events = n_phases = 0
+        for _ in run.advance_to(until):
+            if len(run.phases) > n_phases:  # an event that is due at once has none
+                yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
+                n_events, n_phases = len(run.events), len(run.phases)
+
+    def _begin(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Integration:
+        self.check(scene, start.time, until)
+        return Integration(
+            _check_system(scene), solver, stop, start, self.tolerance, self.longest_step(scene), self.flight
+        )
+
+
+def _check_system(scene: Scene) -> MechanicalSystem:
+    """Return the system of ``scene``, or raise ``ProblemError`` if it is of another kind."""
+    system = scene.system
+    if not isinstance(system, MechanicalSystem):
+        raise ProblemError("EventDriven follows scenes given by functions M, h, g and W (woodpecker), not this one.")
+    if system.rows_per_contact not in (1, 2):
+        raise ProblemError("EventDriven follows planar friction or none; this scene has spatial friction.")
+    return system
+
+
+@dataclass
+class _CountingSolver:
+    """A solver that counts its problems."""
+
+    solver: ContactSolver
+    count: int = 0
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        self.count += 1
+        return self.solver.prepare(problem)
+
+    def pop_count(self) -> int:
+        """Return how many problems there were since the last call."""
+        count, self.count = self.count, 0
+        return count

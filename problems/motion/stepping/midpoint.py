@@ -1,0 +1,144 @@
+"""Moreau's midpoint rule, one step of any length (Studer & Glocker 2005, section 3.4, [27, 31–33]).
+
+From t_B to t_E = t_B + Δt:
+
+    q_M = q_B + u_B Δt/2
+    G = Wᵀ M⁻¹ W,   c = (I + ε) Wᵀ u_B + Wᵀ M⁻¹ h Δt       at q_M, for the contacts with g(q_M) < 0
+    −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
+    u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
+
+Bodies that penetrate at q_E may be moved apart to an allowed depth (see ``position_projection``).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numba import njit
+
+from ...arrays import FloatArray
+from ...contact.factors import Factors
+from ...contact.problem import ContactProblem
+from ...contact.solver import Prepared, Stop
+from ...errors import ProblemError, error_text
+from ..bodies.system import ActiveContacts, StepAssembly, System
+from ..state import State
+from .position_projection import projected
+from .step import Step, StepError, check_finite
+
+
+class ContactSolver(Protocol):
+    """What a stepper needs of a solver; every ``Solver`` has it."""
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        """Return the solver, prepared for ``problem``."""
+        ...
+
+
+@dataclass(frozen=True)
+class MidpointRule:
+    """The midpoint rule.
+
+    Attributes:
+        system: what moves.
+        solver: solves the contact problem of each step.
+        stop: the stopping criterion of each solve.
+        time_step: Δt [s], positive.
+        warm_start: start each solve from the last step's impulses, contact by contact.
+        depth: penetration [m] beyond which bodies are moved apart at the end of a step (see ``position_projection``);
+            None for the rule as it stands, in which a penetration lasts as long as its contact.
+
+    Raises:
+        ProblemError: if Δt or the depth is not positive.
+    """
+
+    system: System
+    solver: ContactSolver
+    stop: Stop
+    time_step: float
+    warm_start: bool = True
+    depth: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.time_step < np.inf:
+            raise ProblemError(f"time_step must be positive, got {self.time_step}.")
+        if self.depth is not None and not 0.0 < self.depth < np.inf:
+            raise ProblemError(f"depth must be positive, got {self.depth}.")
+
+    def step(self, state: State, held: tuple[int, ...] = ()) -> Step:
+        """Take one step in which contacts with the keys ``held`` do not rebound."""
+        half = 0.5 * self.time_step
+        midpoint = self.system.move(state.position, state.velocity, half)
+        assembly = self.system.assemble(midpoint, state.velocity, self.time_step)
+        contacts = assembly.contacts
+        time = state.time + self.time_step
+        if contacts is None:
+            velocity = assembly.free_motion
+            end = State(time, self._end(midpoint, velocity), velocity)
+            return Step(end, None, np.zeros(0), None, None, 0)
+        if held:
+            contacts = _without_rebound(contacts, held)
+        problem = step_problem(assembly, contacts, state.velocity)
+        start = _matched_impulses(state, contacts) if self.warm_start else None
+        solution = self.solver.prepare(problem).solve(self.stop, start)
+        velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.directions.times(solution.impulses))
+        impulses = solution.impulses.reshape(len(contacts.keys), contacts.rows_per_contact)
+        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, impulses)
+        return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
+
+    def _end(self, midpoint: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return q_E, projected if a depth is given."""
+        position = self.system.move(midpoint, velocity, 0.5 * self.time_step)
+        if self.depth is None or not np.isfinite(position).all():  # callers report a motion that is not finite
+            return position
+        return projected(self.system, position, self.depth)
+
+    def steps(self, state: State, count: int) -> Iterator[Step]:
+        """Yield ``count`` successive steps from ``state``.
+
+        Raises:
+            StepError: if the system or the solver fails in one of them, or the motion is no longer finite.
+        """
+        for _ in range(count):
+            try:
+                step = self.step(state)
+            except (Exception, SystemExit) as failure:
+                what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {error_text(failure)}."
+                raise StepError(what, state) from failure
+            check_finite(state, step.state)
+            state = step.state
+            yield step
+
+
+def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
+    """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B."""
+    directions = contacts.directions
+    free_velocity = directions.transposed_times(assembly.free_motion)
+    free_velocity += contacts.restitution * directions.transposed_times(velocity)
+    factors = Factors(directions, assembly.inverse_mass, assembly.free_motion)
+    return ContactProblem(free_velocity, contacts.laws, factors=factors)
+
+
+def _without_rebound(contacts: ActiveContacts, held: tuple[int, ...]) -> ActiveContacts:
+    is_held = np.repeat(np.isin(contacts.keys, held), contacts.rows_per_contact)
+    return replace(contacts, restitution=np.where(is_held, 0.0, contacts.restitution))
+
+
+def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
+    """Return the last impulses of the contacts that persist and zero for new ones, shape (n_rows,)."""
+    start = np.zeros((len(contacts.keys), contacts.rows_per_contact))
+    if state.impulses.shape[1] == contacts.rows_per_contact:
+        _copy_matching(state.keys, state.impulses, contacts.keys, start)
+    return start.ravel()
+
+
+@njit(cache=True)
+def _copy_matching(old_keys, old_rows, keys, rows):  # type: ignore[no-untyped-def]
+    """Copy the rows of keys that occur in both ascending lists."""
+    old = 0
+    for new in range(len(keys)):
+        while old < len(old_keys) and old_keys[old] < keys[new]:
+            old += 1
+        if old < len(old_keys) and old_keys[old] == keys[new]:
+            rows[new] = old_rows[old]

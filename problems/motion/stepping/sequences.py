@@ -1,0 +1,97 @@
+"""Sequences of n = 1, 2, … equal midpoint steps over one interval, which an error estimate compares.
+
+Where the states of the laws differ within the interval, no sequence may be compared with another: it ends there.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...contact.solver import Status, Stop
+from ..bodies.system import System
+from ..state import State
+from .midpoint import ContactSolver, MidpointRule
+from .step import LawStates, Step, law_states
+
+
+class UnsolvedStepError(Exception):
+    """The inclusion of a step was not solved; the message is the status that the solver reports."""
+
+
+@dataclass(eq=False)
+class StepCounter:
+    """Takes midpoint steps of any length and counts them.
+
+    Attributes:
+        system: what moves.
+        solver: solves the contact problem of each step.
+        stop: the stopping criterion of each solve.
+        solves: one-step inclusions solved so far.
+    """
+
+    system: System
+    solver: ContactSolver
+    stop: Stop
+    solves: int = 0
+
+    def take(self, state: State, length: float, held: tuple[int, ...] = ()) -> Step:
+        """Take one step of ``length`` [s] in which contacts with the keys ``held`` do not rebound.
+
+        Restitution belongs to impacts. A contact that stays closed has no relative velocity, except for a remainder of
+        its last impact, which ε would reverse in every step: a zigzag that no extrapolation may continue. Solvers start
+        from the last impulses, which grow with the step: states hold the mean forces Λ/Δt of their last step in place
+        of them.
+
+        Raises:
+            UnsolvedStepError: if the solver does not solve the inclusion, or its impulses are not finite.
+        """
+        self.solves += 1
+        begin = replace(state, impulses=state.impulses * length)
+        step = MidpointRule(self.system, self.solver, self.stop, length).step(begin, held)
+        if step.status not in (None, Status.SOLVED):
+            raise UnsolvedStepError(str(step.status))
+        if not np.isfinite(step.impulses).all():
+            raise UnsolvedStepError(f"{step.status}, but with impulses that are not finite")
+        return replace(step, state=replace(step.state, impulses=step.state.impulses / length))
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """The outcome of an attempted step.
+
+    Attributes:
+        end: the state at the end, None if the laws switch within the step.
+        errors: estimates of the relative error with 2, 3, … sequences; empty if the laws switch.
+        states: states of the laws in the last step taken.
+        substeps: the last sequence of steps before any switch, in order, each with its length [s].
+    """
+
+    end: State | None
+    errors: list[float]
+    states: LawStates
+    substeps: list[tuple[Step, float]]
+
+    @property
+    def levels(self) -> int:
+        """Number of sequences taken."""
+        return len(self.errors) + 1
+
+
+def take_sequence(counter: StepCounter, state: State, length: float, count: int, states: LawStates | None) -> Attempt:
+    """Take ``count`` steps that make up ``length`` [s]; stop at the first whose laws are not in ``states``."""
+    substeps: list[tuple[Step, float]] = []
+    part = length / count
+    for _ in range(count):
+        step = counter.take(state, part, () if states is None else states.closed)
+        found = law_states(step)
+        if states is not None and not found.is_unchanged_since(states):
+            return Attempt(None, [], found, substeps)
+        states, state = found, step.state
+        substeps.append((step, part))
+    assert states is not None
+    return Attempt(state, [], states, substeps)
+
+
+def is_reversible(system: System) -> bool:
+    """Whether a system declares that its motion is the same backwards in time, see ``MechanicalSystem``."""
+    return bool(getattr(system, "is_reversible", False))

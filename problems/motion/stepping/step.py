@@ -1,0 +1,171 @@
+"""What a step is: the one-step solve, the states of its force laws, and the step that a stepper accepts.
+
+A law projects where its prox argument x = Λ − ξ/α lies outside its set or on its boundary (Studer & Glocker 2005,
+section 6): a unilateral law that projects is open, x_N ≤ 0; a friction law that projects slips, ‖x_T‖ ≥ b. A contact
+that is not active, g ≥ 0, is open, and the friction of an open contact, whose set is {0}, projects. A slip that
+reverses within one step passes through sticking unseen, and counts as a switch as well.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ...arrays import FloatArray
+from ...contact.problem import ContactProblem
+from ...contact.solver import Status
+from ...errors import ProxbenchError
+from ..bodies.system import ActiveContacts
+from ..state import State
+
+BOUNDARY_WIDTH = 1e-8
+"""Relative width of the boundary of a friction law, within which rounding would decide. A contact that other contacts
+hold as well may carry any friction up to its bound without moving: it sticks."""
+
+LawName = Literal["unilateral", "friction"]
+LawState = Literal["open", "closed", "stick", "slip"]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One solved step.
+
+    Attributes:
+        state: the state at its end.
+        problem: the contact problem that was solved, None if no contact was active.
+        impulses: Λ [N s], shape (n_rows,), empty without contacts.
+        contacts: the active contacts, None if there were none.
+        status: how the solver ended, None if there was nothing to solve.
+        iterations: iterations of the solver.
+    """
+
+    state: State
+    problem: ContactProblem | None
+    impulses: FloatArray
+    contacts: ActiveContacts | None
+    status: Status | None
+    iterations: int
+
+
+class StepError(ProxbenchError):
+    """A motion cannot be continued.
+
+    Attributes:
+        state: the last good state.
+    """
+
+    def __init__(self, message: str, state: State) -> None:
+        super().__init__(message)
+        self.state = state
+
+
+def check_finite(begin: State, end: State) -> None:
+    """Raise ``StepError`` unless the state at the end of a step is finite."""
+    if not (np.isfinite(end.velocity).all() and np.isfinite(end.position).all()):
+        raise StepError(f"the motion is no longer finite after t = {begin.time:.9g} s.", begin)
+
+
+@dataclass(frozen=True)
+class SwitchingPoint:
+    """A law that switches: it projects in one step and not in the next, or the reverse.
+
+    Attributes:
+        begin: the switch is not before this time [s].
+        end: the switch is not after this time [s].
+        law: which law of the contact.
+        contact: key of the contact.
+        before: the state of the law before.
+        after: its state after; slip after slip is a reversal.
+    """
+
+    begin: float
+    end: float
+    law: LawName
+    contact: int
+    before: LawState
+    after: LawState
+
+
+@dataclass(frozen=True, eq=False)
+class LawStates:
+    """The states of all laws in a step. Contacts that are not listed are open.
+
+    Attributes:
+        closed: keys of closed contacts, ascending.
+        sticking: keys of sticking contacts, ascending.
+        slips: friction impulse Λ_T of each closed contact that slips, by its key.
+    """
+
+    closed: tuple[int, ...] = ()
+    sticking: tuple[int, ...] = ()
+    slips: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+
+    def is_unchanged_since(self, before: "LawStates") -> bool:
+        """Whether no law has switched since ``before``."""
+        is_same = self.closed == before.closed and self.sticking == before.sticking
+        return is_same and not self._reversed(before)
+
+    def switches_since(self, before: "LawStates", begin: float, end: float) -> tuple[SwitchingPoint, ...]:
+        """Return the switches since ``before``, between two times [s], by contact, the unilateral law first."""
+        switches: list[SwitchingPoint] = []
+        reversals = self._reversed(before)
+        for key in sorted({*self.closed, *before.closed}):
+            was, is_now = key in before.closed, key in self.closed
+            if was != is_now:
+                names: tuple[LawState, LawState] = ("closed", "open") if was else ("open", "closed")
+                switches.append(SwitchingPoint(begin, end, "unilateral", key, *names))
+            stuck, sticks = key in before.sticking, key in self.sticking
+            if stuck != sticks or key in reversals:
+                names = ("stick" if stuck else "slip", "stick" if sticks else "slip")
+                switches.append(SwitchingPoint(begin, end, "friction", key, *names))
+        return tuple(switches)
+
+    def _reversed(self, before: "LawStates") -> list[int]:
+        both = self.slips.keys() & before.slips.keys()
+        return [key for key in both if np.dot(self.slips[key], before.slips[key]) < 0.0]
+
+
+@dataclass(frozen=True, eq=False)
+class AcceptedStep:
+    """One step that a stepper accepts.
+
+    Attributes:
+        begin: the state at its begin.
+        end: the state at its end.
+        substeps: the one-step solves that lead from one to the other, each with its length [s].
+        error: estimated relative error; 0 where none is estimated.
+        states: states of the laws in its last one-step solve; empty for a stepper that does not determine them.
+        switches: switching points in it.
+        solves: one-step inclusions solved for it, those of rejected attempts included.
+        rejected: attempts rejected before it.
+        seconds: wall time of all its attempts [s].
+    """
+
+    begin: State
+    end: State
+    substeps: Sequence[tuple[Step, float]]
+    error: float = 0.0
+    states: LawStates = LawStates()
+    switches: Sequence[SwitchingPoint] = ()
+    solves: int = 1
+    rejected: int = 0
+    seconds: float = 0.0
+
+
+def law_states(step: Step) -> LawStates:
+    """Return the states of all laws in a step."""
+    if step.contacts is None or step.problem is None:
+        return LawStates()
+    problem, layout, keys = step.problem, step.problem.layout, step.contacts.keys
+    alpha = layout.pad(problem.delassus_diagonal)
+    impulses = layout.pad(step.impulses)
+    velocity = layout.pad(problem.relative_velocity(step.impulses))
+    stiffness = alpha[:, 1:].max(axis=1, initial=0.0)
+    is_closed = impulses[:, 0] * alpha[:, 0] > velocity[:, 0]
+    bound = (layout.fixed_bound + layout.friction_coefficient * np.maximum(impulses[:, 0], 0.0)) * stiffness
+    argument = stiffness[:, None] * impulses[:, 1:] - velocity[:, 1:]
+    sticks = is_closed & (bound > 0.0) & (np.linalg.norm(argument, axis=1) <= (1.0 + BOUNDARY_WIDTH) * bound)
+    slips = np.flatnonzero(is_closed & ~sticks)
+    friction = {int(keys[row]): tuple(impulses[row, 1:].tolist()) for row in slips}
+    return LawStates(tuple(keys[is_closed].tolist()), tuple(keys[sticks].tolist()), friction)

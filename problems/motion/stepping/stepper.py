@@ -1,0 +1,115 @@
+"""What a stepper is: a named method, with options, that follows a motion from accepted step to accepted step.
+
+A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` writes it, ``make_stepper``
+reads it. Every stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no switching point.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from time import perf_counter
+from typing import ClassVar, Protocol, Self
+
+from ...contact.solver import Stop
+from ...names import described
+from ..scenes.scene import Scene
+from ..state import State
+from .midpoint import ContactSolver, MidpointRule
+from .step import AcceptedStep, LawStates, Step
+
+TIME_RESOLUTION = 2.0**-20
+"""Shortest time that a variable step is taken to resolve, over the longest step: any two steps are distinct."""
+
+END_TOLERANCE = 1e-3
+"""A motion has reached its end when less than this fraction of its shortest step is left, which may be rounding."""
+
+
+class StepClock(Protocol):
+    """Times single steps of a fixed size."""
+
+    def step(self, rule: MidpointRule, state: State) -> tuple[Step, float]:
+        """Take one step from ``state``; return it with its wall time [s]."""
+        ...
+
+
+class WallClock:
+    """Times each step as it is, with whatever it compiles."""
+
+    def step(self, rule: MidpointRule, state: State) -> tuple[Step, float]:
+        """Take one step from ``state``; return it with its wall time [s]."""
+        began = perf_counter()
+        step = rule.step(state)
+        return step, perf_counter() - began
+
+
+class Stepper(ABC):
+    """A stepper with its options. Subclasses are frozen dataclasses, so that ``described`` writes their names.
+
+    Attributes:
+        locates_switches: whether steps are variable and their switching points known.
+        holds_forces: whether states hold the mean forces Λ/Δt of a step in place of its impulses.
+        shows_solves: whether accepted steps hold their one-step solves, which may be judged.
+        uses_last_impulses: whether solves may start from the impulses of the last step.
+    """
+
+    locates_switches: ClassVar[bool] = True
+    holds_forces: ClassVar[bool] = True
+    shows_solves: ClassVar[bool] = True
+    uses_last_impulses: ClassVar[bool] = True
+
+    @property
+    def name(self) -> str:
+        """Class name with the options that differ from the defaults."""
+        return described(self)
+
+    def with_defaults_of(self, scene: Scene) -> Self:
+        """Return the stepper with those options of ``scene`` that its name shall show."""
+        return self
+
+    @abstractmethod
+    def shortest_step(self, scene: Scene) -> float:
+        """Return the shortest step that is taken on purpose [s]."""
+
+    def resolution(self, scene: Scene) -> float:
+        """Return a time [s] within which no two steps end, except at switching points."""
+        return TIME_RESOLUTION * scene.longest_step
+
+    def has_reached(self, scene: Scene, state: State, until: float) -> bool:
+        """Whether ``state`` is at the time ``until`` [s] or past it, up to rounding."""
+        return until - state.time <= END_TOLERANCE * self.shortest_step(scene)
+
+    @abstractmethod
+    def check(self, scene: Scene, begin: float, until: float) -> None:
+        """Check the options and the times before anything starts.
+
+        Raises:
+            ProblemError: if an option is out of range, a time too short, or the scene of a kind that it cannot follow.
+        """
+
+    @abstractmethod
+    def steps(
+        self,
+        scene: Scene,
+        solver: ContactSolver,
+        stop: Stop,
+        start: State,
+        until: float,
+        *,
+        states: LawStates | None = None,
+        clock: StepClock | None = None,
+    ) -> Iterator[AcceptedStep]:
+        """Yield the accepted steps from ``start`` to the time ``until`` [s].
+
+        Args:
+            scene: what moves.
+            solver: solves the contact problem of each one-step inclusion.
+            stop: the stopping criterion of each solve.
+            start: where the motion begins.
+            until: when it ends [s].
+            states: states of the laws in the step that led to ``start``, None if there was none.
+            clock: times steps of a fixed size; ``WallClock`` if None. Variable steps time themselves.
+
+        Raises:
+            ProblemError: as ``check`` does.
+            StepError, MotionError: if the motion cannot be continued.
+            Exception: whatever the solver or the system raises in a fixed step.
+        """

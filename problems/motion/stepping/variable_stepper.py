@@ -1,0 +1,396 @@
+"""Moreau's rule with a variable step (Studer & Glocker 2005, section 6): long where smooth, tiny at switching points.
+
+A switching point is a law that projects in one step and not in the next (``law_states``). A search locates it to the
+minimal step by choosing what is tried next, and the one minimal step that contains it is taken as it is. Between
+switching points sequences of steps are compared to estimate the error of each step; the step is cut where that is too
+large, and grows where the motion is smooth. The relative error of a step is the largest of
+
+    |Δq_i| / Q_i,   |Δu_i| / U_i,      U_i = √(M⁻¹)_ii max_j |u_j| / √(M⁻¹)_jj,   Q_i = max(range of q_i, U_i Δt_max)
+
+over all coordinates j and all times so far. U_i is how fast i would move with the energy of the fastest coordinate: it
+depends on no unit and vanishes only where nothing moves. M⁻¹h Δt_max counts as a velocity at the start.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from ...arrays import FloatArray
+from ...contact.solver import Stop
+from ...errors import ProblemError, error_text, suggestion
+from ..bodies.system import System
+from ..scenes.scene import Scene
+from ..state import State
+from .midpoint import ContactSolver
+from .sequences import Attempt, StepCounter, UnsolvedStepError, take_sequence
+from .step import AcceptedStep, LawStates, Step, StepError, SwitchingPoint, check_finite, law_states
+from .stepper import StepClock, Stepper
+from .switch_search import SEARCHES
+
+SAFETY = 0.85
+"""Fraction that is tried of the step which the error estimate allows."""
+
+MAX_GROWTH = 50.0
+"""A step is at most this many times the one before."""
+
+MIN_SHRINKING = 0.1
+"""A step that was too inaccurate is tried again with at least this fraction of its length."""
+
+MIN_ULPS = 64.0
+"""The minimal step is at least this many times the spacing of the numbers that times are."""
+
+SLACK = 1.0 + 1e-9
+"""Lengths whose ratio is smaller are equal."""
+
+
+class VariableStepper(Stepper):
+    """A variable step; subclasses declare the attributes here as options, and say how sequences are compared.
+
+    Attributes:
+        tolerance: relative error of one smooth step, between 0 and 1.
+        min_step: Δt_min [s], to which switching points are located. A contact that closes with the velocity v is left
+            v Δt_min / 2 deep: where solver tolerance and rounding move it by more until it opens, it flickers.
+        max_step: Δt_max [s]; the scene's if None.
+        search: how switching points are located: "anticipating", "nested" intervals or "last" step only.
+        max_levels: sequences of 1, 2, … steps that are compared at most.
+
+    Raises:
+        ProblemError: for an unknown search, with the nearest name.
+    """
+
+    tolerance: float
+    min_step: float
+    max_step: float | None
+    search: str
+
+    def __post_init__(self) -> None:
+        if self.search not in SEARCHES:
+            raise ProblemError(f"there is no search {self.search!r}{suggestion(self.search, SEARCHES)}")
+
+    @property
+    @abstractmethod
+    def max_levels(self) -> int:
+        """Sequences of 1, 2, … steps that are compared at most."""
+
+    @abstractmethod
+    def next_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+        """Return T_{n,1}, … from T_{n−1,1}, … and T_{n,1}, each (q, u); the last two differ by the error."""
+
+    @abstractmethod
+    def error_order(self, levels: int, system: System) -> int:
+        """Return the power of the step with which the error estimate of ``levels`` sequences falls."""
+
+    def completed(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
+        """Return the attempt whose last sequence led to T_{n,1}, and whose row ends in ``last`` at ``time`` [s]."""
+        return sequence
+
+    def shortest_step(self, scene: Scene) -> float:
+        """Return Δt_min [s]."""
+        return self.min_step
+
+    def longest_step(self, scene: Scene) -> float:
+        """Return Δt_max [s]."""
+        return scene.longest_step if self.max_step is None else self.max_step
+
+    def check(self, scene: Scene, begin: float, until: float) -> None:
+        """Check the options and times; Δt_min must separate times."""
+        longest = self.longest_step(scene)
+        if not 0.0 < self.tolerance < 1.0:
+            raise ProblemError(f"tolerance must be between 0 and 1, got {self.tolerance}.")
+        if not 0.0 < self.min_step < np.inf:
+            raise ProblemError(f"min_step must be positive, got {self.min_step}.")
+        if not self.min_step <= longest < np.inf:
+            raise ProblemError(f"max_step must be finite and at least min_step = {self.min_step}, got {longest}.")
+        if not begin < until < np.inf:
+            raise ProblemError(f"until = {until} s must be finite and after the start at {begin} s.")
+        shortest = MIN_ULPS * float(np.spacing(max(abs(begin), abs(until))))
+        if self.min_step < shortest:
+            raise ProblemError(
+                f"min_step = {self.min_step} s is too short to separate times up to {until} s; choose at least "
+                f"{shortest:.1g} s."
+            )
+
+    def steps(
+        self,
+        scene: Scene,
+        solver: ContactSolver,
+        stop: Stop,
+        start: State,
+        until: float,
+        *,
+        states: LawStates | None = None,
+        clock: StepClock | None = None,
+    ) -> Iterator[AcceptedStep]:
+        """Yield the accepted steps.
+
+        Raises:
+            ProblemError: as ``check`` does.
+            StepError: if an inclusion cannot be solved even over the minimal step, or the motion is no longer finite.
+        """
+        self.check(scene, start.time, until)
+        try:
+            control = _StepControl(self, scene, StepCounter(scene.system, solver, stop), start, until, states)
+        except Exception as failure:
+            what = error_text(failure)
+            raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
+        return _with_own_costs(control.steps())
+
+    def attempt(
+        self,
+        counter: StepCounter,
+        state: State,
+        length: float,
+        states: LawStates | None,
+        *,
+        relative_error: Callable[[FloatArray], float],
+        levels: int,
+    ) -> Attempt:
+        """Try one step of ``length`` [s] with the laws in ``states`` (any, if None) throughout.
+
+        Args:
+            counter: takes the steps.
+            state: where the step begins.
+            length: its length [s].
+            states: states of the laws in the step before.
+            relative_error: difference of (q, u) ↦ relative error.
+            levels: most sequences to take.
+        """
+        row: list[FloatArray] = []
+        errors: list[float] = []
+        for n in range(1, min(self.max_levels, levels) + 1):
+            sequence = take_sequence(counter, state, length, n, states)
+            if sequence.end is None:
+                return sequence
+            states = sequence.states
+            row = self.next_row(row, np.concatenate([sequence.end.position, sequence.end.velocity]), counter.system)
+            if n > 1:
+                errors.append(relative_error(row[-1] - row[-2]))
+                if errors[-1] <= self.tolerance:
+                    break
+        return self.completed(replace(sequence, errors=errors), row[-1], state.time + length)
+
+
+class _StepControl:
+    """Chooses the steps of one motion."""
+
+    def __init__(
+        self,
+        stepper: VariableStepper,
+        scene: Scene,
+        counter: StepCounter,
+        start: State,
+        until: float,
+        states: LawStates | None,
+    ) -> None:
+        self._stepper, self._counter, self._until = stepper, counter, until
+        self._min_step, self._max_step = stepper.min_step, stepper.longest_step(scene)
+        self._search = SEARCHES[stepper.search](scene.system, self._min_step, self._max_step)
+        self._state = start
+        self._states = self._states_before = states
+        self._scale = _Scale(scene.system, self._max_step, start)
+        self._length = min(self._max_step, max(self._min_step, 1e-3 * self._max_step))
+        self._trying = self._length
+        self._levels = 2
+        self._rejected = 0
+        self._spent = self._began = 0.0
+        self._saw_switch = False
+
+    def steps(self) -> Iterator[AcceptedStep]:
+        """Yield accepted steps with their costs since the start, without those that a search takes back."""
+        held: AcceptedStep | None = None  # accepted, but a search may still take it back
+        while self._until - self._state.time > 1e-3 * self._min_step:
+            try:
+                taken = self._try_timed()
+            except StepError:
+                if held is not None:
+                    yield held
+                raise
+            if taken is None:
+                if held is not None and self._takes_back(held):
+                    self._state, self._states, held = held.begin, self._states_before, None
+                    self._rejected += 1
+                continue
+            if held is not None:
+                yield held
+            held = taken
+            if taken.switches:
+                yield held
+                held = None
+        if held is not None:
+            yield held
+
+    def _takes_back(self, held: AcceptedStep) -> bool:
+        """Whether the step before a rejected one is redone too: the switch may lie in it, and it can be shortened."""
+        is_longer = held.end.time - held.begin.time > self._min_step * SLACK
+        return self._saw_switch and self._search.takes_back and is_longer
+
+    def _try_timed(self) -> AcceptedStep | None:
+        """Try one step and time it; an error in it names the time at which it begins."""
+        self._began = perf_counter()
+        try:
+            return self._try_step()
+        except StepError:
+            raise
+        except (Exception, SystemExit) as failure:
+            what, time = error_text(failure), self._state.time
+            raise StepError(
+                f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
+            ) from failure
+        finally:
+            self._spent += perf_counter() - self._began
+
+    def _try_step(self) -> AcceptedStep | None:
+        """Try one step; return it if it is accepted."""
+        stepper, state = self._stepper, self._state
+        self._saw_switch = False
+        left = self._until - state.time
+        length = min(self._search.limited_length(state.time, min(self._length, self._max_step)), left)
+        self._trying = length
+        is_minimal = length <= self._min_step * SLACK
+        try:
+            attempt = stepper.attempt(
+                self._counter,
+                state,
+                length,
+                self._states,
+                relative_error=self._scale.relative_error,
+                levels=self._levels + 1,
+            )
+        except UnsolvedStepError as failure:
+            self._unsolved(length, is_minimal, str(failure))
+            return None
+        if attempt.end is None:
+            if is_minimal:
+                return self._switched(length)
+            self._search_on(length, attempt)
+            return None
+        check_finite(state, attempt.end)
+        error = attempt.errors[-1]
+        if error > stepper.tolerance and not is_minimal:
+            self._rejected += 1
+            factor = SAFETY * (stepper.tolerance / error) ** (
+                1.0 / stepper.error_order(attempt.levels, self._counter.system)
+            )
+            self._length = max(self._min_step, length * max(MIN_SHRINKING, factor))
+            self._levels = min(self._levels, attempt.levels)
+            return None
+        if not is_minimal and self._search.has_passed_switch(state, attempt.end, attempt):
+            self._search_on(length, attempt)
+            return None
+        self._choose_next(length, attempt)
+        return self._accepted(attempt.end, error, attempt.states, tuple(attempt.substeps), ())
+
+    def _search_on(self, length: float, attempt: Attempt) -> None:
+        """Reject an attempt of ``length`` because a law switches in it."""
+        self._saw_switch = True
+        self._rejected += 1
+        self._length = self._search.length_after_switch(self._state.time, length, attempt)
+
+    def _switched(self, length: float) -> AcceptedStep | None:
+        """Take the minimal step that contains a switching point as it is."""
+        begin = self._state
+        try:
+            step = self._counter.take(begin, length)
+        except UnsolvedStepError as failure:
+            self._unsolved(length, True, str(failure))
+            return None
+        check_finite(begin, step.state)
+        found = law_states(step)
+        known = self._states if self._states is not None else found
+        switches = found.switches_since(known, begin.time, step.state.time)
+        self._levels = 2
+        # a force that lasts is no guess for the next step where a law has switched
+        end = State(step.state.time, step.state.position, step.state.velocity) if switches else step.state
+        taken = self._accepted(end, 0.0, found, ((step, length),), switches)
+        if switches:
+            self._length = 4.0 * length
+            self._search.note_switch(end)
+        return taken
+
+    def _unsolved(self, length: float, is_minimal: bool, status: str) -> None:
+        if is_minimal:
+            raise StepError(
+                f"the inclusion of the shortest step, {length:.3g} s from t = {self._state.time:.9g} s, is not solved: "
+                f"the solver ended with {status!r}; allow it more iterations or a looser tolerance, or choose another.",
+                self._state,
+            )
+        self._rejected += 1
+        self._length = max(self._min_step, MIN_SHRINKING * length)
+
+    def _accepted(
+        self,
+        end: State,
+        error: float,
+        states: LawStates,
+        substeps: tuple[tuple[Step, float], ...],
+        switches: tuple[SwitchingPoint, ...],
+    ) -> AcceptedStep:
+        begin = self._state
+        self._search.note_step(substeps, states)
+        self._states_before = self._states
+        self._state, self._states = end, states
+        self._scale.note(end)
+        seconds = self._spent + perf_counter() - self._began
+        return AcceptedStep(
+            begin, end, substeps, error, states, switches, self._counter.solves, self._rejected, seconds
+        )
+
+    def _choose_next(self, length: float, attempt: Attempt) -> None:
+        """Choose length and number of sequences that promise the least work for a unit of time (Deuflhard 1983)."""
+        n, errors = attempt.levels, attempt.errors
+        lengths = {k: self._promising(length, errors[k - 2], k) for k in range(2, n + 1)}
+        work = {k: 0.5 * k * (k + 1) / lengths[k] for k in lengths}
+        chosen, next_length = n, lengths[n]
+        if n > 2 and work[n - 1] < 0.8 * work[n]:
+            chosen, next_length = n - 1, lengths[n - 1]
+        elif n < self._stepper.max_levels and (n == 2 or work[n] < 0.9 * work[n - 1]):
+            chosen, next_length = n + 1, lengths[n] * (n + 2) / n
+        self._levels = chosen
+        self._length = max(self._min_step, self._search.length_after_step(self._state.time, length, next_length))
+
+    def _promising(self, length: float, error: float, levels: int) -> float:
+        order = self._stepper.error_order(levels, self._counter.system)
+        wanted: float = SAFETY * (self._stepper.tolerance / max(error, 1e-300)) ** (1.0 / order)
+        return length * min(MAX_GROWTH, max(MIN_SHRINKING, wanted))
+
+
+def _with_own_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
+    """Yield steps that hold their costs since the start with what each of them cost."""
+    solves, rejected, seconds = 0, 0, 0.0
+    for step in steps:
+        own = (step.solves - solves, step.rejected - rejected, step.seconds - seconds)
+        solves, rejected, seconds = step.solves, step.rejected, step.seconds
+        yield replace(step, solves=own[0], rejected=own[1], seconds=own[2])
+
+
+class _Scale:
+    """The scales of positions and velocities, Q and U above."""
+
+    def __init__(self, system: System, max_step: float, start: State) -> None:
+        assembly = system.assemble(start.position, start.velocity, max_step)
+        self._mobility = np.sqrt(assembly.inverse_mass.matrix.diagonal())
+        self._system, self._max_step, self._first = system, max_step, start.position
+        self._momentum = 0.0
+        self._range = np.zeros(len(start.position))
+        self._note_velocity(start.velocity)
+        self._note_velocity(assembly.free_motion - start.velocity)
+
+    def note(self, state: State) -> None:
+        """Note how far and how fast the motion has come."""
+        self._note_velocity(state.velocity)
+        self._range = np.maximum(self._range, np.abs(state.position - self._first))
+
+    def relative_error(self, difference: FloatArray) -> float:
+        """Return the relative error of a difference of (q, u); 0/0 is 0."""
+        speed = self._momentum * self._mobility
+        travel = np.abs(self._system.move(self._first, speed, self._max_step) - self._first)
+        scale = np.concatenate([np.maximum(self._range, travel), speed])
+        size = np.abs(difference)
+        relative = np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)
+        return float(relative.max(initial=0.0))
+
+    def _note_velocity(self, velocity: FloatArray) -> None:
+        self._momentum = max(self._momentum, float((np.abs(velocity) / self._mobility).max(initial=0.0)))
