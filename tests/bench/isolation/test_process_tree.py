@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 
@@ -98,10 +99,15 @@ def test_the_end_of_a_process_is_told_from_its_wait_status(code: str, words: str
     assert end_of(status) == words
 
 
-def test_who_prints_into_a_file_is_found(family: psutil.Process, tmp_path: object) -> None:
-    assert family.pid not in writers(os.open(os.devnull, os.O_WRONLY))
-    with open(f"/proc/{family.pid}/fd/1", "wb") as output:
-        assert family.pid in writers(output.fileno())
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_who_prints_into_a_file_is_found(stream: str) -> None:
+    with tempfile.TemporaryFile() as file, tempfile.TemporaryFile() as other:
+        given = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: file}
+        printing = subprocess.Popen(["cat"], **given)  # type: ignore[call-overload]
+        found, none = writers(file.fileno()), writers(other.fileno())
+        printing.communicate()
+        assert (found, none) == ([printing.pid], [])
+        assert writers(file.fileno()) == []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the address space of a process")

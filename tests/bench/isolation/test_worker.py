@@ -9,7 +9,7 @@ import pytest
 from counting_task import Counting
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
-from proxbench.bench.isolation.child import IN_A_COPY
+from proxbench.bench.isolation.child import IN_A_COPY, LARGEST_FILE
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.plan import Limits
@@ -49,7 +49,7 @@ def carried_out(action: str) -> Case:
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
         ("allocate for ever", Outcome.OUT_OF_MEMORY, "it filled its 256 MB of memory and did not end in time"),
         ("allocate in c", Outcome.OUT_OF_MEMORY, "as its 256 MB of memory were full"),
-        ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor"),
+        ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor, having wanted more than 256 MB"),
         ("die", Outcome.CRASHED, "killed by SIGKILL"),
         ("none", Outcome.MISBEHAVED, "NoneType"),
         ("shape", Outcome.MISBEHAVED, "shape (1,)"),
@@ -144,6 +144,31 @@ def test_a_process_that_a_solver_forks_gives_no_answer(worker: Worker) -> None:
     """It returns from the task as its parent does; one request has one answer."""
     assert worker.ask("fork and return in both")[0]["fork has ended"]
     assert [worker.ask("count")[0]["count"] for _ in range(3)] == [1, 2, 3]
+
+
+def test_the_processor_time_of_a_process_is_known_while_it_lives(worker: Worker) -> None:
+    before = worker.processor_seconds()
+    worker.ask("work")
+    assert worker.processor_seconds() >= before + 0.02
+    assert worker.waited_seconds() >= 0.0
+    with pytest.raises(Fault):
+        worker.ask("die")
+    assert (worker.process, worker.processor_seconds(), worker.waited_seconds()) == (0, 0.0, 0.0)
+
+
+def test_a_process_may_leave_no_core_file_and_no_large_one(worker: Worker) -> None:
+    limits = worker.ask("limits")[0]
+    assert limits["core"] == [0, 0]
+    assert limits["file"][0] == limits["file"][1] <= LARGEST_FILE
+
+
+def test_all_requests_of_a_process_share_its_limit_of_time(worker: Worker) -> None:
+    worker.ask("count")
+    worker.case_seconds = worker.busy_seconds + 0.2
+    worker.ask("count")
+    with pytest.raises(Fault, match="the case took longer than its") as found:
+        worker.ask("sleep")
+    assert found.value.outcome is Outcome.TIMEOUT
 
 
 def test_a_kill_by_the_system_for_want_of_memory_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """A task for processes of tests."""
 
 import os
+import resource
 import subprocess
 import time
 from dataclasses import dataclass, field
@@ -25,6 +26,15 @@ class Counting:
                 process.wait(30.0)
         if request == "fork and return in both":
             return {"fork has ended": self._fork()}, b""
+        if request == "limits":
+            files, core = (list(resource.getrlimit(what)) for what in (resource.RLIMIT_FSIZE, resource.RLIMIT_CORE))
+            return {"file": files, "core": core}, b""
+        if request == "sleep":
+            time.sleep(60.0)
+        if request == "work":
+            end = time.process_time() + 0.02
+            while time.process_time() < end:
+                pass
         self.count += 1
         return {"count": self.count}, b""
 

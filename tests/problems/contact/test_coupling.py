@@ -82,10 +82,10 @@ def test_a_contact_is_around_the_one_that_bounds_its_friction_and_the_other_way_
         assert np.array_equal(largest_around(problem, values), np.where(coupled, values, 0.0).max(axis=1))
 
 
-def test_contacts_of_very_different_masses_are_coupled_relative_to_both() -> None:
-    """An entry g_ij counts against √(g_ii g_jj): between 1 kg and 10³⁰ kg, 10⁻¹⁹ is no rounding."""
-    matrix = np.array([[1.0, 1e-19], [1e-19, 1e-30]])
-    problem = ContactProblem.from_delassus(matrix, -np.ones(2), dim=1)
-    assert list(components(problem)) == [0, 0]
-    assert list(largest_around(problem, np.array([1.0, 2.0]))) == [2.0, 2.0]
-    assert list(largest_around(problem, np.array([2.0, 1.0]))) == [2.0, 2.0]
+@pytest.mark.parametrize(("entry", "is_coupled"), [(1e-19, True), (2e-28, True), (0.5e-28, False), (-2e-28, True)])
+def test_contacts_of_very_different_masses_are_coupled_relative_to_both(entry: float, is_coupled: bool) -> None:
+    """An entry g_ij counts against √(g_ii g_jj) = 1e-15, neither against g_ii = 1 nor against g_jj = 1e-30."""
+    problem = ContactProblem.from_delassus(np.array([[1.0, entry], [entry, 1e-30]]), -np.ones(2), dim=1)
+    assert list(components(problem)) == ([0, 0] if is_coupled else [0, 1])
+    for values in (np.array([1.0, 2.0]), np.array([2.0, 1.0])):
+        assert list(largest_around(problem, values)) == ([2.0, 2.0] if is_coupled else list(values))

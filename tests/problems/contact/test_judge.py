@@ -341,3 +341,30 @@ def test_the_convex_model_of_rolling_friction_is_the_nearest_point_of_both_cones
         impulses = np.concatenate([part.ravel() for part in onto_rolling_cone(-c[:1], parts, friction, none)])
         problem = ContactProblem.from_delassus(np.eye(5), c, laws=laws)
         assert judge(problem, impulses, Model.CONVEX).residual <= 1e-14
+
+
+def test_the_natural_map_of_a_frictionless_contact_beside_frictional_ones_is_the_lesser_of_both() -> None:
+    """min(Λ_N, ξ_N) = 0.5 at a contact that is held open at ξ_N = 1.5; the other one is solved."""
+    laws = Laws.together([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
+    problem = ContactProblem.from_delassus(np.eye(4), (-1.0, 0.0, 0.0, 1.0), laws=laws)
+    assert judge(problem, (1.0, 0.0, 0.0, 0.5)).natural_map_q == pytest.approx(0.5 / np.sqrt(2.0))
+    assert judge(problem, (1.0, 0.0, 0.0, 0.0)).natural_map_q == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_frictionless_contact_by_hand_under_every_measure() -> None:
+    """G = 100 and Λ = 1 give ξ = 99; an impulse that pulls is outside its set by its size."""
+    problem = ContactProblem.from_delassus(np.array([[100.0]]), (-1.0,), dim=1)
+    pushed = judge(problem, (1.0,))
+    assert (pushed.natural_map_q, pushed.natural_map_max) == pytest.approx((1.0, 1.0 / 99.0))
+    assert (pushed.complementarity, pushed.cone_violation, pushed.penetration_velocity) == pytest.approx(
+        (99.0, 0.0, 0.0)
+    )
+    pulled = judge(problem, (-0.25,))
+    assert (pulled.cone_violation, pulled.penetration_velocity) == pytest.approx((0.25, 26.0))
+
+
+def test_solvers_stop_on_the_residual_of_the_worst_component() -> None:
+    problem = ContactProblem.from_delassus(np.eye(2), (-1.0, -1e-3), dim=1)
+    impulses = np.array([1.0, 0.25e-3])
+    assert judge(problem, impulses).residual == pytest.approx(0.75)
+    assert Residual(problem)(impulses, problem.relative_velocity(impulses)) == pytest.approx(0.75)

@@ -11,7 +11,7 @@ from proxbench.bench.store.bundles.rejudge import ROUNDING, rejudge
 from proxbench.bench.store.impulses import Impulses
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Limits, PlanRecord, Point, RunRecord
-from proxbench.problems import ContactProblem, judge
+from proxbench.problems import ContactProblem, Model, judge
 from simulated_runs import MACHINE
 from stored_cases import case_record, measured_in, timed_round
 
@@ -62,3 +62,23 @@ def test_a_problem_with_other_numbers_is_found() -> None:
     other = with_changes(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
     (sentence,) = rejudge(with_changes(bundle, carried={"stuck": other})).disagreements
     assert "a problem with other numbers" in sentence
+
+
+def test_the_verdict_of_a_relaxed_answer_is_that_under_coulombs_law() -> None:
+    """The contact slides, and lifts off under the convex model, whose residual is zero there."""
+    problem = ContactProblem.from_delassus(2.0 * np.eye(3), (-1.0, 3.0, 0.0), 0.5, name="stuck")
+    impulses = np.array([1.0, -0.5, 0.0])
+    own, coulomb = judge(problem, impulses, Model.CONVEX), judge(problem, impulses)
+    measured = measured_in(
+        [timed_round(0, 1.0)],
+        residual=coulomb.residual,
+        model_residual=own.residual,
+        verdict=coulomb.numbers(),
+        impulses=[Impulses.of(impulses, own, coulomb)],
+    )
+    point = Point(tolerance=1e-6, outcome=Outcome.RELAXED, status="solved", reason="", measured=measured)
+    case = case_record(problem="stuck", digest=problem.digest, model="convex", points=[point])
+    assert rejudge(Bundle(Path("run.bundle"), RUN, [case], {"stuck": problem})).disagreements == []
+    own_verdict = replace(point, measured=replace(measured, verdict=own.numbers()))
+    told = Bundle(Path("run.bundle"), RUN, [replace(case, points=[own_verdict])], {"stuck": problem})
+    assert len(rejudge(told).disagreements) == 1

@@ -1,5 +1,7 @@
 """The cell list finds exactly the overlapping pairs."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,3 +35,16 @@ def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: in
 def test_one_ball_far_away_costs_no_memory_and_no_pairs() -> None:
     centres = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -1e6]])
     assert overlapping_pairs(centres, np.full(3, 0.3)).tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int) -> None:
+    """Beside two balls that mark the ends of the grid, a pair that overlaps in each of all directions."""
+    rng = np.random.default_rng(2)
+    ends = np.array([np.full(dim, -5.0), np.full(dim, 5.0)])
+    for direction in product((-1.0, 0.0, 1.0), repeat=dim):
+        if any(direction):
+            step = 0.99 * np.array(direction) / np.linalg.norm(direction)
+            for corner in rng.uniform(-1.0, 1.0, (20, dim)):
+                centres = np.array([ends[0], corner, corner + step, ends[1]])
+                assert overlapping_pairs(centres, np.full(4, 0.5)).tolist() == [[1, 2]]
