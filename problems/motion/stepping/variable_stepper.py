@@ -209,7 +209,8 @@ class _StepControl:
                     yield held
                 raise
             if taken is None:
-                if held is not None and self._takes_back(held):
+                if held is not None and self._saw_switch and self._search.takes_back:
+                    # the switch may lie in the step before the rejected one, too
                     self._state, self._states, held = held.begin, self._states_before, None
                     self._rejected += 1
                 continue
@@ -221,11 +222,6 @@ class _StepControl:
                 held = None
         if held is not None:
             yield held
-
-    def _takes_back(self, held: AcceptedStep) -> bool:
-        """Whether the step before a rejected one is redone too: the switch may lie in it, and it can be shortened."""
-        is_longer = held.end.time - held.begin.time > self._min_step * SLACK
-        return self._saw_switch and self._search.takes_back and is_longer
 
     def _try_timed(self) -> AcceptedStep | None:
         """Try one step and time it; an error in it names the time at which it begins."""
