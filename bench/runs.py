@@ -21,8 +21,8 @@ from .measure.runner import measure, resume_measuring
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
-from .report.comparison.comparison import SLOWDOWN, Comparison, compared
-from .report.making import Report, make_report
+from .report.build_report import Report, build_report
+from .report.comparison.comparison import SLOWDOWN, Comparison, compare_runs
 from .simulation.starts.registry import DEFAULT_START
 from .store.bundles.merge import merge as merge_sources
 from .store.bundles.packing import OnCase
@@ -88,7 +88,7 @@ class Run(RunFrames, os.PathLike[str]):
         Raises:
             BenchError: if the run has no such residual or solver, or a link in its folder leads out of it.
         """
-        return make_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
+        return build_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
         """Write one offline HTML page into the folder of the run, as ``proxbench report --page`` does; return its file.
@@ -383,7 +383,7 @@ def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowd
     Raises:
         BenchError: if a folder holds no run, a run has no cases or is a study, or the runs have nothing in common.
     """
-    return compared(read_frames(Path(before)), read_frames(Path(after)), slowdown)
+    return compare_runs(read_frames(Path(before)), read_frames(Path(after)), slowdown)
 
 
 def _several(given: Any) -> tuple[Any, ...] | None:

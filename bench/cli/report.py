@@ -10,7 +10,7 @@ import typer
 from . import options
 
 if TYPE_CHECKING:
-    from ..report.making import Report
+    from ..report.build_report import Report
     from ..runs import Run
     from ..store.frames import RunFrames
 

@@ -9,7 +9,7 @@ from ...problems.motion.trajectories.pour import UNITS
 from ...problems.motion.trajectories.problem import Aggregates
 from ..store.frames import RunFrames
 from ..store.plans import PlanRecord, TrajectoryRecord
-from .layout.fitting import hanging, print_table
+from .layout.terminal_table import hanging, print_table
 
 _POINT = ("problem", "solver", "tolerance")
 

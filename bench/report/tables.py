@@ -39,8 +39,8 @@ from .cells import (
     summary_tags,
     time_columns,
 )
-from .layout.fitting import hanging, narrowest, print_table
 from .layout.output_file import write_file
+from .layout.terminal_table import hanging, narrowest, print_table
 from .layout.text import counted, csv_content, inline, latex_table, markdown_table
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
@@ -48,16 +48,16 @@ from .studies import headline, points_table, print_points
 _CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "model")
 
 _MARKS = (
-    "Bold: the fastest, where the 95 % intervals of all ratios to it exclude 1; ≈: as fast, as far as the rounds show; "
+    "Bold: the fastest, if the 95 % intervals of all ratios to it exclude 1. ≈: possibly as fast as the fastest. "
     "tables/ratios has the intervals."
 )
-"""What marks of times mean."""
+"""Legend of the marks of times."""
 
 _FAMILIES = (
-    "By family: problems solved, as the judge confirms, of those that the solver supports, and the shifted geometric "
-    "mean time over those that all solvers support which support any of the family."
+    "By family: problems that the judge confirms as solved, of those that the solver supports, and the shifted "
+    "geometric mean time over those that all solvers support."
 )
-"""What cells of the table by family mean."""
+"""Legend of the table by family."""
 
 MOST_TABLES = 20
 """Problems up to which each has a table of its own in what is printed."""

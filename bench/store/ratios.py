@@ -124,10 +124,14 @@ def ratio(times: "pd.Series[float]", others: "pd.Series[float]") -> Ratio:
     for moment in (_PASS, _ROUND):
         pairs = (times.groupby(level=moment).mean() - others.groupby(level=moment).mean()).dropna()
         if len(pairs) >= MIN_PAIRS:
-            return bootstrap_ratio(pairs.to_numpy())
+            return bootstrap_ratio(_array(pairs))
     if min(len(times), len(others)) >= MIN_ROUNDS:
-        return bootstrap_ratio(times.to_numpy(), others.to_numpy())
-    return bootstrap_ratio(pairs.to_numpy())
+        return bootstrap_ratio(_array(times), _array(others))
+    return bootstrap_ratio(_array(pairs))
+
+
+def _array(values: "pd.Series[float]") -> FloatArray:
+    return np.asarray(values, dtype=np.float64)
 
 
 def counted_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
@@ -139,10 +143,8 @@ def counted_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
 def times_by_point(rounds: pd.DataFrame) -> Times:
     """Return the counted rounds of one problem, whose rounds are as in ``RunFrames``."""
     logarithms = counted_rounds(rounds).set_index(_ROUND)
-    return {
-        (str(solver), float(tolerance)): own["logarithm"]
-        for (solver, tolerance), own in logarithms.groupby(["solver", "tolerance"], sort=False)
-    }
+    groups: Any = logarithms.groupby(["solver", "tolerance"], sort=False)["logarithm"]
+    return dict(iter(groups))
 
 
 def reaching(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> pd.DataFrame:
@@ -178,7 +180,7 @@ def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float)
     is_excluded = reached["is_excluded"].astype(bool)
     rows = pd.concat([rows[~is_excluded], rows[is_excluded]], ignore_index=True)
     n_compared = int((~is_excluded).sum())
-    none = pd.Series([], index=pd.MultiIndex.from_arrays([[]] * 3, names=_ROUND), dtype=np.float64)
+    none = pd.Series(np.empty(0), index=pd.MultiIndex.from_arrays([[]] * 3, names=_ROUND))
     own = [times.get(place, none) for place in zip(rows["solver"], rows["tolerance"], strict=True)]
     ratios = [ratio(one, own[0]) for one in own[1:n_compared]]
     standing = [SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios]

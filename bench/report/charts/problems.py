@@ -132,9 +132,9 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     for quantity in points["quantity"].unique():
         of_one = points[points["quantity"] == quantity]
         name = "error" if len(points) == len(of_one) else f"error of {quantity}"
-        shown = set() if rows else set(points["solver"])
+        in_legend = set() if rows else set(points["solver"])
         panels = [
-            _cost_panel(frames, of_one, work, name, floors.get(quantity), shown if work == "iterations" else set())
+            _cost_panel(frames, of_one, work, name, floors.get(quantity), in_legend if work == "iterations" else set())
             for work in WORKS
         ]
         rows.append(side_by_side(panels, spacing=40))

@@ -119,7 +119,8 @@ def _families_chart(
     level, named = summary_accuracies(frames)[-1], looks(frames.info.plan.solvers)
     levels = profile_accuracies(frames)
     level = level if level in levels else levels[-1]
-    rows, solvers = [], set(tables["accuracy"]["solver"])
+    rows: list[alt.HConcatChart] = []
+    solvers = set(tables["accuracy"]["solver"])
     for family in families:
         panels = []
         for name in CURVES:

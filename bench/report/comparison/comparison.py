@@ -10,7 +10,7 @@ import pandas as pd
 from ...store.frames import RunFrames
 from .conditions import Condition, read_conditions
 from .pairing import CASE, pair
-from .solved import SOLVED, UNSOLVED, compared_solved
+from .solved import SOLVED, UNSOLVED, find_solved_changes
 from .times import Times, compare_times
 
 SLOWDOWN = 0.1
@@ -130,14 +130,14 @@ class Comparison:
         ]
 
 
-def compared(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN) -> Comparison:
+def compare_runs(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN) -> Comparison:
     """Compare two runs; see ``proxbench.bench.compare``."""
     pairing = pair(before, after)
     times = compare_times(pairing)
     if pairing.obstacle:
         times = Times(times.points.iloc[:0], times.cases.iloc[:0], times.solvers.iloc[:0], scale=1.0)
     return Comparison(
-        pairing.before, pairing.after, pairing.notes, pairing.obstacle, *times, compared_solved(pairing), slowdown
+        pairing.before, pairing.after, pairing.notes, pairing.obstacle, *times, find_solved_changes(pairing), slowdown
     )
 
 

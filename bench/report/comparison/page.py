@@ -9,7 +9,7 @@ from rich.text import Text
 
 from ..accuracy import accuracy_tag
 from ..cells import duration
-from ..layout.fitting import print_table
+from ..layout.terminal_table import print_table
 from ..layout.text import inline, json_records, markdown_table
 from .comparison import Comparison
 

@@ -14,10 +14,10 @@ SHARED = 2.0
 """Factor by which a solve can take longer on a core that something else shares."""
 
 CHANGES = [*CASE, "accuracy", "change", "reason"]
-"""Columns of ``compared_solved``."""
+"""Columns of ``find_solved_changes``."""
 
 
-def compared_solved(pairing: Pairing) -> pd.DataFrame:
+def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
     """Return one row for each solver, problem and accuracy that one of two runs reaches alone, columns ``CHANGES``.
 
     Undecided is what ends at a limit of time, of a solve or of a case, that a shared core can explain: all its rounds

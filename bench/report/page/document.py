@@ -97,7 +97,8 @@ def _first_drawable(frames: RunFrames) -> str:
     iterations = frames.iterations.groupby("problem")["iteration"].nunique()
     both = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
     problems = list(dict.fromkeys(frames.cases["problem"]))
-    return next((name for chosen in (both, set(points["problem"])) for name in problems if name in chosen), problems[0])
+    found = (name for chosen in (both, set(points["problem"])) for name in problems if name in chosen)
+    return str(next(found, problems[0]))
 
 
 def _about(frames: RunFrames) -> dict[str, Any]:
@@ -228,13 +229,13 @@ def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
     excluded = [excluded_cases(points, accuracy, limit) for accuracy in accuracies]
     claimed = [claimed_cases(attempted, accuracy) for accuracy in accuracies]
     best = reaching(attempted, np.inf, limit).sort_values("residual", kind="stable").drop_duplicates(_IDENTITY)
-    best = best.set_index(_IDENTITY)[["residual", "iterations"]].T.to_dict("list")
+    best_of = best.set_index(_IDENTITY)[["residual", "iterations"]].T.to_dict("list")
     rows = []
     for place, case in enumerate(frames.cases.to_dict("records")):
         name = case["problem"], case["solver"]
         of_case = attempts.get(name, attempted[list(_OF_ENDING)].iloc[:0])
         outcome, reason = ending(case, of_case)
-        residual, iterations = best.get(name, (np.nan, np.nan))
+        residual, iterations = best_of.get(name, (np.nan, np.nan))
         rows.append(
             {
                 "problem": name[0],

@@ -14,8 +14,8 @@ from proxbench.bench import load
 from proxbench.bench.errors import BenchError
 from proxbench.bench.report import page as page_folder
 from proxbench.bench.report.accuracy import times_to_accuracies
+from proxbench.bench.report.build_report import build_report
 from proxbench.bench.report.charts.profiles import profile_charts, write_profiles
-from proxbench.bench.report.making import make_report
 from proxbench.bench.report.page.document import page_document
 from proxbench.bench.report.profiles import (
     ALL,
@@ -247,7 +247,7 @@ def test_a_run_of_excluded_times_alone_has_a_report(finished_run: Path, tmp_path
     shutil.copytree(finished_run, copied)
     frames = load(copied)
     busy = replace(frames, points=frames.points.assign(is_excluded=True))
-    made = make_report(busy, charts=True, baseline="", page=True)
+    made = build_report(busy, charts=True, baseline="", page=True)
     assert made.unwritten == ""
     assert made.summary is not None
     assert seconds_matrix(busy, 1e-4).isna().all(axis=None)

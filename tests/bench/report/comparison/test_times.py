@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from proxbench.bench import compare, load
-from proxbench.bench.report.comparison.comparison import Comparison, compared
+from proxbench.bench.report.comparison.comparison import Comparison, compare_runs
 from proxbench.bench.report.comparison.times import ONE_SIDED, RUN_SPREAD, TAILS
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import PluginUse, Session
@@ -109,7 +109,7 @@ def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path)
     )
     run = load(unsolved)
     none = dataclasses.replace(run, points=run.points.assign(outcome=Outcome.STALLED, residual=1.0))
-    found = compared(load(solved), none)
+    found = compare_runs(load(solved), none)
     assert found.verdict.startswith(
         "times are undecided, no accuracy is reached by both runs; no longer solved: A on p-0"
     )

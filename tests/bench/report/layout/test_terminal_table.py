@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from proxbench.bench.report.layout.fitting import fitted, hanging, narrowest, print_table, wrapped_name
+from proxbench.bench.report.layout.terminal_table import fitted, hanging, narrowest, print_table, wrapped_name
 from rich.console import Console
 
 WORDS = st.text(alphabet="abcdefgh_", min_size=1, max_size=12)

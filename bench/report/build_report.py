@@ -48,7 +48,7 @@ class Report:
         return html_table("Report", {**facts, **({"not written": self.unwritten} if self.unwritten else {})})
 
 
-def make_report(frames: RunFrames, charts: bool, baseline: str, page: bool = False, profiles: str = COMMON) -> Report:
+def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = False, profiles: str = COMMON) -> Report:
     """Write tables, charts and page of a run, and return them; see ``Run.report``.
 
     Args:
