@@ -7,7 +7,7 @@ solvers by name, at the price of compiling.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...problems.contact.laws import ROWS_OF_KIND, LawKind
+from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from .convex import ConvexMethod
@@ -77,7 +77,7 @@ class CvxpyCoulomb(FixedPointMethod):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Say why ``problem`` cannot be treated, or None."""
-        if (ROWS_OF_KIND[problem.laws.kind] > 1).any() and not takes_cones(self.solver):
+        if (problem.laws.row_count > 1).any() and not takes_cones(self.solver):
             return f"it has {_discs(problem)}, and {self.solver} does not take second-order cones"
         return _obstacle(problem)
 
@@ -109,7 +109,7 @@ class CvxpyQP(ConvexMethod):
         laws = problem.laws
         if laws.friction_coefficient.any():
             return "it has Coulomb friction, whose complementarity problem is not convex"
-        if (ROWS_OF_KIND[laws.kind] > 1).any():
+        if (laws.row_count > 1).any():
             return f"it has {_discs(problem)}, whose disc is no set of a quadratic program"
         return _obstacle(problem)
 
