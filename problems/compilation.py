@@ -11,7 +11,7 @@ SECONDS_BEFORE_NOTICE = 1.0
 NOTICE = "Compiling kernels for the first use; they are cached for the next time."
 
 
-class CompilationListener(event.Listener):  # type: ignore[misc]
+class CompilationListener(event.Listener):
     """Adds up the time that kernels compile for; kernels that are loaded from the cache do not count.
 
     Attributes:
@@ -44,7 +44,7 @@ class CompilationListener(event.Listener):  # type: ignore[misc]
 COMPILATION = CompilationListener()
 """The compilations of this process."""
 
-event.register("numba:compile", COMPILATION)
+event.register("numba:compile", COMPILATION)  # type: ignore[no-untyped-call]
 
 
 def silence_notice() -> None:

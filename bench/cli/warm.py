@@ -1,5 +1,6 @@
 """``proxbench warm``: compile all kernels into the cache, for images and clusters."""
 
+import os
 import time
 from contextlib import suppress
 from typing import Annotated, Any
@@ -84,6 +85,4 @@ def _simulate() -> None:
 
 def _cache_folder() -> str:
     """Return the folder that numba writes to, or a word for the folders beside the modules."""
-    from numba import config
-
-    return str(config.CACHE_DIR) or "__pycache__ beside the modules"
+    return os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ beside the modules"

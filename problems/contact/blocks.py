@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray, read_only
-from .laws import Laws
+from .laws import BALL, HALF_LINE, LINE, Laws
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,14 @@ class BlockLayout:
         n_laws = laws.n_laws
         slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
         is_bilateral = np.empty(n_laws, np.bool_)
-        arguments = (laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound)
+        arguments = (
+            laws.sets,
+            laws.row_count,
+            laws.is_rolling,
+            laws.partner,
+            laws.friction_coefficient,
+            laws.fixed_bound,
+        )
         sliding, width, n, n_joints = _lay_out(*arguments, slot, numbers, bounds, is_bilateral)
         read_only(slot, numbers, bounds, is_bilateral)
         owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
@@ -147,17 +154,21 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 @njit(cache=True)
-def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral):  # type: ignore[no-untyped-def]
+def _lay_out(  # type: ignore[no-untyped-def]
+    sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
+):
     """Return tangential lanes a block, all lanes a block, and the numbers of blocks and of joints among them.
 
     Writes slots of the rows; normal, friction and rolling law and partner of each block, block of each law; μ, a, μ_r
     and the a of rolling of each block, and whether it is a joint.
     """
     block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0
-    for law in range(len(kind)):  # friction right behind its partner shares its block, and so does rolling friction
-        sliding = max(sliding, kind[law] if kind[law] < 3 else 0)
-        rolling = max(rolling, kind[law] - 3)
-        if law == 0 or kind[law] == 0 or (kind[law] < 4 and partner_law[law] != law - 1):
+    for law in range(len(sets)):  # friction right behind its partner shares its block, and so does rolling friction
+        if is_rolling[law]:
+            rolling = max(rolling, row_count[law])
+        elif sets[law] == BALL:
+            sliding = max(sliding, row_count[law])
+        if law == 0 or sets[law] == HALF_LINE or (not is_rolling[law] and partner_law[law] != law - 1):
             n_blocks += 1
         block[law] = n_blocks - 1
     width, partner = 1 + sliding + rolling, numbers[3]
@@ -166,21 +177,21 @@ def _lay_out(kind, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral):
         bounds[0, b] = bounds[1, b] = bounds[2, b] = bounds[3, b] = 0.0
         is_bilateral[b] = False
     row, n_joints = 0, 0
-    for law in range(len(kind)):
+    for law in range(len(sets)):
         b = block[law]
-        if kind[law] == 0 or kind[law] == 3:
-            numbers[0, b], is_bilateral[b] = law, kind[law] == 3
-            n_joints += kind[law] == 3
+        if sets[law] != BALL:
+            numbers[0, b], is_bilateral[b] = law, sets[law] == LINE
+            n_joints += sets[law] == LINE
             slot[row] = width * b
             row += 1
             continue
-        rolls = 1 if kind[law] > 3 else 0
+        rolls = 1 if is_rolling[law] else 0
         numbers[1 + rolls, b] = law
         bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed[law]
         if rolls == 0 and partner_law[law] >= 0:
             partner[b] = block[partner_law[law]]
         first = 1 + sliding if rolls == 1 else 1
-        for lane in range(kind[law] - 3 * rolls):
+        for lane in range(row_count[law]):
             slot[row] = width * b + first + lane
             row += 1
     return sliding, width, n_blocks, n_joints

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
-from .laws import ROWS_OF_KIND
+from .laws import HALF_LINE, LINE
 from .problem import ContactProblem
 
 ROUNDING = 1e-13
@@ -166,36 +166,38 @@ def row_lengths(problem: ContactProblem) -> FloatArray:
     laws = problem.laws
     alpha, lengths, speeds = np.empty((3, laws.n_laws))
     numbers = problem.delassus_diagonal, problem.free_velocity
-    write_scales(laws.kind, laws.first_row, laws.partner, *numbers, alpha, lengths, speeds)
-    return np.repeat(lengths, ROWS_OF_KIND[laws.kind])
+    write_scales(
+        laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner, *numbers, alpha, lengths, speeds
+    )
+    return np.repeat(lengths, laws.row_count)
 
 
 @njit(cache=True)
 def write_scales(  # type: ignore[no-untyped-def]
-    kind, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
+    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
 ):
     """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
 
     Returns a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
     """
     stuck, largest = -1, 0.0
-    for law in range(len(kind)):
+    for law in range(len(sets)):
         row = first_row[law]
         alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
-        for k in range(row + 1, row + (2 if kind[law] == 2 else kind[law] - 3)):
+        for k in range(row + 1, row + row_count[law]):
             alpha[law] = max(alpha[law], diagonal[k])
             speeds[law] = np.hypot(speeds[law], free_velocity[k])
-        if kind[law] == 0 and alpha[law] == 0.0 and free_velocity[row] < 0.0:
+        if sets[law] == HALF_LINE and alpha[law] == 0.0 and free_velocity[row] < 0.0:
             stuck = law
-        if kind[law] == 3 and alpha[law] == 0.0 and free_velocity[row] != 0.0:
+        if sets[law] == LINE and alpha[law] == 0.0 and free_velocity[row] != 0.0:
             stuck = law
-    for law in range(len(kind)):
+    for law in range(len(sets)):
         normal = partner[law]
         if normal >= 0 and diagonal[first_row[normal]] == 0.0:
             alpha[normal] = max(alpha[normal], alpha[law])
-    for law in range(len(kind)):
+    for law in range(len(sets)):
         lengths[law] = 1.0
-        if kind[law] > 3 and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
+        if is_rolling[law] and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
             lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
             speeds[law] *= lengths[law]
         largest = max(largest, speeds[law])

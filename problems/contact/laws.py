@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import FloatArray, IntArray, frozen
+from ..arrays import FloatArray, IntArray, frozen, read_only
 from ..errors import ProblemError
 from ..representation import html_table
 
@@ -43,6 +43,20 @@ class LawKind(IntEnum):
     SPATIAL_ROLLING = 5
     ROLLING_AND_SPINNING = 6
 
+
+class ConvexSet(IntEnum):
+    """The form of a law's set C, all that a kernel needs to know of a law beside its rows and its bound."""
+
+    HALF_LINE = 0
+    LINE = 1
+    BALL = 2
+
+
+HALF_LINE, LINE, BALL = map(int, ConvexSet)
+"""Plain numbers, for kernels."""
+
+SET_OF_KIND = np.array([HALF_LINE, BALL, BALL, LINE, BALL, BALL, BALL], dtype=np.int8)
+"""Form of the set of each kind of law."""
 
 ROWS_OF_KIND = np.array([1, 1, 2, 1, 1, 2, 3], dtype=np.int64)
 """Number of rows of each kind of law."""
@@ -122,6 +136,20 @@ class Laws:
         _require(~self.is_rolling | ((partner >= 0) & follows), "partner", partner, wanted)
 
     @cached_property
+    def sets(self) -> NDArray[np.int8]:
+        """``ConvexSet`` of each law, shape (n_laws,); a ball of one row is an interval, of two a disc."""
+        sets = SET_OF_KIND[self.kind]
+        read_only(sets)
+        return sets
+
+    @cached_property
+    def row_count(self) -> IntArray:
+        """Number of rows of each law, shape (n_laws,)."""
+        count = ROWS_OF_KIND[self.kind]
+        read_only(count)
+        return count
+
+    @cached_property
     def is_friction(self) -> NDArray[np.bool_]:
         """True for friction laws, sliding and rolling, shape (n_laws,)."""
         mask: NDArray[np.bool_] = (self.kind != _UNILATERAL) & (self.kind != _BILATERAL)
@@ -167,7 +195,7 @@ class Laws:
 
     def friction_norms(self, rows: FloatArray) -> FloatArray:
         """Return the norm over the rows of every friction law, sliding and rolling, shape (n_friction_laws,)."""
-        first, count = self.first_row[self.is_friction], ROWS_OF_KIND[self.kind[self.is_friction]]
+        first, count = self.first_row[self.is_friction], self.row_count[self.is_friction]
         squares = rows[first] ** 2
         for row in range(1, int(count.max(initial=1))):
             has_row = count > row

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..arrays import FloatArray
 from .blocks import BlockLayout
-from .laws import ROWS_OF_KIND, Laws
+from .laws import Laws
 
 
 def project(laws: Laws, impulses: FloatArray) -> FloatArray:
@@ -26,7 +26,7 @@ def project(laws: Laws, impulses: FloatArray) -> FloatArray:
     bounded = laws.partner[friction] >= 0
     partner_row = laws.first_row[laws.partner[friction][bounded]]
     bound[bounded] += laws.friction_coefficient[friction][bounded] * projected[partner_row]
-    count = ROWS_OF_KIND[laws.kind[friction]]
+    count = laws.row_count[friction]
     length = np.abs(projected[first])
     for row in (1, 2):
         length[row < count] = np.hypot(length[row < count], projected[first[row < count] + row])

@@ -28,7 +28,7 @@ from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import ratio
 from .coupling import components, write_ratios, write_scales
-from .laws import LawKind, Laws
+from .laws import HALF_LINE, LINE, Laws
 from .model import Model
 from .problem import FREE_FALL, ContactProblem
 from .projections import onto_contact_cones, onto_polygon
@@ -45,8 +45,8 @@ PROJECTION_ROUNDINGS = 8.0
 RESOLUTION = 200.0 * UNIT
 """What ``Residual.rounding`` counts for each G_hh |Λ_h|."""
 
-LawArrays = tuple[NDArray[np.int8], IntArray, FloatArray, FloatArray, IntArray, FloatArray]
-"""Kind, first row, μ, a, partner and α of laws, in the order of the kernels."""
+LawArrays = tuple[NDArray[np.int8], IntArray, IntArray, FloatArray, FloatArray, IntArray, FloatArray]
+"""Set, number of rows, first row, μ, a, partner and α of laws, in the order of the kernels."""
 
 LEAST_SQUARED, LARGEST_SQUARED = 1e-100, 1e100
 """Velocities [m/s] between these are squared as they are."""
@@ -78,7 +78,15 @@ class Residual:
         self.alpha, self.lengths, self.speeds, self.ratios, self._squares = np.empty((5, laws.n_laws))
         self._diagonal = problem.delassus_diagonal
         self._contacts, self._layout = components(problem), problem.layout
-        given = laws.kind, laws.first_row, laws.partner, self._diagonal, problem.free_velocity
+        given = (
+            laws.sets,
+            laws.row_count,
+            laws.is_rolling,
+            laws.first_row,
+            laws.partner,
+            self._diagonal,
+            problem.free_velocity,
+        )
         self.stuck_law, self.scale = write_scales(*given, self.alpha, self.lengths, self.speeds)
         write_ratios(problem, self._contacts, self.speeds, self.scale, self.ratios)
         self.infeasible = self.stuck_law >= 0
@@ -86,18 +94,18 @@ class Residual:
         self._scale = self.unit * self.scale
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
         bounds = laws.friction_coefficient, fixed, laws.partner
-        self._arguments = laws.kind, laws.first_row, *bounds, self.alpha
+        self._arguments = laws.sets, laws.row_count, laws.first_row, *bounds, self.alpha
         self._has_contacts_only = problem.layout.has_contacts_only
 
     @cached_property
     def components(self) -> IntArray:
         """The connected component of each law, shape (n_laws,)."""
-        return self._contacts[self._layout.contact_of_row[self._arguments[1]]]
+        return self._contacts[self._layout.contact_of_row[self._arguments[2]]]
 
     def largest_held(self, impulses: FloatArray) -> float:
         """Return the largest G_hh |Λ_h| over all rows h, each times ratio and length of its law [m/s]."""
-        kind, first_row = self._arguments[:2]
-        return float(_largest_held(kind, first_row, self.ratios, self.lengths, self._diagonal, impulses))
+        _, row_count, first_row = self._arguments[:3]
+        return float(_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
 
     def rounding(self, impulses: FloatArray) -> float:
         """Return an estimate of the residual that plain arithmetic cannot tell from zero at Λ [N s], (n_rows,).
@@ -123,7 +131,7 @@ class Residual:
 
         ``rounding`` is that of each row, shape (n_rows,), as ``ContactProblem.accurate_velocity`` returns it.
         """
-        first = self._arguments[1]
+        first = self._arguments[2]
         sums: FloatArray = np.add.reduceat(rounding, first) if len(first) else np.zeros(0)
         return self.lengths * sums
 
@@ -190,12 +198,11 @@ def _unit(scale: float) -> float:
 
 
 @njit(cache=True)
-def _largest_held(kind, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
+def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
     """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if any is."""
     largest = 0.0
-    for law in range(len(kind)):
-        rows = max(kind[law] if kind[law] < 3 else kind[law] - 3, 1)
-        for row in range(first_row[law], first_row[law] + rows):
+    for law in range(len(row_count)):
+        for row in range(first_row[law], first_row[law] + row_count[law]):
             held = ratios[law] * lengths[law] * abs(diagonal[row] * impulses[row])
             largest = held if held > largest or held != held else largest
     return largest
@@ -203,7 +210,7 @@ def _largest_held(kind, first_row, ratios, lengths, diagonal, impulses):  # type
 
 @njit(cache=True, error_model="numpy")
 def _squared_violations(  # type: ignore[no-untyped-def]
-    kind, first_row, mu, fixed, partner, alpha, impulses, velocity, ratios, squares
+    sets, row_count, first_row, mu, fixed, partner, alpha, impulses, velocity, ratios, squares
 ):
     """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest of their roots times their ratios.
 
@@ -213,18 +220,18 @@ def _squared_violations(  # type: ignore[no-untyped-def]
     for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
     """
     largest = 0.0
-    for law in range(uint64(len(kind))):
+    for law in range(uint64(len(sets))):
         row, a = uint64(first_row[law]), alpha[law]
         held = a * impulses[row]
         x = held - velocity[row]
-        if kind[law] == 0:
+        if sets[law] == HALF_LINE:
             square = (held if held < velocity[row] else velocity[row]) ** 2
         else:
             bound = fixed[law]
             if partner[law] >= 0:
                 bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
             bound *= a
-            if kind[law] == 1:
+            if row_count[law] == 1:
                 limited = min(max(x, -bound), bound)
                 square = (velocity[row] if limited == x else held - limited) ** 2
                 if not x * x <= INSIDE * bound * bound:
@@ -250,23 +257,22 @@ def _squared_violations(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _squared_violations_of_any(  # type: ignore[no-untyped-def]
-    kind, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
+    sets, row_count, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
 ):
     """Do the same with joints and rolling friction among the laws: a bilateral law is violated by ξ."""
     largest = 0.0
-    for law in range(len(kind)):
+    for law in range(len(sets)):
         row, a = first_row[law], alpha[law]
-        if kind[law] == 0:
+        if sets[law] == HALF_LINE:
             held = a * impulses[row]
             square = (held if held < velocity[row] else velocity[row]) ** 2
-        elif kind[law] == 3:
+        elif sets[law] == LINE:
             square = velocity[row] ** 2
         else:
             bound = fixed[law]
             if partner[law] >= 0:
                 bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
-            count = kind[law] if kind[law] < 3 else kind[law] - 3
-            square = lengths[law] ** 2 * _outside_ball(row, count, a, a * bound, impulses, velocity)
+            square = lengths[law] ** 2 * _outside_ball(row, row_count[law], a, a * bound, impulses, velocity)
         squares[law] = square
         square *= ratios[law] * ratios[law]
         largest = square if square > largest or square != square else largest
@@ -321,7 +327,7 @@ def _coulomb_violations(
 ) -> FloatArray:
     """Return ℓ_i α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, (n_laws,)."""
     squares = np.empty(laws.n_laws)
-    given = laws.kind, laws.first_row, mu, fixed, laws.partner, residual.alpha
+    given = laws.sets, laws.row_count, laws.first_row, mu, fixed, laws.partner, residual.alpha
     residual.square(given, impulses, velocity, squares)
     return np.sqrt(squares)
 
@@ -381,7 +387,7 @@ def _pyramid_violations(
     """As Coulomb's law, with the disc of a spatial friction law replaced by its inscribed polygon."""
     laws, alpha = problem.laws, residual.alpha
     violations = _coulomb_violations(laws, laws.friction_coefficient, laws.fixed_bound, residual, impulses, velocity)
-    spatial = np.flatnonzero((laws.kind == LawKind.SPATIAL_FRICTION) & (alpha > 0))
+    spatial = np.flatnonzero(laws.is_friction & ~laws.is_rolling & (laws.row_count == 2) & (alpha > 0))
     rows = laws.first_row[spatial]
     held = np.column_stack([impulses[rows], impulses[rows + 1]])
     moved = np.column_stack([velocity[rows], velocity[rows + 1]])

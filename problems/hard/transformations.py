@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..arrays import FloatArray, IntArray
 from ..contact.answer import Answer
 from ..contact.factors import Factors
-from ..contact.laws import ROWS_OF_KIND, Laws
+from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
 
@@ -65,7 +65,7 @@ def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
     """
     turn = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
     back = sp.lil_array(sp.eye_array(problem.n_rows))
-    for law in np.flatnonzero(ROWS_OF_KIND[problem.laws.kind] > 1):
+    for law in np.flatnonzero(problem.laws.row_count > 1):
         row, cos, sin = int(problem.laws.first_row[law]), np.cos(turn[law]), np.sin(turn[law])
         back[row, row], back[row, row + 1] = cos, -sin
         back[row + 1, row], back[row + 1, row + 1] = sin, cos
@@ -139,7 +139,7 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
 def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
     """Return the same with rolling friction: its rows times ``length``, then all rows in the other units."""
     laws = problem.laws
-    rolls = np.repeat(laws.is_rolling, ROWS_OF_KIND[laws.kind])
+    rolls = np.repeat(laws.is_rolling, laws.row_count)
     scale = np.where(rolls, length, 1.0)
     of_law = np.where(laws.is_rolling, 1.0 / length, 1.0)
     coefficient, fixed = of_law * laws.friction_coefficient, of_law * laws.fixed_bound
@@ -236,5 +236,5 @@ def _laws_of_contacts(problem: ContactProblem) -> list[IntArray]:
 
 
 def _rows_of_laws(laws: Laws, chosen: IntArray) -> IntArray:
-    rows = [np.arange(laws.first_row[law], laws.first_row[law] + ROWS_OF_KIND[laws.kind[law]]) for law in chosen]
+    rows = [np.arange(laws.first_row[law], laws.first_row[law] + laws.row_count[law]) for law in chosen]
     return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)

@@ -10,6 +10,7 @@ its sweeps have the safeguard for high friction.
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
@@ -42,9 +43,6 @@ FEW_ROWS, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
 
 ROWS_PER_CHECK = 100
 """Rows that are swept in the time of one check of the residual, which on few rows is the overhead of its calls."""
-
-FIRST_ROWS = 16
-"""Rows of a matrix that are searched first for a coupling of two contacts."""
 
 UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 """The sweeps of small problems, made once: making them takes as long as some of their sweeps."""
@@ -98,14 +96,11 @@ def density(problem: ContactProblem) -> float:
     return pieces.width**2 * float(counts @ counts) / max(2.0 * pieces.values.size, 1.0)
 
 
+@njit(cache=True)
 def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
-    """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts; in most, one of the first has."""
-    first, last, n_rows = 0, FIRST_ROWS, len(contact_of_row)
-    while first < n_rows:
-        last = min(last, n_rows)
-        own = np.repeat(contact_of_row[first:last], np.diff(starts[first : last + 1]))
-        entries = slice(starts[first], starts[last])
-        if ((contact_of_row[columns[entries]] != own) & (values[entries] != 0.0)).any():
-            return True
-        first, last = last, 8 * last
+    """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
+    for row in range(len(contact_of_row)):
+        for place in range(starts[row], starts[row + 1]):
+            if contact_of_row[columns[place]] != contact_of_row[row] and values[place] != 0.0:
+                return True
     return False

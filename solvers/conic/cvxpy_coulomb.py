@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.laws import ROWS_OF_KIND, LawKind
+from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
 from .fixed_point import FixedPointMethod, check_memory
@@ -72,7 +72,7 @@ class CvxpyCoulomb(FixedPointMethod):
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
         laws = problem.laws
-        if (ROWS_OF_KIND[laws.kind] > 1).any() and not takes_cones(self.solver):
+        if (laws.row_count > 1).any() and not takes_cones(self.solver):
             is_spatial = (laws.kind == LawKind.SPATIAL_FRICTION).any()
             discs = "spatial friction" if is_spatial else "rolling friction about several axes"
             return f"it has {discs}, and {self.solver} does not support second-order cones"

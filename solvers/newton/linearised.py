@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.laws import ROWS_OF_KIND
+from ...problems.contact.laws import BALL, HALF_LINE, LINE
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
@@ -67,10 +67,10 @@ class Equations:
         self._delassus, self._free = problem.delassus(), problem.free_velocity
         self.entries = int(self._delassus.nnz)
         self._dense = self._delassus.toarray() if problem.n_rows <= MAX_DENSE_ROWS else None
-        rows = ROWS_OF_KIND[laws.kind]
+        rows = laws.row_count
         self.row_alpha: FloatArray = np.repeat(residual.alpha, rows)
         partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
-        self._laws = (laws.kind, laws.first_row, rows, laws.friction_coefficient, laws.fixed_bound, partner_row)
+        self._laws = (laws.sets, laws.first_row, rows, laws.friction_coefficient, laws.fixed_bound, partner_row)
         self._alpha = residual.alpha
 
     def regularised(self, weight: float, centre: FloatArray) -> "Equations":
@@ -132,20 +132,20 @@ def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-unty
 
 @njit(cache=True)
 def _linearise(  # type: ignore[no-untyped-def]
-    kind, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
+    sets, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
 ):
     """Identify the states; set Λ of open and idle rows to zero, and write right side and weights (P, δ) of slip."""
-    for law in range(len(kind)):
-        if kind[law] == 3:
+    for law in range(len(sets)):
+        if sets[law] == LINE:
             is_active[first_row[law]] = alpha[law] > 0.0
-        if kind[law] == 0:
+        if sets[law] == HALF_LINE:
             i = first_row[law]
             is_active[i] = alpha[law] * base[i] > velocity[i] and alpha[law] > 0.0
             if not is_active[i]:
                 base[i] = 0.0
     count = 0
-    for law in range(len(kind)):
-        if kind[law] == 0 or kind[law] == 3:
+    for law in range(len(sets)):
+        if sets[law] != BALL:
             continue
         i, n, width = first_row[law], partner_row[law], rows[law]
         mu = friction[law] if n >= 0 and is_active[n] else 0.0

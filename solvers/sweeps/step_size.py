@@ -56,15 +56,12 @@ def diagonal_step_sizes(problem: ContactProblem, relaxation: float) -> FloatArra
 
 def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> FloatArray:
     layout = problem.layout
-    padded = layout.pad(of_row)
     if not layout.has_contacts_only:
-        parts = np.split(padded, [1, 1 + layout.sliding], axis=1)
+        parts = np.split(layout.pad(of_row), [1, 1 + layout.sliding], axis=1)
         return inverse(np.column_stack([part.max(axis=1, initial=0.0) for part in parts]), relaxation)
-    largest = np.zeros((layout.n_blocks, 2))
-    largest[:, : layout.width] = padded[:, :2]
-    if layout.width == 3:
-        np.maximum(largest[:, 1], padded[:, 2], out=largest[:, 1])
-    return inverse(largest, relaxation)
+    sizes = np.zeros((layout.n_blocks, 2))
+    _write_sizes(layout.slot, layout.width, of_row, relaxation, sizes)
+    return sizes
 
 
 def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
@@ -105,6 +102,17 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
     pattern = (by_row.indptr, by_row.indices, by_row.data, by_dof.indptr, by_dof.indices, by_dof.data)
     sums: FloatArray = _row_sums(*pattern, problem.n_rows)
     return sums if length is None else sums / length**2
+
+
+@njit(cache=True)
+def _write_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
+    """Write ω over the largest number of the rows of each law, 0 where that is 0."""
+    for row in range(len(slot)):
+        block, lane = slot[row] // width, min(slot[row] % width, 1)
+        sizes[block, lane] = max(sizes[block, lane], of_row[row])
+    for block in range(len(sizes)):
+        for lane in range(2):
+            sizes[block, lane] = relaxation / sizes[block, lane] if sizes[block, lane] > 0.0 else 0.0
 
 
 @njit(cache=True)

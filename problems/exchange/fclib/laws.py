@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...contact.laws import ROWS_OF_KIND, LawKind, Laws
+from ...contact.laws import LawKind, Laws
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
 from .contents import Contents, GlobalContents, LocalContents
@@ -71,7 +71,7 @@ def _laws_of_contacts(contents: Contents) -> Laws:
 
 def rows_in_order(problem: ContactProblem) -> IntArray:
     """Return the rows of a problem in the order of FCLIB: those of contacts, then those of joints, shape (n_rows,)."""
-    is_joint = np.repeat(problem.laws.is_bilateral, ROWS_OF_KIND[problem.laws.kind])
+    is_joint = np.repeat(problem.laws.is_bilateral, problem.laws.row_count)
     return np.argsort(is_joint, kind="stable")
 
 
@@ -91,7 +91,7 @@ def contacts_of(problem: ContactProblem) -> ContactLaws:
     if count and not laws.is_friction.any():
         raise ProblemError(f"{name!r} has no friction, and contacts of FCLIB have it; give them a coefficient of zero.")
     rolling = np.flatnonzero(laws.is_rolling)
-    axes, slides = (ROWS_OF_KIND[laws.kind[at]] for at in (rolling, np.maximum(rolling - 1, 0)))
+    axes, slides = (laws.row_count[at] for at in (rolling, np.maximum(rolling - 1, 0)))
     if (axes != slides).any():
         k = int(np.argmax(axes != slides))
         about = "1 axis" if axes[k] == 1 else f"{axes[k]} axes"
