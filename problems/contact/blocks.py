@@ -59,9 +59,6 @@ class BlockLayout:
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
-        dim = laws.dim_of_contacts
-        if dim:
-            return _layout_of_contacts(laws, dim)
         n_laws = laws.n_laws
         slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
         is_bilateral = np.empty(n_laws, np.bool_)
@@ -121,25 +118,6 @@ class BlockLayout:
     def rows_of(self, padded: FloatArray) -> FloatArray:
         """Return the same as ``unpad`` of a flat array, but not fresh: where every lane is a row, the array itself."""
         return padded if self.is_dense else padded[self.slot]
-
-
-def _layout_of_contacts(laws: Laws, dim: int) -> BlockLayout:
-    """Return the layout of contacts of ``dim`` rows each, which needs no compiled kernel."""
-    stride = 1 if dim == 1 else 2
-    n_blocks = laws.n_laws // stride
-    blocks, slot, none, zeros = (
-        np.arange(n_blocks),
-        np.arange(dim * n_blocks),
-        np.full(n_blocks, -1),
-        np.zeros(n_blocks),
-    )
-    normal = stride * blocks
-    friction = none if dim == 1 else normal + 1
-    mu, fixed = laws.friction_coefficient[stride - 1 :: stride].copy(), laws.fixed_bound[stride - 1 :: stride].copy()
-    is_bilateral = np.zeros(n_blocks, np.bool_)
-    read_only(blocks, slot, none, zeros, normal, friction, mu, fixed, is_bilateral)
-    owners, limits = (normal, friction, none), (mu, fixed, zeros, zeros)
-    return BlockLayout(dim, dim - 1, slot, *owners, *limits, blocks, is_bilateral, True)
 
 
 _LAYOUTS: WeakKeyDictionary[Laws, BlockLayout] = WeakKeyDictionary()

@@ -30,9 +30,13 @@ def components(problem: ContactProblem) -> IntArray:
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
     found: IntArray
-    n_bodies, starts, bodies, contacts = _touching(problem)
-    found, last = np.empty(layout.n_blocks, dtype=np.int64), np.full(n_bodies, -1)
-    _write_components(layout.partner, starts, bodies, contacts, np.arange(layout.n_blocks), last, found)
+    if problem.factors is None:
+        matrix = problem.delassus()
+        pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
+        found = _components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
+    else:
+        pieces = problem.factor_pieces()
+        found = _components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
     return found
 
 
@@ -48,7 +52,7 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
     if problem.factors is None:
         _largest_of_neighbours(starts, bodies, contacts, values, largest)
     else:
-        _largest_over_bodies(np.zeros(n_bodies), starts, bodies, contacts, values, largest)
+        _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest)
     if not problem.layout.bounds_are_own:
         partner = problem.layout.partner
         np.maximum.at(largest, partner, values)
@@ -65,48 +69,62 @@ def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any],
     layout = problem.layout
     if problem.factors is None:
         matrix, diagonal = problem.delassus(), np.sqrt(problem.delassus_diagonal)
-        starts, bodies = np.empty(len(matrix.indptr), dtype=np.int64), np.empty(len(matrix.data), dtype=np.int64)
-        given = matrix.indptr, matrix.indices, matrix.data, diagonal, layout.contact_of_row
-        _write_coupled(*given, starts, bodies)
+        starts, bodies = _coupled(matrix.indptr, matrix.indices, matrix.data, diagonal, layout.contact_of_row)
         return layout.n_blocks, starts, bodies, layout.contact_of_row
     pieces = problem.factor_pieces()
-    starts = np.empty(pieces.n_blocks + 1, dtype=np.int64)
-    bodies = np.empty(len(pieces.chunks) * pieces.length, dtype=np.int64)
-    shape = pieces.width, pieces.length, pieces.n_chunks
-    _write_touched(*shape, pieces.starts, pieces.chunks, pieces.values.reshape(-1), starts, bodies)
+    starts, bodies = _moved(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     return pieces.n_chunks * pieces.length, starts, bodies, np.arange(layout.n_blocks)
 
 
 @njit(cache=True)
-def _write_coupled(indptr, indices, data, root, contact_of_row, starts, bodies):  # type: ignore[no-untyped-def]
-    """Write, row by row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
-    count = starts[0] = 0
+def _coupled(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
+    """Return, row by row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
+    starts, bodies = np.zeros(len(indptr), dtype=np.int64), np.empty(len(data), dtype=np.int64)
+    count = 0
     for row in range(len(contact_of_row)):
         for p in range(indptr[row], indptr[row + 1]):
             if abs(data[p]) > ROUNDING * root[row] * root[indices[p]]:
                 bodies[count] = contact_of_row[indices[p]]
                 count += 1
         starts[row + 1] = count
+    return starts, bodies[:count]
 
 
 @njit(cache=True)
-def _write_touched(width, length, idle, first, chunks, values, starts, bodies):  # type: ignore[no-untyped-def]
-    """Write, contact by contact, the rows of W̃ in which it has an entry; ``values`` are the pieces, flat."""
-    count = starts[0] = 0
+def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
+    """Return, contact by contact, the rows of W̃ in which it has an entry."""
+    width, length = values.shape[1], values.shape[2]
+    starts, bodies = np.zeros(len(first), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
+    count = 0
     for contact in range(len(first) - 1):
         for p in range(first[contact], first[contact + 1]):
             if chunks[p] == idle:
                 continue
             for k in range(length):
                 for lane in range(width):
-                    if values[length * (width * p + lane) + k] != 0.0:
+                    if values[p, lane, k] != 0.0:
                         bodies[count] = chunks[p] * length + k
                         count += 1
                         break
         starts[contact + 1] = count
+    return starts, bodies[:count]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
+def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
+    """Return the component of each contact where G alone is known."""
+    starts, bodies = _coupled(indptr, indices, data, np.sqrt(diagonal), contact_of_row)
+    return _components(partner, len(partner), starts, bodies, contact_of_row)
+
+
+@njit(cache=True)
+def _components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
+    """Return the component of each contact where the factors are known."""
+    starts, bodies = _moved(first, chunks, values, n_chunks)
+    return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
+
+
+@njit(cache=True)
 def _root_of(root, contact):  # type: ignore[no-untyped-def]
     while root[contact] != contact:
         root[contact] = root[root[contact]]
@@ -115,16 +133,22 @@ def _root_of(root, contact):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_components(partner, starts, bodies, contacts, root, last, component):  # type: ignore[no-untyped-def]
+def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
+    for contact in range(len(partner)):
+        a, b = _root_of(root, contact), _root_of(root, partner[contact])
+        root[max(a, b)] = min(a, b)
+
+
+@njit(cache=True)
+def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
     """Unite each contact with its partner and the one that touched the body before it; number the sets (union–find).
 
     Where bodies are contacts themselves each has touched its own before, because its diagonal block is not zero or it
-    is alone. At first ``root`` counts the contacts, and ``last``, one entry a body, is −1.
+    is alone.
     """
-    for contact in range(len(partner)):
-        if partner[contact] != contact:
-            a, b = _root_of(root, contact), _root_of(root, partner[contact])
-            root[max(a, b)] = min(a, b)
+    root = np.arange(len(partner))
+    _unite_partners(root, partner)
+    last = np.full(n_bodies, -1, dtype=np.int64)
     for row in range(len(contacts)):
         contact = contacts[row]
         for p in range(starts[row], starts[row + 1]):
@@ -136,11 +160,13 @@ def _write_components(partner, starts, bodies, contacts, root, last, component):
             if before >= 0 and root[before] != root[contact]:
                 a, b = _root_of(root, before), _root_of(root, contact)
                 root[max(a, b)] = min(a, b)
+    component = np.empty(len(root), dtype=np.int64)
     count = 0
     for contact in range(len(root)):
         first = _root_of(root, contact)
         component[contact] = count if first == contact else component[first]
         count += first == contact
+    return component
 
 
 @njit(cache=True)
@@ -152,7 +178,8 @@ def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: 
 
 
 @njit(cache=True)
-def _largest_over_bodies(of_body, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+    of_body = np.zeros(n_bodies)
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
             of_body[bodies[p]] = max(of_body[bodies[p]], values[contacts[row]])
@@ -166,14 +193,14 @@ def row_lengths(problem: ContactProblem) -> FloatArray:
     laws = problem.laws
     alpha, lengths, speeds = np.empty((3, laws.n_laws))
     numbers = problem.delassus_diagonal, problem.free_velocity
-    write_scales(
+    _write_scales(
         laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner, *numbers, alpha, lengths, speeds
     )
     return np.repeat(lengths, laws.row_count)
 
 
 @njit(cache=True)
-def write_scales(  # type: ignore[no-untyped-def]
+def _write_scales(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
 ):
     """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
@@ -204,29 +231,35 @@ def write_scales(  # type: ignore[no-untyped-def]
     return stuck, largest
 
 
-def write_ratios(
-    problem: ContactProblem, component: IntArray, speeds: FloatArray, scale: float, ratios: FloatArray
-) -> None:
-    """Write the scale over the largest speed in the component of each law; 1 where that is rounding of the scale.
-
-    Args:
-        problem: the problem.
-        component: that of each contact, shape (n_contacts,).
-        speeds: ℓ_i ‖c_i‖ of each law, shape (n_laws,).
-        scale: the largest of them.
-        ratios: is written, shape (n_laws,).
-    """
-    if not component.any():
-        ratios[:] = 1.0
-        return
-    own = component[problem.layout.contact_of_row[problem.laws.first_row]]
-    _write_ratios(own, speeds, scale, np.zeros(len(component)), ratios)
-
-
 @njit(cache=True)
-def _write_ratios(component, speeds, scale, largest, ratios):  # type: ignore[no-untyped-def]
-    for law in range(len(component)):
-        largest[component[law]] = max(largest[component[law]], speeds[law])
-    for law in range(len(component)):
-        own = largest[component[law]]
+def write_scales_and_ratios(  # type: ignore[no-untyped-def]
+    sets,
+    row_count,
+    is_rolling,
+    first_row,
+    partner,
+    diagonal,
+    free_velocity,
+    component,
+    slot,
+    width,
+    alpha,
+    lengths,
+    speeds,
+    ratios,
+):
+    """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
+
+    ``component`` is that of each contact.
+    """
+    stuck, scale = _write_scales(
+        sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
+    )
+    largest = np.zeros(len(component))
+    for law in range(len(sets)):
+        own = component[slot[first_row[law]] // width]
+        largest[own] = max(largest[own], speeds[law])
+    for law in range(len(sets)):
+        own = largest[component[slot[first_row[law]] // width]]
         ratios[law] = scale / own if own > NEGLIGIBLE * scale else 1.0
+    return stuck, scale

@@ -138,14 +138,14 @@ class Laws:
     @cached_property
     def sets(self) -> NDArray[np.int8]:
         """``ConvexSet`` of each law, shape (n_laws,); a ball of one row is an interval, of two a disc."""
-        sets = SET_OF_KIND[self.kind]
+        sets = SET_OF_KIND.take(self.kind)
         read_only(sets)
         return sets
 
     @cached_property
     def row_count(self) -> IntArray:
         """Number of rows of each law, shape (n_laws,)."""
-        count = ROWS_OF_KIND[self.kind]
+        count = ROWS_OF_KIND.take(self.kind)
         read_only(count)
         return count
 
@@ -172,20 +172,6 @@ class Laws:
         """True for bilateral laws, shape (n_laws,)."""
         mask: NDArray[np.bool_] = self.kind == _BILATERAL
         return mask
-
-    @cached_property
-    def dim_of_contacts(self) -> int:
-        """Rows of each contact where all are equal, N, T or N, T1, T2 in turn; 0 for any other laws, and for none."""
-        kind = self.kind
-        if not len(kind):
-            return 0
-        if not kind.any():
-            return 1
-        kind_of_all = int(kind[-1])
-        if len(kind) % 2 or kind_of_all not in (_PLANAR_FRICTION, _SPATIAL_FRICTION) or kind[::2].any():
-            return 0
-        has_partners = (kind[1::2] == kind_of_all).all() and (self.partner[1::2] == np.arange(0, len(kind), 2)).all()
-        return 1 + kind_of_all if has_partners else 0
 
     def friction_bounds(self, impulses: FloatArray) -> FloatArray:
         """Return the friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import ratio
-from .coupling import components, write_ratios, write_scales
+from .coupling import components, write_scales_and_ratios
 from .laws import HALF_LINE, LINE, Laws
 from .model import Model
 from .problem import FREE_FALL, ContactProblem
@@ -78,17 +78,11 @@ class Residual:
         self.alpha, self.lengths, self.speeds, self.ratios, self._squares = np.empty((5, laws.n_laws))
         self._diagonal = problem.delassus_diagonal
         self._contacts, self._layout = components(problem), problem.layout
-        given = (
-            laws.sets,
-            laws.row_count,
-            laws.is_rolling,
-            laws.first_row,
-            laws.partner,
-            self._diagonal,
-            problem.free_velocity,
-        )
-        self.stuck_law, self.scale = write_scales(*given, self.alpha, self.lengths, self.speeds)
-        write_ratios(problem, self._contacts, self.speeds, self.scale, self.ratios)
+        given = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
+        numbers = self._diagonal, problem.free_velocity
+        of_contacts = self._contacts, self._layout.slot, self._layout.width
+        written = self.alpha, self.lengths, self.speeds, self.ratios
+        self.stuck_law, self.scale = write_scales_and_ratios(*given, *numbers, *of_contacts, *written)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale

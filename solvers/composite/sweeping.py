@@ -90,10 +90,8 @@ def density(problem: ContactProblem) -> float:
         matrix = problem.matrix
         return 1.0 if _couples(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row) else UNCOUPLED
     pieces = problem.factor_pieces()
-    counts = np.bincount(pieces.chunks, minlength=pieces.n_chunks + 1)[:-1]
-    if counts.max(initial=0) <= 1:
-        return UNCOUPLED
-    return pieces.width**2 * float(counts @ counts) / max(2.0 * pieces.values.size, 1.0)
+    most, pairs = _count_shared_chunks(pieces.chunks, pieces.n_chunks)
+    return UNCOUPLED if most <= 1 else pieces.width**2 * pairs / max(2.0 * pieces.values.size, 1.0)
 
 
 @njit(cache=True)
@@ -104,3 +102,16 @@ def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, co
             if contact_of_row[columns[place]] != contact_of_row[row] and values[place] != 0.0:
                 return True
     return False
+
+
+@njit(cache=True)
+def _count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
+    """Return the largest number of pieces on a chunk, and the number of pairs of pieces that share one."""
+    counts = np.zeros(n_chunks + 1)
+    for chunk in chunks:
+        counts[chunk] += 1.0
+    most, pairs = 0.0, 0.0
+    for count in counts[:n_chunks]:
+        most = max(most, count)
+        pairs += count * count
+    return int(most), pairs

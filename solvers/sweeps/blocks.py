@@ -42,11 +42,21 @@ class BlockSweep:
     def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
         layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
-        is_own = layout.partner == np.arange(layout.n_blocks)
-        own_friction = np.where(is_own, layout.friction_coefficient, 0.0)
-        remote = np.where(is_own, 0.0, layout.friction_coefficient)
+        own_friction, remote = _split_friction(layout.friction_coefficient, layout.partner)
         laws = (LawArrays if layout.has_contacts_only else AnyLawArrays).of(layout, sizes)
         return BlockSweep(FlatDelassus.of(problem), (own_friction, remote, *laws[2:]), sizes, relaxation)
+
+
+@njit(cache=True)
+def _split_friction(friction, partner):  # type: ignore[no-untyped-def]
+    """Return μ of each contact's own normal impulse, and μ of another contact's."""
+    own, remote = np.zeros_like(friction), np.zeros_like(friction)
+    for i in range(len(friction)):
+        if partner[i] == i:
+            own[i] = friction[i]
+        else:
+            remote[i] = friction[i]
+    return own, remote
 
 
 class BlockIterates(DelassusState):

@@ -50,27 +50,24 @@ def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlo
 
 def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
     """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃."""
-    n_blocks, n_pieces, n_chunks = pieces.n_blocks, len(pieces.chunks), pieces.n_chunks
-    chunk_starts = np.zeros(n_chunks + 2, dtype=np.int64)
-    np.cumsum(np.bincount(pieces.chunks, minlength=n_chunks + 1)[:-1], out=chunk_starts[1:-1])
-    chunk_starts[-1] = chunk_starts[-2]  # the idle chunk, the last one, keeps none of its pieces
-    members, block_of_piece = np.empty((2, n_pieces), dtype=np.int64)
-    _write_members(pieces.starts, pieces.chunks, n_chunks, chunk_starts[:-1].copy(), members, block_of_piece)
-    pattern = (pieces.starts, pieces.chunks, chunk_starts, members, block_of_piece)
-    starts = np.zeros(n_blocks + 1, dtype=np.int64)
-    _count_blocks(*pattern, np.full(n_blocks, -1), starts[1:])
-    np.cumsum(starts, out=starts)
-    columns, values = np.empty(starts[-1], dtype=np.int32), np.zeros((starts[-1], pieces.width, pieces.width))
-    lanes, axes, *_, numbers = pieces.loops
-    _multiply(lanes, axes, numbers, *pattern, np.full(n_blocks, -1), starts, columns, values.reshape(-1))
+    starts, columns, values = _multiply(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
 
 def diagonal_of(matrix: sp.csr_array) -> FloatArray:
     """Return the diagonal of G, a fresh array of shape (n_rows,)."""
-    diagonal: FloatArray = matrix.diagonal()
+    diagonal = np.zeros(matrix.shape[0])
+    _write_diagonal(matrix.indptr, matrix.indices, matrix.data, diagonal)
     return diagonal
+
+
+@njit(cache=True)
+def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-def]
+    for row in range(len(diagonal)):
+        for p in range(indptr[row], indptr[row + 1]):
+            if indices[p] == row:
+                diagonal[row] += data[p]
 
 
 def _gather(
@@ -176,23 +173,38 @@ def _gather_any(indptr, indices, slot, n_blocks, width, data):  # type: ignore[n
 
 
 @njit(cache=True)
-def _write_members(starts, chunks, n_chunks, filled, members, block_of_piece):  # type: ignore[no-untyped-def]
-    """Write the pieces of each chunk in the order of their blocks, and the block of each piece.
+def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
+    """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece.
 
-    ``filled`` is the place of the next piece of each chunk.
+    The idle chunk, the last one, keeps none of its pieces.
     """
+    chunk_starts = np.zeros(n_chunks + 2, dtype=np.int64)
+    for p in range(len(chunks)):
+        if chunks[p] < n_chunks:
+            chunk_starts[chunks[p] + 1] += 1
+    for chunk in range(n_chunks + 1):
+        chunk_starts[chunk + 1] += chunk_starts[chunk]
+    filled = chunk_starts[:-1].copy()
+    members = np.empty(len(chunks), dtype=np.int64)
+    block_of_piece = np.empty(len(chunks), dtype=np.int64)
     for block in range(len(starts) - 1):
         for p in range(starts[block], starts[block + 1]):
             block_of_piece[p] = block
             if chunks[p] < n_chunks:
                 members[filled[chunks[p]]] = p
                 filled[chunks[p]] += 1
+    return chunk_starts, members, block_of_piece
 
 
 @njit(cache=True)
-def _count_blocks(starts, chunks, chunk_starts, members, block_of_piece, place, counts):  # type: ignore[no-untyped-def]
-    """Count the stored blocks of each block row; ``place`` is −1 for each block at first."""
-    for block in range(len(starts) - 1):
+def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
+    """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, twice: to count the blocks, then to fill them."""
+    n_blocks = len(starts) - 1
+    _, width, length = pieces.shape
+    chunk_starts, members, block_of_piece = _pieces_of_chunks(starts, chunks, n_chunks)
+    place = np.full(n_blocks, -1, dtype=np.int64)  # where block column j of the current block row is stored
+    row_starts = np.zeros(n_blocks + 1, dtype=np.int64)
+    for block in range(n_blocks):
         count = 1
         place[block] = block
         for p in range(starts[block], starts[block + 1]):
@@ -201,25 +213,17 @@ def _count_blocks(starts, chunks, chunk_starts, members, block_of_piece, place, 
                 if place[column] != block:
                     place[column] = block
                     count += 1
-        counts[block] = count
+        row_starts[block + 1] = row_starts[block] + count
 
-
-@njit(cache=True)
-def _multiply(  # type: ignore[no-untyped-def]
-    lanes, axes, pieces, starts, chunks, chunk_starts, members, block_of_piece, place, row_starts, columns, values
-):
-    """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, whose numbers stand in ``pieces``, flat.
-
-    ``place`` says where block column j of the current block row is stored; it is −1 for each block at first.
-    """
-    width, length = uint64(len(lanes)), uint64(len(axes))
-    for block in range(len(starts) - 1):
+    columns = np.empty(row_starts[n_blocks], dtype=np.int32)
+    values = np.zeros((row_starts[n_blocks], width, width))
+    place[:] = -1
+    for block in range(n_blocks):
         begin = row_starts[block]
         end = begin + 1
         columns[begin] = block
         place[block] = begin
         for p in range(starts[block], starts[block + 1]):
-            own = length * width * uint64(p)
             for m in range(chunk_starts[chunks[p]], chunk_starts[chunks[p] + 1]):
                 other = members[m]
                 column = block_of_piece[other]
@@ -227,10 +231,13 @@ def _multiply(  # type: ignore[no-untyped-def]
                     place[column] = end
                     columns[end] = column
                     end += 1
-                at, others = width * width * uint64(place[column]), length * width * uint64(other)
+                block_at = values[place[column]]
                 for row in range(width):
+                    left = pieces[p, row]
                     for lane in range(width):
+                        right = pieces[other, lane]
                         total = 0.0
                         for k in range(length):
-                            total += pieces[own + length * row + k] * pieces[others + length * lane + k]
-                        values[at + width * row + lane] += total
+                            total += left[k] * right[k]
+                        block_at[row, lane] += total
+    return row_starts, columns, values

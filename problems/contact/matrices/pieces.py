@@ -128,17 +128,8 @@ def pieces_of_arrays(
     indptr: NDArray[Any], indices: NDArray[Any], data: FloatArray, root: FloatArray, layout: BlockLayout
 ) -> Pieces:
     """Do the same for a matrix given by the arrays of a CSC matrix, which has a row for each entry of ``root``."""
-    n_blocks, width, n_dofs = layout.n_blocks, layout.width, len(root)
-    pattern = (indptr, indices, layout.slot)
-    length = _cheapest_length(*pattern, width, n_dofs)
-    n_chunks = -(-n_dofs // length)
-    starts = np.zeros(n_blocks + 1, dtype=np.int64)
-    _count_pieces(*pattern, width, length, np.full(n_chunks, -1), starts[1:])
-    most = starts.max(initial=0)
-    starts = 2 * np.arange(n_blocks + 1) if most == 2 else np.cumsum(starts)
-    chunks = np.full(starts[-1], n_chunks)
-    values = np.zeros((len(chunks), width, length))
-    _write_pieces(*pattern, width, length, data, root, starts[:-1].copy(), starts, chunks, values.reshape(-1))
+    pattern = (indptr, indices, layout.slot, layout.n_blocks, layout.width)
+    starts, chunks, values, n_chunks = _cut(*pattern, data, root)
     return Pieces(starts, chunks, values, n_chunks)
 
 
@@ -211,49 +202,53 @@ def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
     return scaled
 
 
-def _cheapest_length(indptr: NDArray[Any], indices: NDArray[Any], slot: IntArray, width: int, n_dofs: int) -> int:
+@njit(cache=True)
+def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: ignore[no-untyped-def]
     """Return the chunk length with the cheapest pieces, by the first rows."""
-    counts = np.zeros(len(CHUNK_LENGTHS), dtype=np.int64)
-    last_block = np.full(n_dofs, -1)
-    _count_for_lengths(indptr, indices, slot[:SAMPLED_ROWS], width, last_block, counts)
-    costs = [count * (width * length + 4) for count, length in zip(counts.tolist(), CHUNK_LENGTHS, strict=True)]
-    return CHUNK_LENGTHS[costs.index(min(costs))]
+    cheapest, least = CHUNK_LENGTHS[0], np.inf
+    for length in CHUNK_LENGTHS:
+        starts = _count_pieces(indptr, indices, slot[:SAMPLED_ROWS], n_blocks, width, length, -(-n_dofs // length))
+        cost = starts[n_blocks] * (width * length + 4)
+        if cost < least:
+            cheapest, least = length, cost
+    return cheapest
 
 
 @njit(cache=True)
-def _count_for_lengths(indptr, indices, slot, width, last_block, counts):  # type: ignore[no-untyped-def]
-    """Count the pieces for each chunk length; ``last_block`` of each chunk is −1 at first."""
-    for choice in range(len(counts)):
-        length, offset = CHUNK_LENGTHS[choice], len(slot) * choice  # blocks of no two lengths have equal numbers
-        for row in range(len(slot)):
-            block = slot[row] // width + offset
-            for p in range(indptr[row], indptr[row + 1]):
-                chunk = indices[p] // length
-                if last_block[chunk] != block:
-                    last_block[chunk] = block
-                    counts[choice] += 1
-
-
-@njit(cache=True)
-def _count_pieces(indptr, indices, slot, width, length, last_block, counts):  # type: ignore[no-untyped-def]
-    """Count the pieces of each block; ``last_block`` of each chunk is −1 at first."""
+def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # type: ignore[no-untyped-def]
+    """Return the first piece of each block, shape (n_blocks + 1,), for one chunk length."""
+    last_block = np.full(n_chunks, -1, dtype=np.int64)
+    starts = np.zeros(n_blocks + 1, dtype=np.int64)
     for row in range(len(slot)):
         block = slot[row] // width
         for p in range(indptr[row], indptr[row + 1]):
             chunk = indices[p] // length
             if last_block[chunk] != block:
                 last_block[chunk] = block
-                counts[block] += 1
+                starts[block + 1] += 1
+    for block in range(n_blocks):
+        starts[block + 1] += starts[block]
+    return starts
 
 
 @njit(cache=True)
-def _write_pieces(  # type: ignore[no-untyped-def]
-    indptr, indices, slot, width, length, data, root, filled, starts, chunks, values
-):
-    """Write chunks and values, flat, of the pieces, entries times ``root`` of their row.
+def _cut(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
+    """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.
 
-    ``filled`` is the place of the next piece of each block.
+    They come in pairs where a block has two pieces and none has more.
     """
+    length = _cheapest_length(indptr, indices, slot, n_blocks, width, len(root))
+    n_chunks = -(-len(root) // length)
+    starts = _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks)
+    most = 0
+    for block in range(n_blocks):
+        most = max(most, starts[block + 1] - starts[block])
+    if most == 2:
+        starts = 2 * np.arange(n_blocks + 1)
+    n_pieces = starts[n_blocks]
+    chunks = np.full(n_pieces, n_chunks, dtype=np.int64)
+    values = np.zeros((n_pieces, width, length))
+    filled = starts[:-1].copy()
     for row in range(len(slot)):
         block, lane = slot[row] // width, slot[row] % width
         for p in range(indptr[row], indptr[row + 1]):
@@ -264,4 +259,5 @@ def _write_pieces(  # type: ignore[no-untyped-def]
             if piece == filled[block]:
                 chunks[piece] = chunk
                 filled[block] += 1
-            values[length * (width * piece + lane) + indices[p] - chunk * length] = root[indices[p]] * data[p]
+            values[piece, lane, indices[p] - chunk * length] = root[indices[p]] * data[p]
+    return starts, chunks, values, n_chunks
