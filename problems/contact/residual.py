@@ -219,7 +219,7 @@ def _squared_violations(  # type: ignore[no-untyped-def]
         held = a * impulses[row]
         x = held - velocity[row]
         if sets[law] == HALF_LINE:
-            square = (held if held < velocity[row] else velocity[row]) ** 2
+            square = (held if held < velocity[row] or held != held else velocity[row]) ** 2
         else:
             bound = fixed[law]
             if partner[law] >= 0:
@@ -259,7 +259,7 @@ def _squared_violations_of_any(  # type: ignore[no-untyped-def]
         row, a = first_row[law], alpha[law]
         if sets[law] == HALF_LINE:
             held = a * impulses[row]
-            square = (held if held < velocity[row] else velocity[row]) ** 2
+            square = (held if held < velocity[row] or held != held else velocity[row]) ** 2
         elif sets[law] == LINE:
             square = velocity[row] ** 2
         else:

@@ -8,7 +8,8 @@ from msgspec.structs import replace
 from proxbench.bench import load
 from proxbench.bench.report.accuracy import families, mean_time, problems_table, summary_table
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Limits, Point
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import CaseRecord, Point
 from simulated_runs import solved_point, store_run
 from stored_cases import case_record, measured_in, timed_round
 

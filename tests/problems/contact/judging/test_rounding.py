@@ -105,3 +105,17 @@ def test_friction_that_moves_nothing_under_a_bound_beyond_the_range_is_judged() 
     laws = Laws.contacts(2.0, 2, 2)
     problem = ContactProblem.from_delassus(np.diag([1.0, 0.0, 1.0, 1.0]), [1.0, 0.0, 1.0, 0.0], laws=laws)
     assert judge(problem, [1.7e308, 0.0, 0.0, 0.0]).residual >= 1.0
+
+
+@pytest.mark.parametrize("impulse", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_impulses_that_are_no_numbers_solve_no_contact_without_an_effect(dim: int, impulse: float) -> None:
+    """With G = 0 the products of impulses are not finite either, and the contact separates."""
+    velocity = np.zeros(dim)
+    velocity[0] = 1.0
+    problem = ContactProblem.from_delassus(np.zeros((dim, dim)), velocity, 0.3, dim=dim)
+    for row in range(dim):
+        impulses = np.zeros(dim)
+        impulses[row] = impulse
+        assert Residual(problem).judged(problem, impulses) == np.inf
+        assert judge(problem, impulses).residual == np.inf
