@@ -9,7 +9,7 @@ import pandas as pd
 from ...problems.arrays import FloatArray
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
-from ..store.ratios import STANDINGS, reaching, standings, times_by_point
+from ..store.ratios import EXCLUDED, STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals that tables give the time to, if the run has more tolerances than these."""
@@ -106,6 +106,17 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True)[columns] if found else pd.DataFrame(columns=columns)
 
 
+def excluded_times(frames: RunFrames) -> pd.DataFrame:
+    """Return the times that are of excluded rounds alone, with the columns problem, solver, accuracy and standing."""
+    limit = frames.info.plan.limits.solve_seconds
+    rows = [
+        (problem, solver, accuracy, EXCLUDED)
+        for accuracy in accuracies(frames)
+        for problem, solver in sorted(excluded_cases(frames.points, accuracy, limit))
+    ]
+    return pd.DataFrame(rows, columns=["problem", "solver", "accuracy", "standing"])
+
+
 def mean_time(times: FloatArray, limit: float) -> float:
     """Return the shifted geometric mean of times [s], those that are missing (NaN) or longer at ``limit`` [s].
 
@@ -173,7 +184,7 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
 OF_PROBLEM = ("solved", "fastest", "time")
 """Columns that a table of problems has for each accuracy, whose tag follows."""
 
-OF_ACCURACIES = ("success", "correct", "mean_time", "own_mean_time")
+OF_ACCURACIES = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
 """Columns that a summary has for each accuracy, whose tag follows."""
 
 
@@ -184,8 +195,8 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     each of ``summary_accuracies`` the share of its problems that the solver says it solved (success), the share that
     the judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a
     solve: over the common problems (mean_time), NaN without any, and over all its own (own_mean_time), which compares
-    with that of no other solver; then the number of wrong claims. Excluded times take part in no mean: a common problem
-    of which a solver has one is left out for all.
+    with that of no other solver; the number of problems in either mean (mean_problems, own_problems); then the number
+    of wrong claims. Excluded times enter no mean: a common problem of which a solver has one is left out for all.
     """
     shown = summary_accuracies(frames)
     tried = attempts(frames, shown)
@@ -198,8 +209,8 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
             reached = own[own["accuracy"] == accuracy]
             seconds = reached["seconds"]
             parts = seconds[reached["compared"]], seconds[~reached["excluded"]]
-            common, all_own = (mean_time(times.to_numpy(), limit) for times in parts)
-            values = (reached["claimed"].mean(), seconds.notna().mean(), common, all_own)
+            means = [value for times in parts for value in (mean_time(times.to_numpy(), limit), len(times))]
+            values = (reached["claimed"].mean(), seconds.notna().mean(), *means)
             row |= dict(zip(_keys(accuracy), values, strict=True))
         row["wrong"] = int(((points["solver"] == solver) & (points["outcome"] == Outcome.WRONG)).sum())
         rows.append(row)

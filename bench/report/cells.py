@@ -109,8 +109,18 @@ def shown_summary(summary: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFra
             shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
         for head, key in means.items():
             lines = [*head.split(" ", 1), tag]
-            shown["\n".join(lines)] = summary[f"{key}_{tag}"].map(duration)
+            shown["\n".join(lines)] = _means(summary, key, tag)
     return shown.assign(wrong=summary["wrong"])
+
+
+def _means(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
+    """Return mean times in texts, each with the number of its problems where excluded times leave fewer."""
+    number, most = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
+    columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[most]
+    return [
+        f"{duration(mean)} ({count})" if 0 < count < total else duration(mean)
+        for mean, count, total in zip(*columns, strict=True)
+    ]
 
 
 def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:

@@ -7,13 +7,23 @@ from rich.text import Text
 
 from ...problems.motion.trajectories.pour import UNITS
 from ...problems.motion.trajectories.problem import Aggregates
+from ..store.condition import EXCLUDED_MARK
 from ..store.frames import RunFrames
 from ..store.plans import PlanRecord, TrajectoryRecord
 from .layout.terminal_table import hanging, print_table
 
 _POINT = ("problem", "solver", "tolerance")
 
-_COSTS = ("total_seconds", "iterations", "repeats", "failed_members", "unsolved_steps", "outcome", "reason")
+_COSTS = (
+    "total_seconds",
+    "is_excluded",
+    "iterations",
+    "repeats",
+    "failed_members",
+    "unsolved_steps",
+    "outcome",
+    "reason",
+)
 
 STILL = 1e-6
 """Way of a coordinate, over what errors are related to, below which nothing moves."""
@@ -30,8 +40,9 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row a point and quantity, or a point that came to no end.
 
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
-    and its high end, total_seconds (median wall time [s]), iterations (median of one-step solves), repeats (members
-    that came to an end), failed_members, unsolved_steps, outcome, reason.
+    and its high end, total_seconds (median wall time [s]), is_excluded (whether it is of excluded rounds alone),
+    iterations (median of one-step solves), repeats (members that came to an end), failed_members, unsolved_steps,
+    outcome, reason.
     """
     return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
         [*_POINT, "quantity", "error", "low", "high", *_COSTS]
@@ -69,7 +80,8 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         if of_one:
             row |= {"from": f"{first['low']:.1e}", "to": f"{first['high']:.1e}"}
         counts = {head: first[name] for head, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))}
-        row |= {"wall [s]": f"{first['total_seconds']:.3g}", "solves": _count(first["iterations"])}
+        mark = EXCLUDED_MARK if first["is_excluded"] == 1 else ""
+        row |= {"wall [s]": f"{first['total_seconds']:.3g}{mark}", "solves": _count(first["iterations"])}
         rows.append(row | {head: _count(count) if count else "–" for head, count in counts.items()})
     if rows:
         print_table(console, pd.DataFrame(rows).fillna("–").replace("nan", "–"), optional=("missed", "failed", "from"))

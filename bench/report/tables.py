@@ -19,6 +19,7 @@ from .accuracy import (
     accuracies,
     accuracy_tag,
     compares_all,
+    excluded_times,
     families,
     families_table,
     measured_points,
@@ -116,9 +117,9 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 
 def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
     """Return the tables of a run: name, numbers, how they are shown, and a note below."""
-    ratios = ratios_table(frames)
+    ratios = _standings(frames)
     shown = partial(shown_results, is_study=frames.is_study, ratios=ratios, bold="**{}**")
-    results = ("results", results_table(frames), shown, "" if ratios.empty else f"\n{_MARKS}\n")
+    results = ("results", results_table(frames), shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
     if frames.is_study:
         return [results, ("points", points_table(frames), shown_points, "")]
     summary = summary_table(frames)
@@ -176,18 +177,25 @@ def print_first_look(frames: RunFrames, console: Console) -> None:
     _print_each_problem(frames, results_table(frames), console, ())
 
 
+def _standings(frames: RunFrames) -> pd.DataFrame:
+    """Return how times stand; in a study, whose times have no ratios, the excluded ones alone."""
+    return excluded_times(frames) if frames.is_study else ratios_table(frames)
+
+
 def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Console, noted: Sequence[Outcome]) -> None:
-    """Print a table of each problem, and below it the cases that ended as one of ``noted``."""
-    ratios = ratios_table(frames)
+    """Print a table of each problem, and below it the cases that ended as one of ``noted`` and the notes of others."""
+    ratios = _standings(frames)
     for problem, rows in results.groupby("problem", sort=False):
         shown = shown_results(rows, frames.is_study, ratios)
         shown = shown.drop(columns=["problem", "family", "contacts", "why"], errors="ignore")
         console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
         optional = ("iter.", "solves", "residual", "error", "ended")
         print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest_cells(rows, ratios))
-        for row in rows[rows["outcome"].isin(noted)].to_dict("records"):
-            note = f"{row['solver']}: {row['outcome']}, {row['reason']}"
-            console.print(Text(hanging(note, console.width), style="dim"))
+        for row in rows.to_dict("records") if noted else ():
+            ended = f"{row['outcome']}, {row['reason']}" if row["outcome"] in noted else ""
+            if ended or row["notes"]:
+                note = f"{row['solver']}: {'; '.join(filter(None, (ended, row['notes'])))}"
+                console.print(Text(hanging(note, console.width), style="dim"))
         console.print()
         if frames.is_study:
             print_points(frames, frames.info.plan.trajectory(str(problem)), console)
@@ -203,6 +211,9 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
         note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
         console.print(Text(hanging(note, console.width), style="dim"))
+    noted = int((results["notes"] != "").sum())
+    if noted:
+        console.print(Text(f"{counted(noted, 'case')} with notes: see tables/results", style="dim"))
     console.print(Text(f"one of them: proxbench report {frames.folder} --problem NAME", style="dim"))
     console.print()
 
@@ -290,7 +301,8 @@ def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
 
 def _summary_legend(summary: pd.DataFrame) -> str:
     common = int(summary["common"].iloc[0])
-    own = "mean of own: over all that the solver supports, whose number stands behind the slash."
+    own = "mean of own: over all problems that the solver supports."
+    fewer = " (n): over n of them, since times of the others are excluded."
     if compares_all(summary):
         means = f"mean: shifted geometric mean time over {counted(common, 'problem')}, failures at the time limit."
     elif common:
@@ -300,7 +312,7 @@ def _summary_legend(summary: pd.DataFrame) -> str:
         means = f"no problem is supported by all these solvers, so no means compare; {own}"
     return (
         "says: how many of the problems that the solver supports it claims to solve; true: how many the judge "
-        f"confirms; {means}"
+        f"confirms; {means}{fewer if _has_fewer(summary) else ''}"
     )
 
 
@@ -312,3 +324,12 @@ def _markdown_head(frames: RunFrames) -> str:
 def _markdown(shown: pd.DataFrame) -> str:
     heads = [str(column).replace("\n", " ") for column in shown.columns]
     return markdown_table(map(inline, heads), shown.map(inline).itertuples(index=False))
+
+
+def _has_fewer(summary: pd.DataFrame) -> bool:
+    """Return whether excluded times leave problems out of a mean."""
+    return any(
+        (summary[f"{number}_{tag}"] < summary[most]).any()
+        for tag in summary_tags(summary)
+        for number, most in (("mean_problems", "common"), ("own_problems", "problems"))
+    )

@@ -8,6 +8,7 @@ from html import escape
 import pandas as pd
 
 from ...store.frames import RunFrames
+from ...store.outcome import Outcome
 from .conditions import Condition, read_conditions
 from .pairing import CASE, pair
 from .solved import SOLVED, UNSOLVED, find_solved_changes
@@ -15,6 +16,9 @@ from .times import Times, compare_times
 
 SLOWDOWN = 0.1
 """Part by which a solver must be slower, or have been slower, for a verdict to name it."""
+
+POINT = ("problem", "solver", "tolerance")
+"""Columns that identify a point."""
 
 MOST_NAMED = 3
 """Names that a verdict lists of each kind."""
@@ -101,7 +105,11 @@ class Comparison:
 
     @property
     def _undecided(self) -> str:
-        return "no accuracy is reached by both runs" if self.cases.empty else "each run has one pass"
+        if not self.cases.empty:
+            return "each run has one pass"
+        reached = (frames.points[frames.points["outcome"] == Outcome.SOLVED] for frames in (self.before, self.after))
+        common = set.intersection(*(set(zip(*(one[key] for key in POINT), strict=True)) for one in reached))
+        return "all times that both runs have are excluded" if common else "no accuracy is reached by both runs"
 
     def failures(self, fail_on: Sequence[str] | str) -> list[str]:
         """Return a sentence for each condition that is met, or cannot be decided.

@@ -1,5 +1,7 @@
 """What tables count and average: times beyond the limit count as the limit, and wrong claims as nothing."""
 
+from dataclasses import replace as changed
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +9,12 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import load
 from proxbench.bench.report.accuracy import families, mean_time, problems_table, summary_table
+from proxbench.bench.report.cells import duration, shown_summary
+from proxbench.bench.report.tables import print_tables
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import CaseRecord, Point
+from rich.console import Console
 from simulated_runs import solved_point, store_run
 from stored_cases import case_record, measured_in, timed_round
 
@@ -77,3 +82,29 @@ def test_excluded_times_take_part_in_no_mean(tmp_path: Path) -> None:
     found = summary_table(load(store_run(tmp_path / "run", cases, limits=LIMITS))).set_index("solver")
     assert list(found["mean_time_1e-02"]) == pytest.approx([0.3, 0.2])
     assert list(found["own_mean_time_1e-02"]) == pytest.approx([mean_time(np.array([0.1, 0.3]), 1.0), 0.2])
+
+
+def test_means_name_the_number_of_their_problems_where_times_are_excluded(tmp_path: Path) -> None:
+    cases = [
+        case(solver, solved_point(1e-2, [timed_round(0, 0.1)]), problem=problem) for problem in "pqr" for solver in "AB"
+    ]
+    frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))
+    is_excluded = (frames.points["solver"] == "B") & (frames.points["problem"] != "r")
+    found = summary_table(changed(frames, points=frames.points.assign(is_excluded=is_excluded))).set_index("solver")
+    assert list(found["common"]) == [3, 3]
+    assert list(found["mean_problems_1e-02"]) == [1, 1]
+    assert list(found["own_problems_1e-02"]) == [3, 1]
+    (column,) = (name for name in shown_summary(found.reset_index()) if name.startswith("mean"))
+    assert list(shown_summary(found.reset_index())[column]) == [f"{duration(0.1)} (1)"] * 2
+
+
+def test_notes_of_solved_cases_are_printed_below_their_table(tmp_path: Path) -> None:
+    cases = [case("A", solved_point(1e-2, [timed_round(0, 0.1)])), case("B", solved_point(1e-2, [timed_round(0, 0.1)]))]
+    frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))
+    notes = np.where(frames.points["solver"] == "B", "the local residual is 5e+03 times the judged one", "")
+    console = Console(file=StringIO(), width=120)
+    print_tables(changed(frames, points=frames.points.assign(notes=notes)), console)
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert [line.strip() for line in lines if "local residual" in line] == [
+        "B: at 1e-02: the local residual is 5e+03 times the judged one"
+    ]

@@ -116,6 +116,12 @@ def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path)
     assert found.failures("time>10%") == ["time>10% cannot be decided: no accuracy is reached by both runs"]
 
 
+def test_where_all_common_times_are_excluded_the_verdict_says_so(tmp_path: Path) -> None:
+    found = compare_runs(*(load(store_run(tmp_path / name, simulated_cases(0, solvers="A"))) for name in "ab"))
+    excluded = dataclasses.replace(found, cases=found.cases.iloc[:0])
+    assert excluded.verdict.startswith("times are undecided, all times that both runs have are excluded")
+
+
 @pytest.mark.slow
 def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) -> None:
     """The machine of the record is where a run was begun; its rounds may be of a worker elsewhere."""
