@@ -113,10 +113,12 @@ def test_columns_are_those_of_the_plan(
 
 
 def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
-    summary = summary_table(load(finished_run)).set_index("solver")
+    frames = load(finished_run)
+    summary, lies = summary_table(frames).set_index("solver"), frames.points["solver"] == "Misbehaving(lie)"
     assert summary.loc["Misbehaving(lie)", "success_1e-04"] == 1.0
     assert summary.loc["Misbehaving(lie)", "correct_1e-04"] == 0.0
-    assert summary.loc["Misbehaving(lie)", "wrong"] == 8
+    wrong = int((frames.points["outcome"] == Outcome.WRONG)[lies].sum())
+    assert summary.loc["Misbehaving(lie)", "wrong"] == wrong >= 8  # one of nine claims is wrong on some copies alone
     assert summary.loc["SORprox(relaxation=0.5)", "correct_1e-06"] == pytest.approx(2 / 3)
 
 
