@@ -1,7 +1,7 @@
 """Balls of a plugin's scene as plain values: what recordings need to draw them without code of the plugin."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -58,8 +58,10 @@ def described_balls(balls: BallSystem) -> dict[str, Any]:
 
 
 def _described_surface(surface: Plane | Segment) -> dict[str, Any]:
-    numbers = {name: np.asarray(value).tolist() for name, value in asdict(surface).items()}
-    return {"type": type(surface).__name__.lower(), **numbers}
+    """Return a surface as a record; one of a class of the plugin is drawn as the surface that it extends."""
+    kind = Plane if isinstance(surface, Plane) else Segment
+    numbers = {field.name: np.asarray(getattr(surface, field.name)).tolist() for field in fields(kind)}
+    return {"type": kind.__name__.lower(), **numbers}
 
 
 def ball_arrays(scene: Scene) -> dict[str, NDArray[Any]]:

@@ -36,7 +36,8 @@ class Conservative(Protocol):
 class Force(ABC):
     """An effect that accelerates the centres of balls.
 
-    The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative.
+    The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative. A class
+    that overrides ``accelerate`` and not the potential energy, or not ``is_dissipative``, is neither.
 
     Attributes:
         is_dissipative: whether the force only takes energy, so that it has no potential energy.
@@ -46,14 +47,23 @@ class Force(ABC):
 
     def added_to(self, system: BallSystem) -> BallSystem:
         """Return the system with this force."""
-        potential = self.potential_energy if isinstance(self, Conservative) else None
-        if self.is_dissipative:
+        potential = None
+        if self.is_dissipative and self._describes_its_force("is_dissipative"):
             potential = _no_energy
+        elif isinstance(self, Conservative) and self._describes_its_force("potential_energy"):
+            potential = self.potential_energy
         return replace(
             system,
             accelerations=(*system.accelerations, self.accelerate),
             potentials=(*system.potentials, potential),
         )
+
+    def _describes_its_force(self, name: str) -> bool:
+        """Return whether the class that defines a name knows the acceleration: it is not overridden below."""
+        described, accelerated = (
+            next(one for one in type(self).__mro__ if key in vars(one)) for key in (name, "accelerate")
+        )
+        return issubclass(described, accelerated)
 
     @abstractmethod
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:

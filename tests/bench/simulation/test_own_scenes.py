@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.plugins.ball_records import described_balls
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.remote_scene import local_or_remote_scene
 from proxbench.bench.simulation.plan import make_simulation_plan
@@ -29,6 +30,17 @@ class Wind(Force):
 
     def accelerate(self, centres: Any, velocities: Any, masses: Any) -> Any:
         return np.ones_like(centres)
+
+
+class Uneven(Gravity):
+    """Gravity of another acceleration, whose potential is not known."""
+
+    def accelerate(self, centres: Any, velocities: Any, masses: Any) -> Any:
+        return 2.0 * super().accelerate(centres, velocities, masses)
+
+
+class Ground(Plane):
+    """A plane of a class of its own."""
 
 
 @pytest.fixture(autouse=True)
@@ -53,6 +65,7 @@ def test_a_free_fall_of_an_own_scene_of_balls_keeps_its_energy() -> None:
         ([Gravity(2.0), Friction(0.5)], 2.0 * 3.0 * 0.5),
         ([Gravity(2.0), Spring(4.0, (0.0, 0.0, 0.0)), Drag(1.0)], 2.0 * 3.0 * 0.5 + 2.0 * 0.25),
         ([Gravity(2.0), Wind()], None),
+        ([Uneven(2.0)], None),
     ],
 )
 def test_potential_energy_of_balls_is_known_if_that_of_every_force_is(effects: list[Any], known: float | None) -> None:
@@ -88,3 +101,9 @@ def test_balls_of_a_remote_scene_have_its_radii_masses_and_surfaces() -> None:
     drawn = [surface for surface in Funnel(3).system().surfaces if type(surface).__name__ != "Rim"]
     assert list(funnel.surfaces) == drawn
     assert local_or_remote_scene("block").balls is None
+
+
+def test_a_surface_of_a_class_of_its_own_is_drawn_as_the_one_it_extends() -> None:
+    system = ball_system(np.array([0.1]), np.array([3.0]), [Ground((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))], [])
+    (surface,) = described_balls(system)["surfaces"]
+    assert surface == {"type": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
