@@ -262,7 +262,7 @@ def test_resume_requires_the_file_and_refuses_another_version(written: Callable[
 
     lost = next(iter((folder / "cases").glob("*Filed*")))
     lost.unlink()
-    with pytest.raises(BenchError, match=r"give plugins=\['.*mine\.py'\]"):
+    with pytest.raises(BenchError, match=r"mine\.py; name it with `plugins`"):
         resume(folder)
     assert resume(folder, plugins=[path]).folder == folder
     assert len(load(folder).cases) == 2
@@ -286,7 +286,7 @@ def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
     for file, _ in registered():
         forget(file)
     assert run_command(["run", "--resume", str(folder)]) == 2
-    assert f"add --plugin {path}" in capsys.readouterr().err
+    assert f"plugin file {path}; name it with --plugin" in capsys.readouterr().err
     assert registered() == []
     assert run_command(["run", "--resume", str(folder), "--no-charts", "--plugin", str(path)]) == 0
 

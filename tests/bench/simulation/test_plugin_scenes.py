@@ -210,4 +210,4 @@ def test_the_command_simulates_reports_and_resumes_scenes_of_plugins(
     forget(PluginFile.read(PLUGIN))
     capsys.readouterr()
     assert run_command(["report", str(file)]) == 2
-    assert f"add --plugin {PLUGIN}" in capsys.readouterr().err
+    assert f"plugin file {PLUGIN}; name it with --plugin" in capsys.readouterr().err
