@@ -86,7 +86,7 @@ def test_a_run_without_some_of_its_cases_says_so_first_in_every_report(stored: R
     printed, html = pages[0], pages[-3]
     assert printed.startswith("UNFINISHED")
     assert f"proxbench run --resume {run.folder}" in printed
-    assert f"proxbench.bench.resume(&#x27;{run.folder}&#x27;)" in html
+    assert f"proxbench run --resume {run.folder}" in html
 
 
 def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Run) -> None:
