@@ -128,7 +128,7 @@ def test_a_run_from_elsewhere_runs_no_plugin(copied: Path) -> None:
     trap.write_text(f"open({str(sprung)!r}, 'w')\nSOLVERS = []\n")
     entry = {"kind": "solver", "name": "Trap", "source": "", "file": str(trap), "sha256": "0"}
     forge(copied / "run.json", {"plugins": [entry]})
-    with pytest.raises(BenchError, match="give plugins="):
+    with pytest.raises(BenchError, match="name it with `plugins`"):
         resume(copied)
     load(copied)
     assert not sprung.exists()
@@ -154,7 +154,7 @@ def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
     """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
     pickling = {
         "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
-        "cloudpickle": {"specs.py", "describing.py"},
+        "cloudpickle": {"solver_specs.py", "describing.py"},
     }
     for package in ("bench", "problems", "solvers"):
         for file in (PACKAGES / package).rglob("*.py"):
