@@ -49,7 +49,7 @@ from .studies import headline, points_table, print_points
 _CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "model")
 
 _MARKS = (
-    "Bold: the fastest, if the 95 % intervals of all ratios to it exclude 1. ≈: possibly as fast as the fastest. "
+    "Bold: the fastest, if the 95 % intervals of all ratios to it lie above 1.05. ≈: possibly as fast as the fastest. "
     "tables/ratios has the intervals."
 )
 """Legend of the marks of times."""

@@ -3,7 +3,7 @@
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
 steps            one row an accepted step, see ``step_row.StepRow``
 switches         one row a switching point, see ``trajectory.SWITCH``
-state_…          states, from the last of which the simulation goes on, see ``kept_states``
+state_…          states, the last of which a resumed simulation starts from, see ``kept_states``
 closed, sticking keys of the contacts that are so after the last step, where the stepper looks at them
 
 Every write replaces the whole file, so whatever happens, the last complete one is there.

@@ -1,4 +1,4 @@
-"""The files that are made from a result, its chart and its recording, which are written again as it goes on."""
+"""The chart and the recording of a result, which are rewritten while the simulation runs."""
 
 import os
 from collections.abc import Callable, Mapping

@@ -38,7 +38,7 @@ SLACK = 1.001
 
 
 class Ending(StrEnum):
-    """Why a simulation is over, unless its scene ends it."""
+    """Why a simulation ended, unless its scene ended it."""
 
     DURATION = "duration"
     STOPPED = "stopped"
@@ -184,7 +184,7 @@ class Simulation:
 
     @property
     def is_finished(self) -> bool:
-        """Whether nothing is left to simulate: the duration is over, or the scene has ended."""
+        """Whether the simulation is complete: it reached its duration, or its scene ended it."""
         return self.ending not in (Ending.STOPPED, Ending.FAILED)
 
     @property
@@ -198,7 +198,7 @@ class Simulation:
 
     @property
     def ending(self) -> str:
-        """Why the simulation is over, or that it is not: an ``Ending``, or the name of ``scene_ending``."""
+        """Why the simulation ended: an ``Ending``, or the name of ``scene_ending``."""
         by_scene = self.scene_ending
         if by_scene is not None:
             return by_scene.name
