@@ -25,7 +25,7 @@ def report(
         list[str] | None,
         options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
     ] = None,
-    page: Annotated[bool, options.output("--page", help="Write one offline page of a run, and nothing else.")] = False,
+    page: Annotated[bool, options.flag("--page", help="Write one offline page of a run, and nothing else.")] = False,
     baseline: Annotated[str, options.output(metavar="SOLVER", help="Solver that speed-ups relate to.")] = "",
     profiles: options.Profiles = "common",
     plugin: options.PluginFiles = None,
@@ -34,7 +34,7 @@ def report(
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Print the tables of a stored run, study or simulation, and draw its charts again.
+    """Print the tables of a stored result and draw its charts again.
 
     With --problem the tables show these problems only, and no file is written. With --page everything about a run goes
     into one page that needs no network.
@@ -61,21 +61,13 @@ def _is_simulation(result: Path) -> bool:
 
 def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
     """Raise a BenchError if options of ``report`` contradict each other or the result."""
-    from ..errors import BenchError
-
     if _is_simulation(result):
-        for name in ("problem", "page", "baseline", "profiles", "residual"):
-            if name in given:
-                raise BenchError(f"{result} is a simulation; leave out --{name}, which is for runs.")
-    if "page" in given and not charts:
-        raise BenchError("--page and --no-charts exclude each other: the page has its own charts.")
-    if "page" in given and "profiles" in given:
-        raise BenchError("--page and --profiles exclude each other: the page offers both profiles.")
-    if "profiles" in given and not charts:
-        raise BenchError("--profiles and --no-charts exclude each other: profiles are charts.")
-    for name in ("page", "baseline", "profiles", "quiet"):
-        if "problem" in given and name in given:
-            raise BenchError(f"--problem and --{name} exclude each other: --problem prints tables only.")
+        of_runs = ("problem", "page", "baseline", "profiles", "residual")
+        options.refuse(of_runs, given, f"is for runs, and {result} is a simulation")
+    options.refuse_both("problem", ("page", "baseline", "profiles", "quiet"), given)
+    options.refuse_both("page", ["profiles"], given)
+    if not charts:
+        options.refuse(["page", "profiles"], given, "draws charts, and --no-charts leaves them out")
 
 
 def report_run(

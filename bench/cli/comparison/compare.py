@@ -21,9 +21,9 @@ def compare(
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Say what became faster, slower, solved and unsolved between two runs.
+    """Compare two runs: what became faster, slower, solved or unsolved.
 
-    Times compare on one machine, best measured in turn; problems must have the same numbers.
+    Times compare on one machine only, and problems must have the same digest.
     """
     from rich.console import Console
 

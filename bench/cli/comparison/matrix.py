@@ -24,9 +24,7 @@ def matrix(
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
-    from rich.console import Console
-
+    """Show which solver solves which problem, with the reason of every failure. Times are not compared."""
     from ....problems.contact.solver import Stop
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
@@ -49,12 +47,12 @@ def matrix(
         )
     refuse_taken([path for path in (output, table) if path is not None], force=True)
     chosen, methods = select(problem, suite), list(solver or default_solvers())
-    with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+    with ProgressBar(not progress or quiet or as_json) as shown:
         shown.count(0, len(chosen.problems) * len(methods))
 
         def show(cell: Cell) -> None:
             shown.name(f"{cell.solver} on {cell.problem}", again=True)
-            shown.advance()
+            shown.count_one()
 
         cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
