@@ -99,17 +99,16 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(why=points["reason"])
 
 
-def shown_summary(summary: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
-    """Return the summary in texts, of the accuracies with these tags, else of all."""
+def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
+    """Return the summary in texts, of the accuracy with this tag, else of all with their tags in the heads."""
     shown = summary[["solver", "model"]].copy()
-    means = shown_means(summary)
-    for tag in tags or summary_tags(summary):
-        for head, share in (("says", f"success_{tag}"), ("true", f"correct_{tag}")):
+    for one in [tag] if tag else summary_tags(summary):
+        of = "" if tag else f" {one}"
+        for head, share in (("claimed", f"success_{one}"), ("confirmed", f"correct_{one}")):
             pairs = zip(summary[share], summary["problems"], strict=True)
-            shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
-        for head, key in means.items():
-            lines = [*head.split(" ", 1), tag]
-            shown["\n".join(lines)] = _means(summary, key, tag)
+            shown[head + of] = [f"{round(value * number)}/{number}" for value, number in pairs]
+        for head, key in shown_means(summary).items():
+            shown[head + of] = _means(summary, key, one)
     return shown.assign(wrong=summary["wrong"])
 
 

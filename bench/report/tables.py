@@ -41,7 +41,7 @@ from .cells import (
     time_columns,
 )
 from .layout.output_file import write_file
-from .layout.terminal_table import hanging, narrowest, print_table
+from .layout.terminal_table import abreast, hanging, print_table
 from .layout.text import counted, csv_content, inline, latex_table, markdown_table
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
@@ -223,7 +223,7 @@ def _print_families(frames: RunFrames, console: Console) -> None:
     table = families_table(frames)
     for tag in summary_tags(table):
         cells = shown_families(frames.info.plan.solvers, table, [tag])
-        for names in _abreast(cells, console.width):
+        for names in abreast(cells, console.width):
             console.print(Text(f"by family, to {tag}", style="bold"))
             print_table(console, cells[["solver", *names]])
             console.print()
@@ -231,29 +231,13 @@ def _print_families(frames: RunFrames, console: Console) -> None:
     console.print()
 
 
-def _abreast(cells: pd.DataFrame, width: int) -> list[list[str]]:
-    """Return the columns beside that of the solvers in groups that fit side by side."""
-    room = width - max(map(narrowest, cells["solver"])) - 2
-    groups: list[list[str]] = []
-    left = 0
-    for name in cells.columns.drop("solver"):
-        size = max(len(line) for text in (name, *cells[name]) for line in text.splitlines()) + 2
-        if not groups or size > left:
-            groups.append([])
-            left = room
-        groups[-1].append(name)
-        left -= size
-    return groups
-
-
 def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Console) -> None:
-    """Print the summary over so many problems: one table, or one an accuracy where each solver has two means."""
+    """Print the summary over so many problems, a table for each accuracy."""
     of_suite = f" of {suite}" if suite else ""
-    title, tags = f"all {count} problems{of_suite}" if count > 1 else "summary", summary_tags(summary)
-    for shown in [tags] if compares_all(summary) else [[tag] for tag in tags]:
-        to = "" if shown == tags else f", to {shown[0]}"
-        console.print(Text(title + to, style="bold"))
-        print_table(console, shown_summary(summary, shown), words=("model",), optional=("wrong",))
+    title = f"all {count} problems{of_suite}" if count > 1 else "summary"
+    for tag in summary_tags(summary):
+        console.print(Text(f"{title}, to {tag}", style="bold"))
+        print_table(console, shown_summary(summary, tag), words=("model",), optional=("wrong",))
         console.print()
 
 
@@ -311,8 +295,8 @@ def _summary_legend(summary: pd.DataFrame) -> str:
     else:
         means = f"no problem is supported by all these solvers, so no means compare; {own}"
     return (
-        "says: how many of the problems that the solver supports it claims to solve; true: how many the judge "
-        f"confirms; {means}{fewer if _has_fewer(summary) else ''}"
+        "claimed: supported problems that the solver claims to solve; confirmed: those that the judge confirms; "
+        f"{means}{fewer if _has_fewer(summary) else ''}"
     )
 
 

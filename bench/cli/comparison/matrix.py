@@ -30,7 +30,7 @@ def matrix(
     from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
     from ...report.layout.output_file import refuse_taken, write_file
-    from ...report.layout.text import csv_content, print_json
+    from ...report.layout.text import counted, csv_content, print_json
     from ...report.matrix import count_bad, matrix_page, matrix_table
     from ...store.outcome import Cell
     from ..progress import ProgressBar
@@ -71,7 +71,7 @@ def matrix(
             print(matrix_page(cells, tolerance, command), end="")  # it took long to measure
             raise
         if not quiet:
-            print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault")
+            print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or at fault")
         print(f"matrix   {output}")
         print(f"table    {table}")
     return int(count_bad(cells) > 0 or bool(chosen.left_out))
