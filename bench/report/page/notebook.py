@@ -26,4 +26,3 @@ def run_page(frames: RunFrames) -> str:
         lines.append(shown_summary(summary).to_html(index=False, border=0, escape=True))
     lines += [f"<p>{escape(sentence)}</p>" for sentence in frames.damaged]
     return "\n".join(lines)
-
