@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from ...problems.contact.solver import SolverError
-from ...problems.errors import PluginError, ProxbenchError, suggestion
+from ...problems.contact.problem import ContactProblem
+from ...problems.errors import ProxbenchError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
 from ...problems.exchange.families import family_of
 from ...problems.exchange.index import ProblemSummary, stored_summaries, summary_of
@@ -32,7 +32,7 @@ WIDEST_PROBLEM = 34
 def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[Row]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
 
-    A row of a plugin that cannot be used holds the reason as "error".
+    A row that cannot be used holds the reason as "error".
 
     Args:
         what: one of ``KINDS``; all kinds if empty.
@@ -159,40 +159,20 @@ def _option_rows(scene: str) -> list[tuple[str, str]]:
 def _solvers() -> list[Row]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
-    built_in = [name for name in available() if name not in of_plugins]
-    rows = [_row(name, "", model=str(create(name).model), options=option_texts(name)) for name in built_in]
-    rows += [_peer(name) for name in peers()]
+    own = [name for name in available() if name not in of_plugins] + peers()
+    rows = [
+        _row(name, "", lambda name=name: {"model": str(create(name).model), "options": option_texts(name)})
+        for name in own
+    ]
     for name, example in composites().items():
-        rows.append(_row(name, "", model="its parts'", options=[f"as in {example}", *option_texts(name)]))
-    return rows + [_offered(offer, _solver_of_plugin) for offer in offers]
+        options = [f"as in {example}", *option_texts(name)]
+        rows.append(_row(name, "", lambda options=options: {"model": "its parts'", "options": options}))
+    return rows + [_offered(offer, _plugin_solver) for offer in offers]
 
 
-def _peer(name: str) -> Row:
-    """Return the row of an outside solver; its "error" says why it cannot be used."""
-    try:
-        return _row(name, "", model=str(create(name).model), options=option_texts(name))
-    except SolverError as error:
-        return {"name": name, "source": "", "error": str(error)}
-
-
-def _solver_of_plugin(offer: Offer) -> Row:
+def _plugin_solver(offer: Offer) -> Row:
     solver = described_solver(offer.name)
-    return _row(solver["name"], solver["source"], model=solver["model"], options=solver["options"])
-
-
-def _row(name: str, source: str, **known: Any) -> Row:
-    """Return a row: a name, what is known about it, and the plugin that offers it, empty if none."""
-    return {"name": name, **known, "source": source, "error": ""}
-
-
-def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
-    """Return the row of an offer of a plugin; its "error" says why it cannot be used."""
-    try:
-        if offer.refusal:
-            raise PluginError(offer.refusal)
-        return described(offer)
-    except ProxbenchError as error:
-        return {"name": offer.name, "source": offer.source, "error": str(error)}
+    return {key: solver[key] for key in ("name", "model", "source", "options")}
 
 
 def _suites() -> list[Row]:
@@ -203,36 +183,47 @@ def _scenes() -> list[Row]:
     rows = []
     for name, kind in SCENES.items():
         options = [f"{key}={option.default!r}" for key, option in kind.options.items()]
-        rows.append(_row(name, "", summary=kind.summary, options=options))
-    return rows + [_offered(offer, _scene_of_plugin) for offer in plugin_scenes()]
+        rows.append(_row(name, "", lambda kind=kind, options=options: {"summary": kind.summary, "options": options}))
 
+    def described(offer: Offer) -> Row:
+        return {"summary": f"from {offer.source}", "options": described_scene(offer.name)}
 
-def _scene_of_plugin(offer: Offer) -> Row:
-    return _row(offer.name, offer.source, summary=f"from {offer.source}", options=described_scene(offer.name))
+    return rows + [_offered(offer, described) for offer in plugin_scenes()]
 
 
 def _problems() -> list[Row]:
     offers = plugin_problems()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     rows = [_standard_problem(name) for name in problem_names() if name not in of_plugins]
-    return rows + [_offered(offer, _problem_of_plugin) for offer in offers]
-
-
-def _problem_of_plugin(offer: Offer) -> Row:
-    problem = plugin_problem(offer.name)
-    return _problem(problem.name, summary_of(problem), offer.source)
+    return rows + [_offered(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
 
 
 def _standard_problem(name: str) -> Row:
     """Return the row of a standard problem, or of one in the cache folder."""
     stored = stored_summaries().get(name)
     if stored is not None:
-        return _problem(name, stored, "")
-    if is_available(name):
-        problem = load(name)
-        return _problem(problem.name, summary_of(problem), "")
-    return _row(name, "", available=False)
+        return _row(name, "", lambda: _sizes(stored))
+    return _row(name, "", lambda: _problem(load(name)) if is_available(name) else {"available": False})
 
 
-def _problem(name: str, summary: ProblemSummary, source: str) -> Row:
-    return _row(name, source, available=True, **{**asdict(summary), "laws": list(summary.laws)})
+def _problem(problem: ContactProblem) -> Row:
+    return {"name": problem.name, **_sizes(summary_of(problem))}
+
+
+def _sizes(summary: ProblemSummary) -> Row:
+    return {"available": True, **asdict(summary), "laws": list(summary.laws)}
+
+
+def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
+    """Return the row of an offer of a plugin."""
+    if offer.refusal:
+        return {"name": offer.name, "source": offer.source, "error": offer.refusal}
+    return _row(offer.name, offer.source, lambda: described(offer))
+
+
+def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:
+    """Return a row: a name, the plugin that offers it, and what is known; its "error" says why it cannot be used."""
+    try:
+        return {"name": name, "source": source, "error": "", **describe()}
+    except ProxbenchError as error:
+        return {"name": name, "source": source, "error": str(error)}

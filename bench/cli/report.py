@@ -108,14 +108,13 @@ def report_run(
     from ..report.profiles import baseline_of
     from ..report.tables import print_tables
 
-    _require_readable(run)
     frames, console = run.judged_by(residual), Console(width=output_width())
     if baseline:
         baseline_of(frames, baseline)
+    _report_damage(run)
     left_out = [options.spell_options(sentence) for sentence in run.info.plan.left_out]
     for sentence in left_out:
         print(f"proxbench: {sentence}", file=sys.stderr)
-    _print_damage(run)
     if not (quiet or as_json):
         print_tables(frames, console)
         console.print()
@@ -132,25 +131,20 @@ def report_run(
         console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
     if made.unwritten:
         print(f"proxbench: {made.unwritten}", file=sys.stderr)
-    return int(_has_failed(run) or bool(left_out) or bool(run.damaged))
+    return 1 if left_out else _exit_code(run, run)
 
 
 def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline: str) -> int:
-    """Write the page of a run and print its path; return 1 if a case failed or is damaged.
-
-    Raises:
-        BenchError: if the run has no case, is a study, or has no such baseline, or the page cannot be written.
-    """
+    """Write the page of a run and print its path; return 1 if a case failed or is damaged."""
     from ..report.layout.text import print_json
 
-    _require_readable(run)
-    _print_damage(run)
+    _report_damage(run)
     file = run.page(residual, baseline)
     if as_json:
         print_json({"run": str(run.folder), "page": str(file)})
     else:
         print(file if quiet else f"page     {file}")
-    return int(_has_failed(run) or bool(run.damaged))
+    return _exit_code(run, run)
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
@@ -165,8 +159,7 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
     from ..report.layout.text import json_records, output_width, print_json
     from ..report.tables import print_tables, results_table
 
-    _require_readable(run)
-    _print_damage(run)
+    _report_damage(run)
     frames = run.only(problems).judged_by(residual)
     if as_json:
         tables = {"problems": problems_table(frames), "results": results_table(frames)}
@@ -174,11 +167,11 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
         print_json({"run": str(run.folder), "residual": residual, **records})
     else:
         print_tables(frames, Console(width=output_width()))
-    return int(_has_failed(frames) or bool(run.damaged))
+    return _exit_code(run, frames)
 
 
-def _require_readable(run: "Run") -> None:
-    """Raise ``BenchError`` if a run has case files, and none of them can be read."""
+def _report_damage(run: "Run") -> None:
+    """Print which case files are damaged; raise ``BenchError`` if a run has case files and all are."""
     from ..errors import BenchError
 
     if run.damaged and run.cases.empty:
@@ -188,18 +181,16 @@ def _require_readable(run: "Run") -> None:
             f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more} are damaged; "
             f"measure them again with: proxbench run --resume {run.folder}"
         )
-
-
-def _print_damage(run: "Run") -> None:
     for sentence in run.damaged:
         print(f"proxbench: {sentence}", file=sys.stderr)
 
 
-def _has_failed(frames: "RunFrames") -> bool:
-    """Whether a case failed or claims a wrong answer."""
+def _exit_code(run: "Run", shown: "RunFrames") -> int:
+    """Return 1 if a case that is shown failed or claims a wrong answer, or a file of the run is damaged; else 0."""
     from ..store.outcome import FAULTS, Outcome
 
-    return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())
+    has_fault = shown.cases["outcome"].isin(FAULTS).any()
+    return int(bool(run.damaged) or has_fault or (shown.points["outcome"] == Outcome.WRONG).any())
 
 
 def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:

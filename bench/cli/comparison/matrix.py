@@ -12,9 +12,9 @@ def matrix(
     suite: options.Suite = "hard",
     problem: options.Problems = None,
     solver: options.Solvers = None,
-    tolerance: Annotated[float, options.limits(help="Residual to reach.")] = 1e-8,
+    tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
     solve_seconds: options.SolveSeconds = 5.0,
-    max_iterations: Annotated[int, options.limits(help="Iterations of one solve.")] = 200_000,
+    max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iterations of one solve.")] = 200_000,
     output: Annotated[
         Path | None,
         options.output(metavar="FILE", help="Markdown page, beside a CSV file of all cells; printed if left out."),

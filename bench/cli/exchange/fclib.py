@@ -87,7 +87,8 @@ def import_files(
 ) -> int:
     """Read FCLIB files into problem files (.npz).
 
-    Each file is printed with the digest of its problem. The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
+    Each file is printed with the digest of its problem. The exit code is 1 if a file in a folder cannot be read;
+    standard error gives the reason.
     """
     from ....problems import read_fclib, save_problem
 

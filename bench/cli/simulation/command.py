@@ -33,8 +33,12 @@ def simulate(
         list[str] | None,
         _method(metavar="SOLVER", help='Like "SORprox(relaxation=1.5)"; repeatable in a study.'),
     ] = None,
-    tolerance: Annotated[float | None, _method(help="Judged residual that each step shall reach.")] = None,
-    max_iterations: Annotated[int | None, _method(help="Iterations of the solver in one step.")] = None,
+    tolerance: Annotated[
+        float | None, _method(metavar="NUMBER", help="Judged residual that each step shall reach.")
+    ] = None,
+    max_iterations: Annotated[
+        int | None, _method(metavar="NUMBER", help="Iterations of the solver in one step.")
+    ] = None,
     start: Annotated[
         str | None, _method(metavar="START", help="First impulses of a step: warm, cold or warm-then-cold.")
     ] = None,
@@ -53,7 +57,9 @@ def simulate(
     output: Annotated[
         Path, options.output(metavar="FILE", help="Result (.npz), or the folder for it or for a study.")
     ] = Path("results"),
-    states: Annotated[int | None, options.output(help="States kept, at least; twice as many at most.")] = None,
+    states: Annotated[
+        int | None, options.output(metavar="NUMBER", help="States kept, at least; twice as many at most.")
+    ] = None,
     recording: Annotated[Path | None, options.output(metavar="FILE", help="Recording to write (.rrd).")] = None,
     chart: Annotated[Path | None, options.output(metavar="NAME", help="Chart to write, .svg and .png.")] = None,
     force: options.Force = False,
@@ -63,7 +69,7 @@ def simulate(
 ) -> int:
     """Simulate a scene step by step; every step is judged and stored.
 
-    ``proxbench list scenes NAME`` shows the options of a scene.
+    The command "proxbench list scenes NAME" shows the options of a scene.
     """
     from .show import Request, run_simulation
 

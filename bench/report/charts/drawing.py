@@ -30,7 +30,7 @@ SEPARATE_LEGENDS: dict[str, Literal["independent", "shared"]] = {
 }
 """Scales that keep the legend of each panel, with colour, shape and dash in one, at that panel."""
 
-TIME_AXIS: dict[str, Any] = {"format": "~g", "tickCount": 6, "labelOverlap": True}
+TIME_AXIS: dict[str, Any] = {"format": "~g", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.5}
 """Ticks of axes of times and counts."""
 
 MAX_LEGEND_ROWS = 16

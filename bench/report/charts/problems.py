@@ -16,10 +16,9 @@ from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
 from ...store.store import plain_name
-from ..accuracy import measured_points
+from ..endings import case_endings
 from ..layout.text import counted
 from ..studies import headline, motion_warning, spreads
-from ..tables import ending
 from .drawing import (
     SEPARATE_LEGENDS,
     TIME_AXIS,
@@ -203,7 +202,7 @@ def cost_panel(
     channel = {"x": alt.X, "y": alt.Y}[bar]
     ends = {bar: channel("low:Q", title=titles[bar]), f"{bar}2": "high:Q"}
     layers = [
-        base.mark_rule(strokeWidth=1, opacity=0.6).encode(**ends),
+        base.mark_rule(strokeWidth=1).encode(**ends),
         base.mark_line(strokeWidth=2).encode(
             strokeDash=by_name(alt.StrokeDash, "solver", named, "dash", legend), order="tolerance:Q"
         ),
@@ -284,7 +283,8 @@ def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
 def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
     """Return which solvers have no points on a problem, or points and no curve, with the reasons."""
     with_points = set(_costs(frames, problem)["solver"])
-    cases = frames.cases[frames.cases["problem"] == problem].set_index("solver", drop=False)
+    own = frames.only([problem])
+    endings = case_endings(own).set_index(own.cases["solver"])
     reasons: dict[str, list[str]] = {}
     for solver in frames.info.plan.solvers:
         if solver in set(shown["solver"]):
@@ -292,9 +292,8 @@ def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
         reason = "not measured yet"
         if solver in with_points:
             reason = "no iterates"
-        elif solver in cases.index:
-            case = cases.loc[solver].to_dict()
-            reason = ": ".join(ending(case, measured_points(frames, case)))
+        elif solver in endings.index:
+            reason = "{outcome}: {reason}".format(**endings.loc[solver])
         reasons.setdefault(shorten(reason.rstrip("."), MAX_REASON_LENGTH, placeholder=" …"), []).append(solver)
     if not reasons:
         return ""

@@ -8,7 +8,6 @@ from typing import Any
 import pandas as pd
 from rich import box
 from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -33,32 +32,33 @@ def print_table(
         optional: columns that may be left out, those first that matter least.
         bold: index and column of the cells that are marked.
     """
-    unbounded = console.options.update_width(10_000)  # a measurement is cut to the width that it is given
-    for left_out, padding in product(range(len(optional) + 1), (1, 0)):
-        table = _table(shown.drop(columns=list(optional[:left_out]), errors="ignore"), words, bold, padding)
-        if Measurement.get(console, unbounded, table).minimum < console.width:
+    for left_out, gap in product(range(len(optional) + 1), (2, 1)):
+        chosen = shown.drop(columns=list(optional[:left_out]), errors="ignore").astype(str)
+        if sum(_least_width(chosen[column]) + gap for column in chosen) - gap <= console.width:
             break
+    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, gap - 1, 0, 0), show_edge=False)
+    for column in chosen.columns:
+        is_text = column == "solver" or column in words
+        table.add_column(column, justify="left" if is_text else "right", no_wrap=column != "solver", overflow="fold")
+    for index, row in zip(chosen.index, chosen.itertuples(index=False), strict=True):
+        cells = zip(chosen.columns, row, strict=True)
+        table.add_row(*(Text(cell, style="bold green" if (index, column) in bold else "") for column, cell in cells))
     console.print(table)
 
 
-def _table(shown: pd.DataFrame, words: Sequence[str], bold: Collection[tuple[Any, str]], padding: int) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, padding, 0, 0), show_edge=False)
-    for column in shown.columns:
-        is_text = column == "solver" or column in words
-        table.add_column(column, justify="left" if is_text else "right", no_wrap=column != "solver", overflow="fold")
-    for index, row in zip(shown.index, shown.astype(str).itertuples(index=False), strict=True):
-        cells = zip(shown.columns, row, strict=True)
-        table.add_row(*(Text(cell, style="bold green" if (index, column) in bold else "") for column, cell in cells))
-    return table
+def _least_width(column: "pd.Series[str]") -> int:
+    """Return the width of the longest text of a column; names of solvers are wrapped at spaces."""
+    texts = (str(column.name), *column)
+    return max(len(part) for text in texts for part in (text.split() if column.name == "solver" else [text]))
 
 
 def abreast(shown: pd.DataFrame, width: int) -> list[list[str]]:
     """Return the columns of a table beside that of the solvers in groups that fit side by side."""
-    room = width - max(len(word) for name in shown["solver"] for word in name.split()) - 2
+    room = width - _least_width(shown["solver"]) - 2
     groups: list[list[str]] = []
     left = 0
     for name in shown.columns.drop("solver"):
-        size = max(map(len, (name, *shown[name]))) + 2
+        size = _least_width(shown[name]) + 2
         if not groups or size > left:
             groups.append([])
             left = room

@@ -1,4 +1,4 @@
-"""A run as a notebook shows it: its state and its summary on one page."""
+"""A run in a notebook: its state and its summary."""
 
 from html import escape
 
@@ -11,7 +11,7 @@ from ..studies import headline, points_table
 
 
 def run_page(frames: RunFrames) -> str:
-    """Return the summary of a run as HTML, all texts escaped; what is missing from it stands above."""
+    """Return the state and the summary of a run as HTML, with all texts escaped."""
     info = frames.info
     n_problems, n_solvers = len(info.plan.problems), len(info.plan.solvers)
     counts = f"{counted(n_problems, 'problem')}, {counted(n_solvers, 'solver')}"

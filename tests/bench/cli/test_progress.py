@@ -62,3 +62,14 @@ def test_a_study_shows_its_work_and_counts_its_points_from_the_start() -> None:
     assert "to do: 7 points, 35 simulations" in text.getvalue()
     assert "3/7" in text.getvalue()
     assert "/?" not in text.getvalue().split("to do")[1]
+
+
+def test_the_time_left_follows_from_points_that_take_minutes() -> None:
+    now = [0.0]
+    shown = RunProgress(console=Console(file=io.StringIO(), force_terminal=True, width=160))
+    shown.get_time = lambda: now[0]
+    shown(RunStarted(Path("run"), 2, 0, points=5, work="5 points, 5 simulations"))
+    for minutes in (0.0, 5.0, 10.0):
+        now[0] = 60.0 * minutes
+        shown(PointFinished("bouncing_ball", "Moreau with SORprox", 1e-3))
+    assert shown.tasks[0].time_remaining == 600.0
