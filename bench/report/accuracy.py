@@ -171,9 +171,6 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     return pd.concat(parts).sort_index(kind="stable").reset_index(drop=True)
 
 
-OF_PROBLEM = ("solved", "fastest", "time")
-"""Columns that a table of problems has for each accuracy, whose tag follows."""
-
 OF_ACCURACIES = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
 """Columns that a summary has for each accuracy, whose tag follows."""
 
@@ -234,32 +231,32 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded), its time [s]
     (``time_1e-04``), and the least judged residual of any, wrong claims left out, with its solver (best).
     """
-    shown = accuracies(frames)
-    tried, counted = attempts(frames, shown), counted_cases(frames)["problem"].value_counts()
-    points = frames.points[frames.points["outcome"] != Outcome.WRONG]
-    rows = []
-    for problem, cases in frames.cases.groupby("problem", sort=False):
-        row = dict(cases.iloc[0][["problem", "family", "n_contacts", "n_rows"]])
-        row["solvers"] = int(counted.get(problem, 0))
-        for accuracy in shown:
-            reached = tried[(tried["problem"] == problem) & (tried["accuracy"] == accuracy)].dropna(subset="seconds")
-            compared = reached.iloc[:0] if reached["excluded"].any() else reached
-            values = (len(reached), *_least(compared, "seconds"))
-            row |= {f"{kind}_{accuracy_tag(accuracy)}": value for kind, value in zip(OF_PROBLEM, values, strict=True)}
-        own = points[points["problem"] == problem].dropna(subset="residual")
-        best, residual = _least(own, "residual")
-        rows.append(row | {"residual": residual, "best": best})
-    of_accuracies = [f"{kind}_{accuracy_tag(accuracy)}" for accuracy in shown for kind in OF_PROBLEM]
-    columns = ["problem", "family", "n_contacts", "n_rows", "solvers", *of_accuracies, "residual", "best"]
-    return pd.DataFrame(rows, columns=columns)
+    table = frames.cases.drop_duplicates("problem")[["problem", "family", "n_contacts", "n_rows"]].reset_index(
+        drop=True
+    )
+    names, shown = table["problem"], accuracies(frames)
+    table["solvers"] = _counts(names, counted_cases(frames)["problem"])
+    tried = attempts(frames, shown).dropna(subset="seconds")
+    for accuracy in shown:
+        tag, reached = accuracy_tag(accuracy), tried[tried["accuracy"] == accuracy]
+        disturbed = reached["problem"][reached["excluded"].astype(bool)]
+        least = _least(reached[~reached["problem"].isin(disturbed)], "seconds")
+        table[f"solved_{tag}"] = _counts(names, reached["problem"])
+        table[f"fastest_{tag}"] = names.map(least["solver"]).fillna("")
+        table[f"time_{tag}"] = names.map(least["seconds"])
+    trusted = frames.points[frames.points["outcome"] != Outcome.WRONG].dropna(subset="residual")
+    best = _least(trusted, "residual")
+    return table.assign(residual=names.map(best["residual"]), best=names.map(best["solver"]).fillna(""))
 
 
-def _least(rows: pd.DataFrame, column: str) -> tuple[str, float]:
-    """Return the solver of the row with the least number in a column, and that number; empty and NaN without rows."""
-    if rows.empty:
-        return "", np.nan
-    least = rows.iloc[int(rows[column].argmin())]
-    return str(least["solver"]), float(least[column])
+def _counts(names: "pd.Series[str]", found: "pd.Series[str]") -> "pd.Series[int]":
+    """Return how often each name is found."""
+    return names.map(found.value_counts()).fillna(0).astype(int)
+
+
+def _least(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Return the row of each problem with the least number in a column."""
+    return rows.sort_values(column, kind="stable").drop_duplicates("problem").set_index("problem")
 
 
 def compares_all(summary: pd.DataFrame) -> bool:
