@@ -1,4 +1,4 @@
-"""Solvers, suites, problems and scenes, as plain values and as text."""
+"""Listings of solvers, suites, problems and scenes, as values and as text."""
 
 import textwrap
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Options that commands share: plugin files, what is printed, and which solvers."""
+"""Options that commands share, and checks of options that exclude each other."""
 
 import re
 import sys
@@ -43,21 +43,21 @@ def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
 
 
 def given(context: typer.Context) -> set[str]:
-    """Return the names of the parameters that stand on the command line."""
+    """Return the names of the parameters given on the command line."""
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
 _OTHER_NAMES = {"results": "output", "plugins": "plugin"}
-"""Names of parameters in Python whose option has another name."""
+"""Options whose name differs from that of the parameter in Python."""
 
 
 def spelled(name: str) -> str:
-    """Return how the command line spells an option: ``"--run-id"``."""
+    """Return the option of a parameter: ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
 
 
 def spell_options(message: str) -> str:
-    """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
+    """Return a message with parameters replaced by options: `` `force=True` `` by ``--force``."""
     return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
 
 
@@ -101,7 +101,7 @@ PluginFiles = Annotated[
         callback=_take_into_use,
     ),
 ]
-"""Plugin files; they are in use when the command begins."""
+"""Plugin files, which are loaded before the command begins."""
 
 Suite = Annotated[str, selection(metavar="SUITE|FOLDER", help="Suite, or folder of files.")]
 """Name of a suite, or a folder."""
@@ -112,11 +112,11 @@ Solvers = Annotated[
 """Names of solvers with options."""
 
 Problems = Annotated[
-    list[str] | None, selection("--problem", metavar="PROBLEM", help="Problem instead of a suite; repeatable.")
+    list[str] | None, selection("--problem", metavar="PROBLEM", help="Problem, instead of a suite; repeatable.")
 ]
 """Names of problems."""
 
-SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time of one solve.")]
+SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time limit of one solve.")]
 """Time limit of one solve [s]."""
 
 Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs.")]
@@ -133,9 +133,9 @@ Charts = Annotated[bool, flag("--charts/--no-charts", help="Draw charts.")]
 
 Residual = Annotated[
     str,
-    output(metavar="judged|local", help="Residual that reports go by.", callback=_check_residual),
+    output(metavar="judged|local", help="Residual that reports use.", callback=_check_residual),
 ]
-"""What "reached" is judged by."""
+"""Residual by which an accuracy is reached."""
 
 
 def _check_view(name: str) -> str:
@@ -153,10 +153,10 @@ Profiles = Annotated[
 """Problems that charts of profiles are over."""
 
 Progress = Annotated[bool, flag("--progress/--no-progress", help="Show the progress.")]
-"""Show on standard error how far the command is."""
+"""Show the progress on standard error."""
 
-Quiet = Annotated[bool, flag("--quiet", help="Print errors and the places of files only.")]
-"""Print nothing but errors and where the files are."""
+Quiet = Annotated[bool, flag("--quiet", help="Print only errors and paths of files.")]
+"""Print only errors and paths of files."""
 
 Force = Annotated[bool, flag("--force", help="Replace existing files.")]
 """Replace files that exist."""

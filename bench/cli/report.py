@@ -1,4 +1,4 @@
-"""``proxbench report``, and what a finished run prints and writes."""
+"""``proxbench report``, and the output of a finished run."""
 
 import sys
 from collections.abc import Collection, Iterator
@@ -26,7 +26,7 @@ def report(
         options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
     ] = None,
     page: Annotated[bool, options.flag("--page", help="Write one offline page of a run, and nothing else.")] = False,
-    baseline: Annotated[str, options.output(metavar="SOLVER", help="Solver that speed-ups relate to.")] = "",
+    baseline: Annotated[str, options.output(metavar="SOLVER", help="Baseline of speed-ups.")] = "",
     profiles: options.Profiles = "common",
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
@@ -93,7 +93,7 @@ def report_run(
         as_json: print one JSON document instead.
         residual: residual that tables and charts use, "judged" or "local".
         record: whether to record the iterations.
-        baseline: solver that speed-ups relate to; the one that solves most problems if empty.
+        baseline: baseline of speed-ups; the solver of most problems if empty.
         page: whether to write the page, if the run has one.
         profiles: problems that profiles cover, "common" to all solvers or "all".
 

@@ -30,7 +30,7 @@ _STORED_WITH_THE_RUN = (
     "thorough",
     "seed",
 )
-"""Options that are stored with a run, so that --resume cannot change them."""
+"""Options that are stored with a run and cannot be changed by --resume."""
 
 
 def run(
@@ -40,10 +40,10 @@ def run(
     sample: Annotated[
         int | None, options.selection(metavar="NUMBER", help="Draw this many problems, evenly over families.")
     ] = None,
-    shard: Annotated[str, options.selection(metavar="I/N", help="Every N-th problem from the I-th; then merge.")] = "",
+    shard: Annotated[str, options.selection(metavar="I/N", help="Measure every N-th problem from the I-th.")] = "",
     solver: options.Solvers = None,
     tolerance: Annotated[
-        list[float] | None, options.selection(metavar="NUMBER", help="Accuracy to time, as a residual; repeatable.")
+        list[float] | None, options.selection(metavar="NUMBER", help="Residual to time; repeatable.")
     ] = None,
     output: options.Runs = Path("results"),
     run_id: options.RunId = "",

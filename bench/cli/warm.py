@@ -49,7 +49,7 @@ def warm(
     elif not quiet:
         print(
             f"Compiled {done['compiled']} functions in {done['compile_seconds']:.0f} s "
-            f"(all in all {done['seconds']:.0f} s); kernels are cached in {done['cache']}."
+            f"({done['seconds']:.0f} s in total); kernels are cached in {done['cache']}."
         )
 
 

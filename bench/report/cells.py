@@ -1,6 +1,6 @@
 """Cells of tables as texts: times with units, counts, and marks of the fastest times."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ def summary_tags(summary: pd.DataFrame) -> list[str]:
     return [key.removeprefix("success_") for key in summary.columns if key.startswith("success_")]
 
 
-def _standings(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
+def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
     """Return the standing of each time in a table of results, by index and head."""
     columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
     known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
@@ -48,11 +48,6 @@ def _standings(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, s
         for row in results.itertuples()
         for head in time_columns(results)
     }
-
-
-def fastest_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> set[tuple[Any, str]]:
-    """Return index and head of the cells with the fastest times."""
-    return {cell for cell, standing in _standings(results, ratios).items() if standing == "fastest"}
 
 
 def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
@@ -66,11 +61,10 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_results(
-    results: pd.DataFrame, is_study: bool = False, ratios: pd.DataFrame | None = None, bold: str = "{}"
+    results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
     """Return results as texts: times that tie with the least have a mark, and the fastest ones the form ``bold``."""
     times = time_columns(results)
-    standing = {} if ratios is None else _standings(results, ratios)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     both = zip(results["reason"], results["notes"], strict=True)
     shown = results.assign(reason=["; ".join(filter(None, texts)) for texts in both]).drop(columns="notes")
@@ -78,7 +72,7 @@ def shown_results(
     for head in times:
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
         cells = zip(shown.index, shown[head].map(duration), strict=True)
-        shown[head] = [forms.get(standing.get((index, head), ""), "{}").format(text) for index, text in cells]
+        shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
     for head, form in (("residual", ".0e"), ("iter.", ".0f")):
         shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
     if is_study:

@@ -26,13 +26,13 @@ from .accuracy import (
 )
 from .cells import (
     TIME,
-    fastest_cells,
     shown_families,
     shown_points,
     shown_problems,
     shown_ratios,
     shown_results,
     shown_summary,
+    standings_of_cells,
     summary_tags,
     time_columns,
 )
@@ -110,9 +110,10 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 
 def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
     """Return the tables of a run: name, numbers, how they are shown, and a note below."""
-    ratios = _standings(frames)
-    shown = partial(shown_results, is_study=frames.is_study, ratios=ratios, bold="**{}**")
-    results = ("results", results_table(frames), shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
+    ratios, table = _standings(frames), results_table(frames)
+    standings = standings_of_cells(table, ratios)
+    shown = partial(shown_results, standings=standings, is_study=frames.is_study, bold="**{}**")
+    results = ("results", table, shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
     if frames.is_study:
         return [results, ("points", points_table(frames), shown_points, "")]
     summary = summary_table(frames)
@@ -179,11 +180,13 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
     """Print a table of each problem, and below it the cases that ended as one of ``noted`` and the notes of others."""
     ratios = _standings(frames)
     for problem, rows in results.groupby("problem", sort=False):
-        shown = shown_results(rows, frames.is_study, ratios)
+        standings = standings_of_cells(rows, ratios)
+        shown = shown_results(rows, standings, frames.is_study)
         shown = shown.drop(columns=["problem", "family", "contacts", "why"], errors="ignore")
         console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
         optional = ("iter.", "solves", "residual", "error", "ended")
-        print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest_cells(rows, ratios))
+        fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
+        print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
             ended = f"{row['outcome']}, {row['reason']}" if row["outcome"] in noted else ""
             if ended or row["notes"]:

@@ -10,13 +10,13 @@ from .. import options
 
 def compare(
     before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder of the run to compare with.")],
-    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder of the run that may be slower.")],
+    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder of the run to judge.")],
     fail_on: Annotated[
         list[str] | None,
-        options.output(metavar="CONDITION", help='"time>10%" or "solved<": exit code 1 then; repeatable.'),
+        options.output(metavar="CONDITION", help='Exit with 1 on "time>10%" or "solved<"; repeatable.'),
     ] = None,
     markdown: Annotated[
-        Path | None, options.output(metavar="FILE", help="Write it for a pull request; - prints it instead.")
+        Path | None, options.output(metavar="FILE", help="Markdown file for a pull request; - prints it.")
     ] = None,
     quiet: options.Quiet = False,
     as_json: options.Json = False,

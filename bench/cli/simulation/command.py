@@ -12,7 +12,7 @@ from ..report import report_run
 _NUMBERS = ("stepper", "tolerance", "max_iterations", "start", "states", "step_seconds")
 
 _LIMITS = ("solve_seconds", "case_seconds")
-"""Options of a study only."""
+"""Options that only a study has."""
 
 _NOT_IN_A_STUDY = {*_NUMBERS, "recording", "chart", "force"} - {"start"}
 
@@ -33,32 +33,32 @@ def simulate(
         list[str] | None,
         _method(metavar="SOLVER", help='Like "SORprox(relaxation=1.5)"; repeatable in a study.'),
     ] = None,
-    tolerance: Annotated[
-        float | None, _method(metavar="NUMBER", help="Judged residual that each step shall reach.")
-    ] = None,
+    tolerance: Annotated[float | None, _method(metavar="NUMBER", help="Judged residual to reach in each step.")] = None,
     max_iterations: Annotated[
         int | None, _method(metavar="NUMBER", help="Iterations of the solver in one step.")
     ] = None,
     start: Annotated[
-        str | None, _method(metavar="START", help="First impulses of a step: warm, cold or warm-then-cold.")
+        str | None, _method(metavar="START", help="Initial impulses of a step: warm, cold or warm-then-cold.")
     ] = None,
     step_seconds: Annotated[
-        float | None, _method(metavar="SECONDS", help="Time of one answer of a plugin in a step.")
+        float | None, _method(metavar="SECONDS", help="Time limit of one answer of a plugin.")
     ] = None,
     study: Annotated[
         bool, _method("--study", metavar="", show_default=False, help="Measure what accuracy costs.")
     ] = False,
     solve_seconds: Annotated[
-        float | None, options.limits(metavar="SECONDS", help="Time of one simulation of a study.")
+        float | None, options.limits(metavar="SECONDS", help="Time limit of one simulation of a study.")
     ] = None,
-    case_seconds: Annotated[float | None, options.limits(metavar="SECONDS", help="Time of one curve of it.")] = None,
+    case_seconds: Annotated[
+        float | None, options.limits(metavar="SECONDS", help="Time limit of one curve of a study.")
+    ] = None,
     plugin: options.PluginFiles = None,
     resume: Annotated[Path | None, options.output(metavar="RESULT", help="Resume this file, or study.")] = None,
     output: Annotated[
         Path, options.output(metavar="FILE", help="Result (.npz), or the folder for it or for a study.")
     ] = Path("results"),
     states: Annotated[
-        int | None, options.output(metavar="NUMBER", help="States kept, at least; twice as many at most.")
+        int | None, options.output(metavar="NUMBER", help="Least number of stored states; at most twice as many.")
     ] = None,
     recording: Annotated[Path | None, options.output(metavar="FILE", help="Recording to write (.rrd).")] = None,
     chart: Annotated[Path | None, options.output(metavar="NAME", help="Chart to write, .svg and .png.")] = None,
