@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from ...problems.contact.problem import ContactProblem
@@ -160,14 +161,17 @@ def _solvers() -> list[Row]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     own = [name for name in available() if name not in of_plugins] + peers()
-    rows = [
-        _row(name, "", lambda name=name: {"model": str(create(name).model), "options": option_texts(name)})
-        for name in own
-    ]
-    for name, example in composites().items():
-        options = [f"as in {example}", *option_texts(name)]
-        rows.append(_row(name, "", lambda options=options: {"model": "its parts'", "options": options}))
+    rows = [_row(name, "", partial(_solver, name)) for name in own]
+    rows += [_row(name, "", partial(_composite, name, example)) for name, example in composites().items()]
     return rows + [_offered(offer, _plugin_solver) for offer in offers]
+
+
+def _solver(name: str) -> Row:
+    return {"model": str(create(name).model), "options": option_texts(name)}
+
+
+def _composite(name: str, example: str) -> Row:
+    return {"model": "its parts'", "options": [f"as in {example}", *option_texts(name)]}
 
 
 def _plugin_solver(offer: Offer) -> Row:
@@ -180,15 +184,17 @@ def _suites() -> list[Row]:
 
 
 def _scenes() -> list[Row]:
-    rows = []
-    for name, kind in SCENES.items():
-        options = [f"{key}={option.default!r}" for key, option in kind.options.items()]
-        rows.append(_row(name, "", lambda kind=kind, options=options: {"summary": kind.summary, "options": options}))
+    rows = [_row(name, "", partial(_scene, name)) for name in SCENES]
+    return rows + [_offered(offer, _plugin_scene) for offer in plugin_scenes()]
 
-    def described(offer: Offer) -> Row:
-        return {"summary": f"from {offer.source}", "options": described_scene(offer.name)}
 
-    return rows + [_offered(offer, described) for offer in plugin_scenes()]
+def _scene(name: str) -> Row:
+    options = [f"{key}={option.default!r}" for key, option in SCENES[name].options.items()]
+    return {"summary": SCENES[name].summary, "options": options}
+
+
+def _plugin_scene(offer: Offer) -> Row:
+    return {"summary": f"from {offer.source}", "options": described_scene(offer.name)}
 
 
 def _problems() -> list[Row]:

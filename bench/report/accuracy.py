@@ -160,7 +160,7 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     for level in levels:
         seconds, claimed = times[level].to_dict(), claimed_cases(points, level)
         excluded = excluded_cases(points, level, limit)
-        of_level = {
+        of_level: dict[str, Any] = {
             "seconds": [seconds.get(name, np.nan) for name in names],
             "claimed": [name in claimed for name in names],
             "common": cases["problem"].isin(common),
@@ -242,11 +242,12 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
         disturbed = reached["problem"][reached["excluded"].astype(bool)]
         least = _least(reached[~reached["problem"].isin(disturbed)], "seconds")
         table[f"solved_{tag}"] = _counts(names, reached["problem"])
-        table[f"fastest_{tag}"] = names.map(least["solver"]).fillna("")
+        table[f"fastest_{tag}"] = [least["solver"].get(name, "") for name in names]
         table[f"time_{tag}"] = names.map(least["seconds"])
     trusted = frames.points[frames.points["outcome"] != Outcome.WRONG].dropna(subset="residual")
     best = _least(trusted, "residual")
-    return table.assign(residual=names.map(best["residual"]), best=names.map(best["solver"]).fillna(""))
+    solvers = [best["solver"].get(name, "") for name in names]
+    return table.assign(residual=names.map(best["residual"]), best=solvers)
 
 
 def _counts(names: "pd.Series[str]", found: "pd.Series[str]") -> "pd.Series[int]":

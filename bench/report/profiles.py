@@ -12,6 +12,7 @@ evaluations.
 """
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -199,7 +200,12 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
             parts["speedup"].append(faster.assign(accuracy=accuracy, family=family, baseline=baseline))
             for view, shown in _views(frames, seconds):
                 for name, profile in kinds.items():
-                    labels = {"accuracy": accuracy, "family": family, "view": view, "problems": len(shown)}
+                    labels: dict[str, Any] = {
+                        "accuracy": accuracy,
+                        "family": family,
+                        "view": view,
+                        "problems": len(shown),
+                    }
                     parts[name].append(profile(shown).assign(**labels))
         for view, shown in _views(frames, residual_matrix(frames).loc[own]):
             rows = accuracy_profile(shown)

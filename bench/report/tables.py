@@ -72,7 +72,7 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     names = list(zip(cases["problem"], cases["solver"], strict=True))
     seconds = {
         TIME + accuracy_tag(accuracy): pd.Series(times[accuracy].to_dict(), dtype=float).reindex(names).to_numpy()
-        for accuracy in times
+        for accuracy in accuracies(frames)
     }
     trusted = attempted_points(frames)
     trusted = trusted[trusted["outcome"] != Outcome.WRONG].sort_values("residual", kind="stable")

@@ -74,12 +74,12 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
         confirmed=("seconds", "count"), claimed=("claimed", "sum"), n=("problem", "size")
     )
     counts = counts.reset_index().assign(all=[f"of {number}" for number in counts["n"]])
-    panels = []
+    panels: list[alt.LayerChart] = []
     for column, who, title in (
         ("confirmed", "the judge", f"{frames.residual} residual"),
         ("claimed", "the solver", "tolerance"),
     ):
-        across = _columns("tolerance", counts["tolerance"].unique(), title)
+        across = _columns("tolerance", list(counts["tolerance"].unique()), title)
         cells = counts.assign(share=counts[column] / counts["n"])
         solvers = _rows(counts["solver"].unique(), named=not panels, grid=False)
         panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {who}")
