@@ -186,11 +186,15 @@ def _report_damage(run: "Run") -> None:
 
 
 def _exit_code(run: "Run", shown: "RunFrames") -> int:
-    """Return 1 if a case that is shown failed or claims a wrong answer, or a file of the run is damaged; else 0."""
+    """Return 1 if a case that is shown failed, or a file of the run is damaged; else 0."""
+    return int(_has_failed(shown) or bool(run.damaged))
+
+
+def _has_failed(frames: "RunFrames") -> bool:
+    """Return whether a case failed or claims a wrong answer."""
     from ..store.outcome import FAULTS, Outcome
 
-    has_fault = shown.cases["outcome"].isin(FAULTS).any()
-    return int(bool(run.damaged) or has_fault or (shown.points["outcome"] == Outcome.WRONG).any())
+    return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())
 
 
 def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:

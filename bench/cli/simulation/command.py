@@ -110,11 +110,7 @@ def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: boo
 
 
 def _require_study(folder: Path) -> None:
-    """Check that a folder holds a study.
-
-    Raises:
-        BenchError: if it is no run, or a run over contact problems.
-    """
+    """Raise ``BenchError`` unless a folder holds a study."""
     from ...errors import BenchError
     from ...store.store import Store
 

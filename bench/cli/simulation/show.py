@@ -88,11 +88,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
 
 
 def _outcome(simulation: Simulation) -> int:
-    """Return 1 if the judge found a step unsolved, else 0.
-
-    Raises:
-        FailedSimulationError: if a step failed.
-    """
+    """Return 1 if the judge found a step unsolved, else 0; raise ``FailedSimulationError`` if a step failed."""
     if simulation.failure is not None:
         raise simulation.failure.error(simulation.file)
     return int(simulation.unsolved.any())
