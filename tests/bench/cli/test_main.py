@@ -164,7 +164,9 @@ def test_a_table_that_goes_to_a_pipe_keeps_names_and_commands_in_one_piece(
     monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
     assert run_command(["report", str(finished_run), "--no-charts"]) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert sum(line.startswith("SORprox(relaxation=0.5) ") for line in lines) == 4
+    assert (
+        sum(line.startswith("SORprox(relaxation=0.5) ") for line in lines) == 5
+    )  # three problems, and the summary to two accuracies
     assert any(line.startswith("claimed: ") and line.endswith("time limit.") for line in lines)
 
 
