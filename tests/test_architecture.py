@@ -50,6 +50,7 @@ AT_HOME = {
         "bench/store/frames.py",
         "bench/store/ratios.py",
         "bench/runs.py",
+        "bench/report/endings.py",
         "bench/report/studies.py",
         "bench/report/accuracy.py",
         "bench/report/tables.py",
@@ -72,9 +73,10 @@ AT_HOME = {
     "typer": {
         f"bench/cli/{name}.py"
         for name in (
+            "comparison/check",
             "comparison/compare",
+            "find",
             "exchange/fclib",
-            "help",
             "main",
             "options",
             "record",

@@ -116,4 +116,4 @@ def test_options_that_exclude_each_other_are_refused(options: str, mistake: Call
 
 @pytest.mark.parametrize("switch", ["--page", "--baseline NSGS"])
 def test_simulations_have_neither_page_nor_baseline(switch: str, mistake: Callable[[str], str]) -> None:
-    assert "which is for runs" in mistake(f"report pour.npz {switch}")
+    assert "is for runs, and pour.npz is a simulation" in mistake(f"report pour.npz {switch}")
