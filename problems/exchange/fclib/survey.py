@@ -13,10 +13,11 @@ from ...arrays import FloatArray
 from ...contact.coupling import row_lengths
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
-from .contents import LocalContents
-from .conversion import LARGEST_ASYMMETRY, Asymmetry, problem_of
+from .contents import GlobalContents, LocalContents
+from .conversion import problem_of
 from .files import SUFFIXES, fclib_contents
 from .matrices import asymmetry
+from .repair import Symmetry
 
 RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled G below this part of the largest one are taken for zero."""
@@ -40,7 +41,7 @@ class Survey:
         rank: estimated rank of G; ``None`` where that is not affordable.
         friction: least and largest μ, 0 without contacts.
         rolling_friction: least and largest μ_r [m]; ``None`` without rolling friction.
-        asymmetry: max |W − Wᵀ| / max |W|, or that of R if it is larger; 0 for a global problem.
+        asymmetry: max |A − Aᵀ| / max |A| for A = W or R, the larger, of a local problem, M of a global one.
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: how many guesses are stored.
         solution: judged residual of the stored solution; ``None`` if none was written.
@@ -70,10 +71,9 @@ def survey(path: Path) -> Survey:
     """
     contents = fclib_contents(path)
     is_local = isinstance(contents, LocalContents)
-    off = max(asymmetry(contents.W), asymmetry(contents.R)) if isinstance(contents, LocalContents) else 0.0
-    treatment: Asymmetry = "symmetrise" if off <= LARGEST_ASYMMETRY else "keep"
+    matrices = (contents.W, contents.R) if isinstance(contents, LocalContents) else (contents.M,)
     try:
-        problem = problem_of(contents, path.stem, treatment)
+        problem = _problem_of_any(contents, path.stem)
     except ProblemError as error:
         raise ProblemError(f"{path}: {error}") from None
     rolling, residual = contents.rolling_friction, problem.provenance.get("stored_solution_residual")
@@ -88,11 +88,22 @@ def survey(path: Path) -> Survey:
         rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
         friction=_range(contents.friction),
         rolling_friction=None if rolling is None else _range(rolling),
-        asymmetry=off,
+        asymmetry=max(asymmetry(matrix) for matrix in matrices),
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
         guesses=contents.guesses,
         solution=None if residual is None else float(residual),
     )
+
+
+def _problem_of_any(contents: LocalContents | GlobalContents, name: str) -> ContactProblem:
+    """Return the problem, with whatever remedy its matrices need; it is looked at only."""
+    ways: tuple[Symmetry, ...] = ("mean", "keep" if isinstance(contents, LocalContents) else "lower")
+    for way in ways[:-1]:
+        try:
+            return problem_of(contents, name, way, "project")
+        except ProblemError:
+            continue
+    return problem_of(contents, name, ways[-1])
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
