@@ -1,7 +1,5 @@
 """Impulses that a file stores as the solution of its problem: judged, and known as an answer only where they pass."""
 
-from dataclasses import replace
-
 from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.judge import judge
@@ -23,4 +21,4 @@ def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> Conta
     """
     residual = judge(problem, impulses).residual
     known = Answer(witness=impulses) if residual <= CONFIRMED else None
-    return replace(problem, answer=known, provenance={**problem.provenance, RESIDUAL: residual})
+    return problem.answered(known, **{RESIDUAL: residual})

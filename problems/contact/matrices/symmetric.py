@@ -79,7 +79,7 @@ def _check_diagonal(matrix: sp.csr_array[Any]) -> None:
     diagonal = diagonal_of(matrix)
     if (diagonal < 0).any():
         row = int(np.argmax(diagonal < 0))
-        raise ProblemError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
+        raise IndefiniteError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
 
 
 def _check_symmetry(matrix: sp.csr_array[Any], tolerance: float) -> None:

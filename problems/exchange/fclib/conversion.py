@@ -24,12 +24,11 @@ from ...arrays import FloatArray
 from ...contact.factors import Factors, InverseMass
 from ...contact.matrices.block_diagonal import MOST_ENTRIES, inverse_entries
 from ...contact.problem import ContactProblem
-from ...errors import IndefiniteError, ProblemError
+from ...errors import ProblemError
+from ..repair import Repair, symmetric
 from ..stored_solution import with_stored_solution
 from .contents import TEXTS, GlobalContents, LocalContents
 from .laws import contacts_of, laws_of, rows_in_order
-from .matrices import asymmetry
-from .repair import Indefinite, Symmetry, semidefinite, symmetric
 
 MOST_COLUMN_ENTRIES = 50_000_000
 """Entries of M⁻¹ D that are computed at once, 400 MB of numbers."""
@@ -42,8 +41,7 @@ rows, ten for nearly all."""
 def problem_of(
     contents: LocalContents | GlobalContents,
     name: str,
-    symmetry: Symmetry = "mean",
-    indefinite: Indefinite = "refuse",
+    repair: Repair = Repair(),  # noqa: B008  frozen
     **provenance: Any,
 ) -> ContactProblem:
     """Return the contact problem of an FCLIB file.
@@ -51,8 +49,7 @@ def problem_of(
     Args:
         contents: what the file holds.
         name: name of the problem.
-        symmetry: how a W, R or M that is not symmetric is read.
-        indefinite: how a W with a negative eigenvalue is read.
+        repair: how a W, R or M that is not symmetric, or a W with a negative eigenvalue, is read.
         provenance: where it comes from, as far as the file does not say it.
 
     Raises:
@@ -60,9 +57,9 @@ def problem_of(
     """
     attributes: dict[str, Any] = {"name": name, "provenance": provenance | _texts(contents)}
     if isinstance(contents, LocalContents):
-        problem = _local(contents, symmetry, indefinite, attributes)
+        problem = _local(contents, repair, attributes)
     else:
-        problem = _global(contents, symmetry, attributes)
+        problem = _global(contents, repair, attributes)
     return problem if contents.solution is None else with_stored_solution(problem, contents.solution)
 
 
@@ -104,42 +101,29 @@ def digest_obstacle(contents: LocalContents | GlobalContents, problem: ContactPr
     return "its numbers are not those of the digest that was written with them"
 
 
-def _unchanged(contents: LocalContents | GlobalContents) -> Symmetry:
+def _unchanged(contents: LocalContents | GlobalContents) -> Repair:
     """Return how the matrices of a file written here are read without any change."""
-    return "keep" if isinstance(contents, LocalContents) else "refuse"
+    return Repair("keep" if isinstance(contents, LocalContents) else "refuse")
 
 
 def _texts(contents: LocalContents | GlobalContents) -> dict[str, str]:
     return {key: text for key, text in contents.about.items() if text}
 
 
-def _local(
-    contents: LocalContents, symmetry: Symmetry, indefinite: Indefinite, attributes: dict[str, Any]
-) -> ContactProblem:
-    joints, said_of_joints = symmetric(contents.R, "R", symmetry)
-    matrix, said = symmetric(contents.W, "W", symmetry)
+def _local(contents: LocalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:
+    joints, said_of_joints = symmetric(contents.R, "R", repair.symmetry)
+    matrix, said = symmetric(contents.W, "W", repair.symmetry)
     c = contents.q
     if contents.n_joints:
         matrix = sp.block_array([[matrix, contents.V], [contents.V.T, joints]], format="csr")
         c = np.append(c, contents.s)
-    attributes["provenance"] |= said_of_joints | said
-    if symmetry == "keep" and (said or said_of_joints):
-        attributes["allow_asymmetric"] = True
-    elif indefinite == "project":
-        matrix, said = semidefinite(matrix)
-        attributes["provenance"] |= said
-    try:
-        return ContactProblem(c, laws_of(contents), matrix=matrix, **attributes)
-    except IndefiniteError as error:
-        raise ProblemError(f"{str(error).rstrip('.')}; read it with `indefinite` project.") from None
+    matrix, projected, is_asymmetric = repair.delassus(matrix)
+    attributes["provenance"] |= said_of_joints | projected | said
+    return ContactProblem(c, laws_of(contents), matrix=matrix, allow_asymmetric=is_asymmetric, **attributes)
 
 
-def _global(contents: GlobalContents, symmetry: Symmetry, attributes: dict[str, Any]) -> ContactProblem:
-    if symmetry == "keep":
-        raise ProblemError("`symmetry` keep is for W; a mass matrix M must be symmetric.")
-    mass, said = symmetric(contents.M, "M", symmetry)
-    if symmetry == "mean" and asymmetry(mass):
-        mass = sp.csr_array(0.5 * (mass + mass.T))  # rounding that is small beside M may be large in one of its blocks
+def _global(contents: GlobalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:
+    mass, said = repair.mass(contents.M)
     attributes["provenance"] |= said
     directions, w = contents.H, contents.w
     if contents.n_joints:

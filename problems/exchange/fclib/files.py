@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from ...arrays import FloatArray, real_numbers
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
+from ..repair import Indefinite, Repair, Symmetry, named_in_errors
 from ..storage import write_whole
 from .container import ContainerError, opened
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
 from .conversion import contents_of, digest_obstacle, problem_of
 from .laws import rows_in_order
-from .repair import Indefinite, Symmetry, check_choices
 
 SUFFIXES = (".hdf5", ".h5")
 """Endings of FCLIB files."""
@@ -44,13 +44,11 @@ def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefi
             has an unknown value.
     """
     path = Path(path)
-    check_choices(symmetry, indefinite)
+    repair = Repair(symmetry, indefinite)
     contents = fclib_contents(path)
-    try:
-        problem = problem_of(contents, path.stem, symmetry, indefinite, source="FCLIB", file=path.name)
+    with named_in_errors(str(path)):
+        problem = problem_of(contents, path.stem, repair, source="FCLIB", file=path.name)
         obstacle = digest_obstacle(contents, problem)
-    except ProblemError as error:
-        raise ProblemError(f"{path}: {error}") from None
     if obstacle:
         raise ProblemError(f"{path} is damaged: {obstacle}; write it again.")
     return problem

@@ -13,11 +13,10 @@ from ...arrays import FloatArray
 from ...contact.coupling import row_lengths
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
+from ..repair import Repair, asymmetry
 from .contents import GlobalContents, LocalContents
 from .conversion import problem_of
 from .files import SUFFIXES, fclib_contents
-from .matrices import asymmetry
-from .repair import Symmetry
 
 RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled G below this part of the largest one are taken for zero."""
@@ -97,13 +96,11 @@ def survey(path: Path) -> Survey:
 
 def _problem_of_any(contents: LocalContents | GlobalContents, name: str) -> ContactProblem:
     """Return the problem, with whatever remedy its matrices need; it is looked at only."""
-    ways: tuple[Symmetry, ...] = ("mean", "keep" if isinstance(contents, LocalContents) else "lower")
-    for way in ways[:-1]:
-        try:
-            return problem_of(contents, name, way, "project")
-        except ProblemError:
-            continue
-    return problem_of(contents, name, ways[-1])
+    last = Repair("keep" if isinstance(contents, LocalContents) else "lower", "project")
+    try:
+        return problem_of(contents, name, Repair("mean", "project"))
+    except ProblemError:
+        return problem_of(contents, name, last)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:

@@ -1,17 +1,19 @@
-"""Matrices of FCLIB files that are not quite symmetric or semidefinite, and the named ways to read them.
+"""Matrices of files that are not quite symmetric or semidefinite, and the named ways to read them.
 
 Public files store a mass matrix by one triangle alone, or matrices that lost their symmetry or their last eigenvalues
 to rounding. Each remedy has a name, is chosen by the reader, and is recorded in the provenance of the problem.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy.sparse as sp
 
-from ...contact.matrices.symmetric import NEGATIVE_TOLERANCE, SYMMETRY_TOLERANCE
-from ...errors import ProblemError, suggestion
-from .matrices import asymmetry
+from ..contact.matrices.symmetric import NEGATIVE_TOLERANCE, SYMMETRY_TOLERANCE
+from ..errors import IndefiniteError, ProblemError, suggestion
 
 Symmetry = Literal["mean", "lower", "upper", "keep", "refuse"]
 """How a matrix A that is not symmetric is read: as (A + Aᵀ)/2, by its lower or upper triangle, unchanged, or not."""
@@ -29,14 +31,71 @@ MOST_ROWS = 5000
 """Rows up to which a matrix is projected; all its eigenvalues are computed."""
 
 
-def check_choices(symmetry: str, indefinite: str) -> None:
-    """Raise ``ProblemError`` for a word that names no way to read a matrix."""
-    for option, word, known in (
-        ("symmetry", symmetry, get_args(Symmetry)),
-        ("indefinite", indefinite, get_args(Indefinite)),
-    ):
-        if word not in known:
-            raise ProblemError(f"`{option}` {word!r} is unknown{suggestion(str(word), known)}")
+@contextmanager
+def named_in_errors(name: str) -> Iterator[None]:
+    """Put the name of a file before the text of a ``ProblemError``, and the remedy for an indefinite matrix behind."""
+    try:
+        yield
+    except IndefiniteError as error:
+        raise ProblemError(f"{name}: {str(error).rstrip('.')}; read it with `indefinite` project.") from None
+    except ProblemError as error:
+        raise ProblemError(f"{name}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Repair:
+    """How matrices of a file are read that are not quite what they must be.
+
+    Attributes:
+        symmetry: of a Delassus matrix or a mass matrix that is not symmetric.
+        indefinite: of a Delassus matrix with a negative eigenvalue.
+
+    Raises:
+        ProblemError: for a word that names no way to read a matrix.
+    """
+
+    symmetry: Symmetry = "mean"
+    indefinite: Indefinite = "refuse"
+
+    def __post_init__(self) -> None:
+        for option, known in (("symmetry", get_args(Symmetry)), ("indefinite", get_args(Indefinite))):
+            word = getattr(self, option)
+            if word not in known:
+                raise ProblemError(f"`{option}` {word!r} is unknown{suggestion(str(word), known)}")
+
+    def delassus(self, matrix: sp.csr_array[Any], name: str = "G") -> tuple[sp.csr_array[Any], dict[str, Any], bool]:
+        """Return a Delassus matrix repaired, the entries of the provenance, and whether it is kept unsymmetric.
+
+        Raises:
+            ProblemError: if it is further off than the remedy admits.
+        """
+        matrix, said = symmetric(matrix, name, self.symmetry)
+        if said and self.symmetry == "keep":
+            return matrix, said, True
+        if self.indefinite == "project":
+            matrix, projected = semidefinite(matrix)
+            said |= projected
+        return matrix, said, False
+
+    def mass(self, matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
+        """Return a mass matrix repaired, and the entries of the provenance.
+
+        Raises:
+            ProblemError: if it is further off than the remedy admits, or is to be kept unsymmetric.
+        """
+        if self.symmetry == "keep":
+            raise ProblemError("`symmetry` keep is for W; a mass matrix M must be symmetric.")
+        matrix, said = symmetric(matrix, "M", self.symmetry)
+        if self.symmetry == "mean" and asymmetry(matrix):
+            matrix = sp.csr_array(0.5 * (matrix + matrix.T))  # rounding beside M may be large in one of its blocks
+        return matrix, said
+
+
+def asymmetry(matrix: sp.csr_array[Any]) -> float:
+    """Return max |A − Aᵀ| / max |A|, 0 for a matrix of zeros."""
+    largest = float(np.abs(matrix.data).max(initial=0.0))
+    difference = matrix - matrix.T
+    return float(np.abs(difference.data).max(initial=0.0)) / largest if largest > 0.0 else 0.0
 
 
 def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.csr_array[Any], dict[str, Any]]:
@@ -77,7 +136,9 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     """
     if matrix.shape[0] > MOST_ROWS:
         raise ProblemError(f"G has {matrix.shape[0]} rows, and `indefinite` project takes up to {MOST_ROWS}.")
-    values, vectors = np.linalg.eigh(matrix.toarray()) if matrix.shape[0] else (np.zeros(1), np.zeros((1, 1)))
+    values, vectors = (
+        np.linalg.eigh(matrix.toarray().astype(np.float64)) if matrix.shape[0] else (np.zeros(1), np.zeros((1, 1)))
+    )
     least = float(values[0] / max(values[-1], np.finfo(np.float64).tiny))
     if least >= -NEGATIVE_TOLERANCE:
         return matrix, {}

@@ -1,4 +1,4 @@
-"""Matrices of FCLIB files that miss symmetry or definiteness: each remedy does what it is named for, and says so."""
+"""Matrices of files that miss symmetry or definiteness: each remedy does what it is named for, and says so."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError, judge, read_fclib, write_fclib
 from proxbench.problems.exchange.fclib import conversion
-from proxbench.problems.exchange.fclib.repair import LARGEST_ASYMMETRY, LARGEST_NEGATIVE, semidefinite, symmetric
+from proxbench.problems.exchange.repair import LARGEST_ASYMMETRY, LARGEST_NEGATIVE, asymmetry, semidefinite, symmetric
 
 COUPLED = M + 0.25 * (np.eye(6, k=3) + np.eye(6, k=-3))
 """A mass matrix of three blocks, as of a body whose centre of mass is off its origin."""
@@ -176,3 +176,11 @@ def test_a_mass_matrix_whose_inverse_is_too_large_is_condensed(tmp_path: Path, m
     assert "condensed" in condensed.provenance
     np.testing.assert_allclose(condensed.delassus().toarray(), factored.delassus().toarray(), rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(condensed.free_velocity, factored.free_velocity, rtol=1e-13, atol=1e-15)
+
+
+def test_asymmetry_is_the_largest_difference_over_the_largest_entry() -> None:
+    crooked = W.copy()
+    crooked[0, 3] += 0.125
+    assert asymmetry(sp.csr_array(W)) == 0.0
+    assert asymmetry(sp.csr_array(crooked)) == 0.125 / np.abs(crooked).max()
+    assert asymmetry(sp.csr_array((3, 3))) == 0.0
