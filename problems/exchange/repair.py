@@ -21,6 +21,9 @@ Symmetry = Literal["mean", "lower", "upper", "keep", "refuse"]
 Indefinite = Literal["refuse", "project"]
 """How a Delassus matrix with a negative eigenvalue is read: not, or as the nearest semidefinite matrix."""
 
+ASYMMETRY = "asymmetry"
+"""The entry of the provenance with max |A − Aᵀ| / max |A| of a matrix that was repaired or kept."""
+
 LARGEST_ASYMMETRY = 1e-2
 """max |A − Aᵀ| / max |A| up to which "mean" applies; beyond it, the difference is no rounding."""
 
@@ -122,7 +125,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
         strict = sp.tril(matrix, -1) if how == "lower" else sp.triu(matrix, 1)
         repaired = sp.csr_array(strict + strict.T + sp.diags_array(matrix.diagonal()))
         said = f"is read by its {how} triangle"
-    return repaired, {"asymmetry": off, "matrix": f"{misses}, and {said}"}
+    return repaired, {ASYMMETRY: off, "matrix": f"{misses}, and {said}"}
 
 
 def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
@@ -136,9 +139,9 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     """
     if matrix.shape[0] > MOST_ROWS:
         raise ProblemError(f"G has {matrix.shape[0]} rows, and `indefinite` project takes up to {MOST_ROWS}.")
-    values, vectors = (
-        np.linalg.eigh(matrix.toarray().astype(np.float64)) if matrix.shape[0] else (np.zeros(1), np.zeros((1, 1)))
-    )
+    if not matrix.shape[0]:
+        return matrix, {}
+    values, vectors = np.linalg.eigh(matrix.toarray().astype(np.float64))
     least = float(values[0] / max(values[-1], np.finfo(np.float64).tiny))
     if least >= -NEGATIVE_TOLERANCE:
         return matrix, {}

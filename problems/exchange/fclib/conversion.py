@@ -33,6 +33,9 @@ from .laws import contacts_of, laws_of, rows_in_order
 MOST_COLUMN_ENTRIES = 50_000_000
 """Entries of M⁻¹ D that are computed at once, 400 MB of numbers."""
 
+GUESSES = "stored_guesses"
+"""The entry of the provenance with the number of guesses that a file stores, where it stores any."""
+
 ATTEMPTS = 10
 """Roundings of f that are tried so that c is found again with every bit: one is enough for half of all problems of ten
 rows, ten for nearly all."""
@@ -55,7 +58,7 @@ def problem_of(
     Raises:
         ProblemError: if it has laws that are not treated, or numbers that make no problem.
     """
-    attributes: dict[str, Any] = {"name": name, "provenance": provenance | _texts(contents)}
+    attributes: dict[str, Any] = {"name": name, "provenance": provenance | _said(contents)}
     if isinstance(contents, LocalContents):
         problem = _local(contents, repair, attributes)
     else:
@@ -106,8 +109,10 @@ def _unchanged(contents: LocalContents | GlobalContents) -> Repair:
     return Repair("keep" if isinstance(contents, LocalContents) else "refuse")
 
 
-def _texts(contents: LocalContents | GlobalContents) -> dict[str, str]:
-    return {key: text for key, text in contents.about.items() if text}
+def _said(contents: LocalContents | GlobalContents) -> dict[str, str | int]:
+    """Return what the file says of its problem."""
+    texts: dict[str, str | int] = {key: text for key, text in contents.about.items() if text}
+    return texts | ({GUESSES: contents.guesses} if contents.guesses else {})
 
 
 def _local(contents: LocalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:

@@ -5,10 +5,10 @@
     lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, judged
 
 D, shape (n, n) or (n·n,), and v_f, shape (n,), are scaled by the diagonal preconditioner P: with G and c in physical
-units, D = P G P and v_f = P c. They are taken before the solve, which adds its penalty to the diagonal of D. The rows are those of joints (njc), of bounded multipliers (nbc), of limits (nl) and of
-contacts (nc), these with T1, T2, N each. Arrays may be longer than what they hold, as Kamino reserves them; lambdas
-are physical impulses [N s]. Source: Newton 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private
-interface.
+units, D = P G P and v_f = P c. They are taken before the solve, which adds its penalty to the diagonal of D. The rows
+are those of joints (njc), of bounded multipliers (nbc), of limits (nl) and of contacts (nc), these with T1, T2, N each.
+Arrays may be longer than what they hold, as Kamino reserves them; lambdas are physical impulses [N s]. Source: Newton
+1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.
 """
 
 from typing import Any
