@@ -10,7 +10,8 @@
 ``gravity``              [m/s²], shape (3,)
 ``time_step``            h [s]
 ``body_1``, ``body_2``   index of the two bodies of each contact, −1 for a fixed one, shape (n_contacts,)
-``point``                contact points [m], shape (n_contacts, 3)
+``point``                contact points on body 2 [m], shape (n_contacts, 3)
+``point_1``              those on body 1, where the engine has two; ``point`` if left out
 ``normal``               unit normals from body 1 to body 2, shape (n_contacts, 3)
 ``mu``                   friction coefficient, one number or shape (n_contacts,)
 ``restitution``          ε, one number or shape (n_contacts,); 0 if left out
@@ -48,7 +49,7 @@ VERSION = 1
 
 NEEDED = ("mass", "inertia", "position", "velocity", "angular_velocity", "gravity", "time_step")
 OF_CONTACTS = ("body_1", "body_2", "point", "normal", "mu")
-OPTIONAL = ("orientation", "restitution", "distance", "tangent", "impulses", "version")
+OPTIONAL = ("orientation", "point_1", "restitution", "distance", "tangent", "impulses", "version")
 KNOWN = (*NEEDED, *OF_CONTACTS, *OPTIONAL)
 
 UNIT = 1e-3
@@ -118,9 +119,11 @@ def _directions(arrays: Arrays, first: IntArray, second: IntArray, n_bodies: int
         tangent = np.cross(normal, axis)
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     axes = np.stack([normal, tangent, np.cross(normal, tangent)], axis=1)  # (count, 3 rows, 3 coordinates)
-    point, position = _numbers(arrays, "point", (count, 3)), _numbers(arrays, "position", (n_bodies, 3))
+    position = _numbers(arrays, "position", (n_bodies, 3))
+    on_second = _numbers(arrays, "point", (count, 3))
+    on_first = _numbers(arrays, "point_1", (count, 3)) if "point_1" in arrays else on_second
     blocks = []
-    for body, sign in ((second, 1.0), (first, -1.0)):
+    for body, sign, point in ((second, 1.0, on_second), (first, -1.0, on_first)):
         moved = np.flatnonzero(body >= 0)
         lever = (point[moved] - position[body[moved]])[:, None, :]
         values = sign * np.concatenate([axes[moved], np.cross(lever, axes[moved])], axis=2)  # (moved, 3 rows, 6 dofs)
