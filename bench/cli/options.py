@@ -1,19 +1,37 @@
 """Options that commands share: plugin files, what is printed, and which solvers."""
 
 import re
+import sys
+from collections.abc import Collection, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .help import OUTPUT
+selection, limits, output = (
+    partial(typer.Option, rich_help_panel=topic) for topic in ("Problems and solvers", "Limits", "Output")
+)
+"""Make options that stand under these topics of a help page."""
 
-SELECTION, LIMITS = "Problems and solvers", "Limits"
-"""Topics that several help pages have."""
+flag = partial(output, metavar="", show_default=False)
+"""Makes an option of the output without a value."""
 
-selection, limits, output = (partial(typer.Option, rich_help_panel=topic) for topic in (SELECTION, LIMITS, OUTPUT))
-"""Make options that stand under these topics."""
+
+def examples(command: str, *arguments: str) -> str:
+    """Return the end of a help page: a command with several arguments, a line each."""
+    return "\n".join(["Examples:", *(f"  {command} {words}" for words in arguments)])
+
+
+def require_command(context: typer.Context) -> int:
+    """Return 0 if a command follows; otherwise print the help page on standard error and return 2."""
+    if context.invoked_subcommand is not None:
+        return 0
+    from contextlib import redirect_stdout
+
+    with redirect_stdout(sys.stderr):
+        print(context.get_help(), end="")
+    return 2
 
 
 def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
@@ -43,12 +61,27 @@ def spell_options(message: str) -> str:
     return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
 
 
-def refuse_two_prints(quiet: bool, as_json: bool) -> None:
-    """Raise a BenchError if a command is called with both ``--quiet`` and ``--json``."""
+def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
+    """Raise a BenchError with a reason if one of these parameters is among those given."""
     from ..errors import BenchError
 
-    if quiet and as_json:
-        raise BenchError("--quiet and --json exclude each other; give one of them.")
+    for name in names:
+        if name in given:
+            raise BenchError(f"{'SCENE' if name == 'scene' else spelled(name)} {reason}; leave it out.")
+
+
+def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> None:
+    """Raise a BenchError if a parameter is given beside one of the others."""
+    from ..errors import BenchError
+
+    for other in others:
+        if name in given and other in given:
+            raise BenchError(f"{spelled(name)} and {spelled(other)} exclude each other; give one of them.")
+
+
+def refuse_two_prints(quiet: bool, as_json: bool) -> None:
+    """Raise a BenchError if a command is called with both ``--quiet`` and ``--json``."""
+    refuse_both("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 
 def _check_residual(name: str) -> str:
@@ -92,10 +125,10 @@ Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs
 RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; the time by default.")]
 """Name of a new run."""
 
-Json = Annotated[bool, output("--json", help="Print one JSON document.")]
+Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""
 
-Charts = Annotated[bool, output("--charts/--no-charts", help="Draw charts.")]
+Charts = Annotated[bool, flag("--charts/--no-charts", help="Draw charts.")]
 """Draw charts beside the tables."""
 
 Residual = Annotated[
@@ -119,11 +152,11 @@ Profiles = Annotated[
 ]
 """Problems that charts of profiles are over."""
 
-Progress = Annotated[bool, output("--progress/--no-progress", help="Show the progress.")]
+Progress = Annotated[bool, flag("--progress/--no-progress", help="Show the progress.")]
 """Show on standard error how far the command is."""
 
-Quiet = Annotated[bool, output("--quiet", help="Print errors and the places of files only.")]
+Quiet = Annotated[bool, flag("--quiet", help="Print errors and the places of files only.")]
 """Print nothing but errors and where the files are."""
 
-Force = Annotated[bool, output("--force", help="Replace existing files.")]
+Force = Annotated[bool, flag("--force", help="Replace existing files.")]
 """Replace files that exist."""

@@ -1,4 +1,4 @@
-"""What a run has to show, as frames and as files."""
+"""The report of a run: its tables, charts and page."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,15 +17,15 @@ from .tables import results_table, write_tables
 
 @dataclass(frozen=True)
 class Report:
-    """What a run has to show.
+    """The tables, charts and page of a run.
 
     Attributes:
         results: time to accuracy and ending of each case.
         summary: success and mean time of each solver; in a run over trajectories, its points.
         tables: the files that hold both.
-        charts: the files of the charts; none if they were not drawn.
-        page: the page; None if it was not made.
-        unwritten: why files are missing, in one sentence; empty if none is.
+        charts: the files of the charts; empty if none were drawn.
+        page: the page; None if there is none.
+        unwritten: a sentence about files that cannot be written; empty if all are.
     """
 
     results: pd.DataFrame

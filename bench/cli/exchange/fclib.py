@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from .. import options
-from ..help import HelpCommand, HelpGroup
 
 if TYPE_CHECKING:
     from ....problems.exchange.fclib.survey import Survey
@@ -17,17 +16,14 @@ if TYPE_CHECKING:
 SUFFIX, PROBLEM_SUFFIX = ".hdf5", ".npz"
 
 app = typer.Typer(
-    cls=HelpGroup,
-    context_settings={"help_option_names": ["-h", "--help"]},
     help="Inspect, import and export FCLIB files (.hdf5), the exchange format of contact problems.",
-    epilog="""\
-proxbench fclib info fclib-library/Boxes
-proxbench fclib import Boxes-i100.hdf5 --output problems
-proxbench fclib export funnel-100 --output funnel-100.hdf5""",
-    rich_markup_mode=None,
+    epilog=options.examples(
+        "proxbench fclib",
+        "info fclib-library/Boxes",
+        "import Boxes-i100.hdf5 --output problems",
+        "export funnel-100 --output funnel-100.hdf5",
+    ),
 )
-
-_command = partial(app.command, cls=HelpCommand, rich_help_panel="Commands")
 
 _READING = partial(typer.Option, rich_help_panel="Reading")
 
@@ -37,18 +33,16 @@ Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="FCLI
 
 @app.callback(invoke_without_command=True)
 def _group(context: typer.Context) -> int:
-    if context.invoked_subcommand is None:
-        print(context.get_help(), file=sys.stderr)
-        return 2
-    return 0
+    return options.require_command(context)
 
 
-@_command(
+@app.command(
     "info",
-    short_help="Show sizes, ranks, friction and conditioning.",
-    epilog="""\
-proxbench fclib info Boxes-i100.hdf5
-proxbench fclib info fclib-library --json""",
+    epilog=options.examples(
+        "proxbench fclib info",
+        "Boxes-i100.hdf5",
+        "fclib-library --json",
+    ),
 )
 def info(sources: Sources, as_json: options.Json = False) -> int:
     """Show the contents of FCLIB files.
@@ -71,12 +65,13 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     return int(bool(broken))
 
 
-@_command(
+@app.command(
     "import",
-    short_help="Read FCLIB files into problem files.",
-    epilog="""\
-proxbench fclib import Boxes-i100.hdf5 --output boxes.npz
-proxbench fclib import fclib-library --output problems --asymmetry keep""",
+    epilog=options.examples(
+        "proxbench fclib import",
+        "Boxes-i100.hdf5 --output boxes.npz",
+        "fclib-library --output problems --asymmetry keep",
+    ),
 )
 def import_files(
     sources: Sources,
@@ -90,9 +85,10 @@ def import_files(
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Read FCLIB files into problem files (.npz); print each file with the digest of its problem.
+    """Read FCLIB files into problem files (.npz).
 
-    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
+    Each file is printed with the digest of its problem. The exit code is 1 if a file in a folder cannot be read;
+    standard error gives the reason.
     """
     from ....problems import read_fclib, save_problem
 
@@ -108,12 +104,13 @@ def import_files(
     return int(bool(broken))
 
 
-@_command(
+@app.command(
     "export",
-    short_help="Write problems as FCLIB files.",
-    epilog="""\
-proxbench fclib export funnel-100 pile-300 --output problems
-proxbench fclib export problem.npz --output problem.hdf5""",
+    epilog=options.examples(
+        "proxbench fclib export",
+        "funnel-100 pile-300 --output problems",
+        "problem.npz --output problem.hdf5",
+    ),
 )
 def export(
     names: Annotated[list[str], typer.Argument(metavar="PROBLEM", help="Names of problems, or problem files.")],
@@ -124,7 +121,10 @@ def export(
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Write problems as FCLIB files; print each file with the digest of its problem."""
+    """Write problems as FCLIB files.
+
+    Each file is printed with the digest of its problem.
+    """
     from ....problems import write_fclib
     from ....problems.exchange.catalog import is_path
     from ....problems.exchange.fclib.conversion import contents_of
