@@ -49,7 +49,7 @@ def generate(
     from ..errors import BenchError
     from ..generate import generate as make
     from ..report.layout.text import print_json
-    from .exchange.fclib import print_files
+    from .exchange.problem_files import print_files
 
     chosen = list(names or [])
     if suite:

@@ -16,8 +16,8 @@ from . import options
 from .comparison.check import check
 from .comparison.compare import compare
 from .comparison.matrix import matrix
-from .exchange import fclib
 from .exchange.bundles import bundle, merge, rejudge
+from .exchange.problem_files import export_files, import_files, info
 from .find import generate, list_names
 from .record import record
 from .report import report
@@ -71,6 +71,13 @@ COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
     LOOK_UP: {
         "list": (list_names, "solvers", "solvers SORprox", "scenes funnel", "problems --suite hard"),
         "generate": (generate, "funnel-1000", "--suite woodpecker --output problems"),
+        "info": (info, "fclib-library/Boxes", "mine.npz --json"),
+        "import": (
+            import_files,
+            "fclib fclib-library --output problems",
+            "kamino dump.npz --indefinite project --output stack.npz",
+        ),
+        "export": (export_files, "fclib funnel-100 pile-300 --output problems", "json mine.npz --output mine.json"),
         "warm": (warm, "--quiet", "--json"),
     },
 }
@@ -152,4 +159,3 @@ for _topic, _commands in COMMANDS.items():
     for _name, (_function, *_examples) in _commands.items():
         _epilog = options.examples(f"proxbench {_name}", *_examples)
         app.command(_name, epilog=_epilog, rich_help_panel=_topic)(_function)
-app.add_typer(fclib.app, name="fclib", rich_help_panel=LOOK_UP)

@@ -72,8 +72,8 @@ def test_commands_stand_under_topics_of_their_own(capsys: pytest.CaptureFixture[
         assert sum(line.startswith(f"│ {name} ") for line in lines) == 1
 
 
-def test_a_command_without_its_subcommand_prints_its_help_as_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["fclib"]) == 2
+def test_the_program_without_a_command_prints_its_help_as_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command([]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert "Usage: proxbench fclib" in printed.err
+    assert "Usage: proxbench" in printed.err

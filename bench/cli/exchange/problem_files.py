@@ -1,4 +1,4 @@
-"""``proxbench fclib info | import | export``: inspect, read and write FCLIB files."""
+"""``proxbench info | import | export``: inspect, read and write files of problems in any format."""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -11,50 +11,32 @@ import typer
 from .. import options
 
 if TYPE_CHECKING:
-    from ....problems.exchange.fclib.survey import Survey
+    from ....problems.contact.problem import ContactProblem
+    from ....problems.exchange.repair import Indefinite, Symmetry
+    from ....problems.exchange.survey import Survey
 
-SUFFIX, PROBLEM_SUFFIX = ".hdf5", ".npz"
+PROBLEM_SUFFIX = ".npz"
 
-app = typer.Typer(
-    help="Inspect, import and export FCLIB files (.hdf5), the exchange format of contact problems.",
-    epilog=options.examples(
-        "proxbench fclib",
-        "info fclib-library/Boxes",
-        "import Boxes-i100.hdf5 --output problems",
-        "export funnel-100 --output funnel-100.hdf5",
-    ),
-)
+EXPORTED = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
+"""Ending of the files of each format that is written."""
 
-_READING = partial(typer.Option, rich_help_panel="Reading")
+_reading = partial(typer.Option, rich_help_panel="Reading")
 
-Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="FCLIB files, or folders of them.")]
+Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Files of problems, or folders of them.")]
 """Files and folders to read."""
 
 
-@app.callback(invoke_without_command=True)
-def _group(context: typer.Context) -> int:
-    return options.require_command(context)
-
-
-@app.command(
-    "info",
-    epilog=options.examples(
-        "proxbench fclib info",
-        "Boxes-i100.hdf5",
-        "fclib-library --json",
-    ),
-)
 def info(sources: Sources, as_json: options.Json = False) -> int:
-    """Show the contents of FCLIB files.
+    """Show sizes, ranks, friction and conditioning of problem files.
 
     The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from dataclasses import asdict
 
-    from ....problems.exchange.fclib.survey import survey
+    from ....problems.exchange.survey import problem_files, survey
     from ...report.layout.text import print_json
 
-    found, broken = _apply(sources, lambda file, _: survey(file))
+    found, broken = _apply(sources, problem_files, lambda file, _: survey(file))
     if as_json:
         # JSON has no infinity, which a condition number can be
         rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
@@ -65,100 +47,126 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     return int(bool(broken))
 
 
-@app.command(
-    "import",
-    epilog=options.examples(
-        "proxbench fclib import",
-        "Boxes-i100.hdf5 --output boxes.npz",
-        "fclib-library --output problems --asymmetry keep",
-    ),
-)
 def import_files(
+    file_format: Annotated[
+        Literal["fclib", "contactbench", "kamino", "bodies", "plain"],
+        typer.Argument(metavar="FORMAT", help="fclib, contactbench, kamino, bodies or plain."),
+    ],
     sources: Sources,
     output: Annotated[
         Path, options.output(metavar="FILE|FOLDER", help="Problem file (.npz), or folder for several.")
     ] = Path(),
-    asymmetry: Annotated[
-        Literal["symmetrise", "keep", "refuse"],
-        _READING(metavar="HOW", help="Unsymmetric W: symmetrise (up to 1 %), keep or refuse."),
-    ] = "symmetrise",
+    symmetry: Annotated[
+        str,
+        _reading(metavar="HOW", help="Matrix that is not symmetric: mean (up to 1 %), lower, upper, keep or refuse."),
+    ] = "mean",
+    indefinite: Annotated[
+        str, _reading(metavar="HOW", help="Matrix with a negative eigenvalue: refuse or project (up to 1e-6).")
+    ] = "refuse",
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Read FCLIB files into problem files (.npz).
+    """Read files of other programs into problem files (.npz).
 
     Each file is printed with the digest of its problem. The exit code is 1 if a file in a folder cannot be read;
     standard error gives the reason.
     """
-    from ....problems import read_fclib, save_problem
+    from ....problems import save_problem
+    from ....problems.exchange.survey import problem_files
 
-    targets = _import_targets(sources, output, force)
+    read, suffixes = _reader(file_format, symmetry, indefinite)
+    files_of = partial(problem_files, suffixes=suffixes)
+    targets = _import_targets(sources, files_of, output, force)
 
     def convert(file: Path, source: Path) -> tuple[str, str]:
-        problem = read_fclib(file, asymmetry)
+        problem = read(file)
         save_problem(problem, targets[file])
         return str(targets[file]), problem.digest
 
-    found, broken = _apply(sources, convert)
+    found, broken = _apply(sources, files_of, convert)
     _print_written(dict(found), broken, as_json)
     return int(bool(broken))
 
 
-@app.command(
-    "export",
-    epilog=options.examples(
-        "proxbench fclib export",
-        "funnel-100 pile-300 --output problems",
-        "problem.npz --output problem.hdf5",
-    ),
-)
-def export(
+def export_files(
+    file_format: Annotated[
+        Literal["fclib", "npz", "json"], typer.Argument(metavar="FORMAT", help="fclib, npz or json.")
+    ],
     names: Annotated[list[str], typer.Argument(metavar="PROBLEM", help="Names of problems, or problem files.")],
-    output: Annotated[
-        Path, options.output(metavar="FILE|FOLDER", help="FCLIB file (.hdf5), or folder for several.")
-    ] = Path(),
+    output: Annotated[Path, options.output(metavar="FILE|FOLDER", help="File, or folder for several.")] = Path(),
     plugin: options.PluginFiles = None,
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Write problems as FCLIB files.
+    """Write problems as files for other programs.
 
     Each file is printed with the digest of its problem.
     """
-    from ....problems import write_fclib
+    from ....problems import save_problem, write_fclib
     from ....problems.exchange.catalog import is_path
     from ....problems.exchange.fclib.conversion import contents_of
-    from ....problems.exchange.fclib.files import SUFFIXES
     from ...plugins.problems import resolved
     from ...report.layout.output_file import refuse_taken
 
     problems = [resolved(name) for name in names]
-    for problem in problems:
-        contents_of(problem)  # raises before any file is written
-    is_file = output.suffix in SUFFIXES and not output.is_dir()
+    write: Callable[[ContactProblem, Path], None] = save_problem
+    if file_format == "fclib":
+        write = write_fclib
+        for problem in problems:
+            contents_of(problem)  # raises before any file is written
+    suffix = EXPORTED[file_format]
+    is_file = output.suffix == suffix and not output.is_dir()
     stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file may be anything
-    targets = [output] if is_file else [output / f"{stem}{SUFFIX}" for stem in stems]
+    targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]
     _refuse_one_for_several(targets, list(names), is_file)
     refuse_taken(targets, force)
     for problem, target in zip(problems, targets, strict=True):
-        write_fclib(problem, target)
+        write(problem, target)
     digests = {str(target): problem.digest for problem, target in zip(problems, targets, strict=True)}
     _print_written(digests, [], as_json)
     return 0
 
 
-def _apply(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[list[Any], list[str]]:
+def _reader(
+    file_format: str, symmetry: str, indefinite: str
+) -> tuple[Callable[[Path], "ContactProblem"], tuple[str, ...]]:
+    """Return what reads a file of a format, and the endings of such files.
+
+    Raises:
+        ProblemError: if an option has an unknown value.
+    """
+    from typing import cast
+
+    from ....problems import read_fclib
+    from ....problems.contact.problem import UNNAMED
+    from ....problems.exchange.fclib.files import SUFFIXES as FCLIB_SUFFIXES
+    from ....problems.exchange.repair import Repair
+    from ....problems.exchange.storage import SUFFIXES, read_problem
+
+    repair = Repair(cast("Symmetry", symmetry), cast("Indefinite", indefinite))
+    if file_format == "fclib":
+        return lambda file: read_fclib(file, repair.symmetry, repair.indefinite), FCLIB_SUFFIXES
+
+    def read(file: Path) -> "ContactProblem":
+        problem = read_problem(file, repair=repair, format_name=file_format)
+        return problem.renamed(file.stem) if problem.name == UNNAMED else problem
+
+    return read, SUFFIXES
+
+
+def _apply(
+    sources: Sequence[Path], files_of: Callable[[Path], Any], act: Callable[[Path, Path], Any]
+) -> tuple[list[Any], list[str]]:
     """Return what ``act`` returns for each file and its source, and a message for each file in a folder that fails.
 
     Raises:
         ProblemError: if a file named on the command line fails, or a folder has no file.
     """
     from ....problems.errors import ProblemError
-    from ....problems.exchange.fclib.survey import fclib_files
 
     found, broken = [], []
     for source in sources:
-        for file in fclib_files(source):
+        for file in files_of(source):
             try:
                 found.append(act(file, source))
             except ProblemError as error:
@@ -168,20 +176,21 @@ def _apply(sources: Sequence[Path], act: Callable[[Path, Path], Any]) -> tuple[l
     return found, broken
 
 
-def _import_targets(sources: Sequence[Path], output: Path, force: bool) -> dict[Path, Path]:
-    """Return the problem file of each FCLIB file; files of a folder keep their relative paths.
+def _import_targets(
+    sources: Sequence[Path], files_of: Callable[[Path], Any], output: Path, force: bool
+) -> dict[Path, Path]:
+    """Return the problem file of each file; files of a folder keep their relative paths.
 
     Raises:
         BenchError: if two files have the same target, or a target exists and ``force`` is not given.
-        ProblemError: if a folder has no FCLIB files.
+        ProblemError: if a folder has no files of the format.
     """
-    from ....problems.exchange.fclib.survey import fclib_files
     from ...report.layout.output_file import refuse_taken
 
     is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
     targets = {}
     for source in sources:
-        for file in fclib_files(source):
+        for file in files_of(source):
             place = file.relative_to(source) if source.is_dir() else Path(file.name)
             targets[file] = output if is_file else output / place.with_suffix(PROBLEM_SUFFIX)
     _refuse_one_for_several(list(targets.values()), [str(file) for file in targets], is_file)
@@ -203,7 +212,20 @@ def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_
 
 def _print_surveys(found: Sequence["Survey"]) -> None:
     """Print a table; the names of the files come last because they may be long."""
-    heads = ("form", "contacts", "joints", "rows", "rank", "μ", "μ_r [m]", "asymmetry", "cond.", "file")
+    heads = (
+        "form",
+        "contacts",
+        "joints",
+        "rows",
+        "rank",
+        "μ",
+        "μ_r [m]",
+        "asymmetry",
+        "cond.",
+        "guesses",
+        "solution",
+        "file",
+    )
     rows = [
         (
             one.form,
@@ -215,6 +237,8 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
             "–" if one.rolling_friction is None else _range(one.rolling_friction),
             f"{one.asymmetry:.1e}" if one.asymmetry else "0",
             f"{one.conditioning:.3g}",
+            str(one.guesses or "–"),
+            "–" if one.solution is None else f"{one.solution:.1e}",
             one.file,
         )
         for one in found
@@ -225,7 +249,10 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
     for line in (heads, *rows):
         cells = [f"{cell:>{width}}" for cell, width in zip(line, widths, strict=False)]
         print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
-    print("\nrank: estimated; asymmetry: of W, over its largest entry; cond.: largest of a contact's block of G")
+    print(
+        "\nrank: estimated; asymmetry: of W or M, over its largest entry; cond.: largest of a contact's block of G; "
+        "solution: judged residual of the stored one"
+    )
 
 
 def _range(ends: tuple[float, float]) -> str:

@@ -68,7 +68,7 @@ def test_a_file_of_plain_arrays_is_solved_by_its_path(tmp_path: Path) -> None:
         ({"G": G, "c": C[:, None], "mu": 0.5}, "c must be a vector"),
         ({"G": G, "c": C, "mu": -0.5}, "not negative"),
         ({"G": G, "c": C * np.nan, "mu": 0.5}, "finite"),
-        ({"G": G + np.triu(np.ones((3, 3)), 1), "c": C, "mu": 0.5}, "symmetric"),
+        ({"G": G + np.triu(np.ones((3, 3)), 1), "c": C, "mu": 0.5}, "misses symmetry"),
         ({"G": G.astype(str), "c": C, "mu": 0.5}, "G"),
         ({"G": G, "c": C.astype(str), "mu": 0.5}, "c"),
     ],

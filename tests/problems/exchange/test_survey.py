@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from handmade_fclib import IMPULSES, W, global_data, jointed_data, local_data, rolling_data, write_data
-from proxbench.problems import ContactProblem, Laws, ProblemError, load, write_fclib
-from proxbench.problems.exchange.fclib.survey import block_conditioning, estimated_rank, fclib_files, survey
+from proxbench.problems import ContactProblem, Laws, ProblemError, load, save_problem, write_fclib
+from proxbench.problems.exchange.survey import block_conditioning, estimated_rank, problem_files, survey
 from proxbench.problems.hard.transformations import in_units
 
 
@@ -44,11 +44,11 @@ def test_a_survey_says_what_the_file_holds(tmp_path: Path) -> None:
     crooked[0, 1] = 0.3  # of 1.5, too much to be made symmetric
     stored = {"solution/r": IMPULSES, "guesses/number_of_guesses": np.array([2]), "fclib_local/info/title": b"stack"}
     local = survey(write_data(tmp_path / "l.hdf5", local_data(matrix=crooked), **stored))
-    assert (local.form, local.title, local.contacts, local.rows, local.dofs) == ("local", "stack", 2, 6, None)
+    assert (local.form, local.title, local.contacts, local.rows, local.dofs) == ("G", "stack", 2, 6, None)
     assert (local.friction, local.guesses) == ((0.25, 0.5), 2)
     assert local.asymmetry == pytest.approx(0.2)
     factored = survey(write_data(tmp_path / "g.hdf5", global_data(), **{"solution/r": IMPULSES}))
-    assert (factored.form, factored.dofs, factored.rank, factored.asymmetry) == ("global", 6, 6, 0.0)
+    assert (factored.form, factored.dofs, factored.rank, factored.asymmetry) == ("factors", 6, 6, 0.0)
     assert (factored.solution, factored.guesses) == (0.0, 0)
     assert factored.conditioning == pytest.approx(1.0)
 
@@ -82,10 +82,20 @@ def test_a_file_without_contacts_is_surveyed_and_its_problem_not_written(tmp_pat
 
 def test_the_files_of_a_folder_are_found_in_order(tmp_path: Path) -> None:
     (tmp_path / "deep").mkdir()
-    for name in ("b.hdf5", "a.h5", "c.npz", "deep/d.hdf5"):
+    for name in ("b.hdf5", "a.h5", "c.npz", "e.txt", "deep/d.hdf5"):
         (tmp_path / name).touch()
-    assert [str(file.relative_to(tmp_path)) for file in fclib_files(tmp_path)] == ["a.h5", "b.hdf5", "deep/d.hdf5"]
-    assert list(fclib_files(tmp_path / "a.h5")) == [tmp_path / "a.h5"]
+    names = [str(file.relative_to(tmp_path)) for file in problem_files(tmp_path)]
+    assert names == ["a.h5", "b.hdf5", "c.npz", "deep/d.hdf5"]
+    assert list(problem_files(tmp_path / "a.h5")) == [tmp_path / "a.h5"]
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ProblemError, match=r"no file in .*empty that ends in"):
-        list(fclib_files(tmp_path / "empty"))
+    with pytest.raises(ProblemError, match=r"no file in .*empty that ends in .hdf5\.$"):
+        list(problem_files(tmp_path / "empty", (".hdf5",)))
+
+
+def test_files_of_any_format_are_surveyed(tmp_path: Path) -> None:
+    save_problem(load("funnel-30"), tmp_path / "funnel.json")
+    factored = survey(tmp_path / "funnel.json")
+    assert (factored.form, factored.rows, factored.title) == ("factors", load("funnel-30").n_rows, "")
+    np.savez(tmp_path / "plain.npz", G=np.tril(np.ones((3, 3))), c=np.ones(3), mu=0.5)
+    plain = survey(tmp_path / "plain.npz")
+    assert (plain.form, plain.contacts, plain.asymmetry) == ("G", 1, 1.0)

@@ -1,4 +1,4 @@
-"""What an FCLIB file holds, in numbers that say how hard its problem is: size, rank, friction, conditioning."""
+"""What a file of a problem holds, in numbers that say how hard the problem is: size, rank, friction, conditioning."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,14 +9,16 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from ...arrays import FloatArray
-from ...contact.coupling import row_lengths
-from ...contact.problem import ContactProblem
-from ...errors import ProblemError
-from .contents import LocalContents
-from .conversion import LARGEST_ASYMMETRY, Asymmetry, problem_of
-from .files import SUFFIXES, fclib_contents
-from .matrices import asymmetry
+from ..arrays import FloatArray
+from ..contact.coupling import row_lengths
+from ..contact.problem import ContactProblem
+from ..errors import ProblemError
+from .fclib.conversion import GUESSES
+from .fclib.files import SUFFIXES as FCLIB_SUFFIXES
+from .fclib.files import is_fclib_name, read_fclib
+from .repair import ASYMMETRY, Repair
+from .storage import SUFFIXES, read_problem
+from .stored_solution import RESIDUAL
 
 RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled G below this part of the largest one are taken for zero."""
@@ -24,26 +26,29 @@ RANK_TOLERANCE = 1e-9
 MOST_RANK_ROWS = 8000
 """Rows up to which the rank is estimated; the factors of larger matrices can fill."""
 
+_WAYS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
+"""Repairs in the order in which they are tried, so that a matrix of whatever asymmetry is described."""
+
 
 @dataclass(frozen=True)
 class Survey:
-    """One FCLIB file.
+    """One file.
 
     Attributes:
         file: its path.
         title: what it calls its problem.
-        form: "local" or "global".
+        form: "G" or "factors", which of the two the problem holds.
         contacts: number of contacts.
         joints: number of bilateral rows.
-        rows: number of rows, 2, 3 or 5 a contact, and the bilateral ones.
-        dofs: degrees of freedom; ``None`` for a local problem.
+        rows: number of rows.
+        dofs: degrees of freedom; ``None`` where the problem holds G only.
         rank: estimated rank of G; ``None`` where that is not affordable.
-        friction: least and largest μ, 0 without contacts.
+        friction: least and largest μ, 0 without friction.
         rolling_friction: least and largest μ_r [m]; ``None`` without rolling friction.
-        asymmetry: max |W − Wᵀ| / max |W|, or that of R if it is larger; 0 for a global problem.
+        asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 where that is rounding.
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: how many guesses are stored.
-        solution: judged residual of the stored solution; ``None`` if none was written.
+        solution: judged residual of the stored impulses; ``None`` if none were written.
     """
 
     file: str
@@ -66,41 +71,52 @@ def survey(path: Path) -> Survey:
     """Return what a file holds.
 
     Raises:
-        ProblemError: as ``read_fclib``; an asymmetry of whatever size is no reason.
+        ProblemError: if the file holds no problem; asymmetry of whatever size is no reason.
     """
-    contents = fclib_contents(path)
-    is_local = isinstance(contents, LocalContents)
-    off = max(asymmetry(contents.W), asymmetry(contents.R)) if isinstance(contents, LocalContents) else 0.0
-    treatment: Asymmetry = "symmetrise" if off <= LARGEST_ASYMMETRY else "keep"
-    try:
-        problem = problem_of(contents, path.stem, treatment)
-    except ProblemError as error:
-        raise ProblemError(f"{path}: {error}") from None
-    rolling, residual = contents.rolling_friction, problem.provenance.get("stored_solution_residual")
+    problem = _read(path)
+    laws, said = problem.laws, problem.provenance
+    rolling, residual = laws.friction_coefficient[laws.is_rolling], said.get(RESIDUAL)
+    joints = int(laws.is_bilateral.sum())
     return Survey(
         file=str(path),
-        title=contents.about.get("title", ""),
-        form="local" if is_local else "global",
-        contacts=len(contents.friction),
-        joints=contents.n_joints,
+        title=str(said.get("title", "")),
+        form="G" if problem.factors is None else "factors",
+        contacts=problem.n_contacts - joints,
+        joints=joints,
         rows=problem.n_rows,
         dofs=None if problem.factors is None else problem.factors.n_dofs,
         rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
-        friction=_range(contents.friction),
-        rolling_friction=None if rolling is None else _range(rolling),
-        asymmetry=off,
+        friction=_range(laws.friction_coefficient[laws.is_friction & ~laws.is_rolling]),
+        rolling_friction=_range(rolling) if len(rolling) else None,
+        asymmetry=float(said.get(ASYMMETRY, 0.0)),
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
-        guesses=contents.guesses,
+        guesses=int(said.get(GUESSES, 0)),
         solution=None if residual is None else float(residual),
     )
+
+
+def _read(path: Path) -> ContactProblem:
+    """Return the problem of a file with the first repair that admits it; it is looked at only."""
+    for way in _WAYS[:-1]:
+        try:
+            return _read_so(path, way)
+        except ProblemError:
+            continue
+    return _read_so(path, _WAYS[-1])
+
+
+def _read_so(path: Path, way: Repair) -> ContactProblem:
+    if is_fclib_name(path.name):
+        return read_fclib(path, way.symmetry, way.indefinite)
+    return read_problem(path, repair=way)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
     return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
 
 
-def fclib_files(path: Path) -> Iterator[Path]:
-    """Yield the file, or all FCLIB files in a folder and its folders, in the order of their names.
+def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUFFIXES)) -> Iterator[Path]:
+    """Yield the file, or all files with one of the endings in a folder and its folders, in the order of their names.
 
     Raises:
         ProblemError: if there are none.
@@ -108,9 +124,9 @@ def fclib_files(path: Path) -> Iterator[Path]:
     if not path.is_dir():
         yield path
         return
-    found = sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES)
+    found = sorted(file for file in path.rglob("*") if file.suffix in suffixes)
     if not found:
-        raise ProblemError(f"there is no file in {path} that ends in {' or '.join(SUFFIXES)}.")
+        raise ProblemError(f"there is no file in {path} that ends in {' or '.join(suffixes)}.")
     yield from found
 
 
