@@ -47,6 +47,7 @@ class RemoteSolver(RenewedWorker):
     """A solver in a process of its own; use it as a context manager, or ``close`` it.
 
     Attributes:
+        spec: the solver as data.
         name: its name, with options.
         model: what it solves.
         has_iterates: whether it shows iterates.
@@ -70,7 +71,7 @@ class RemoteSolver(RenewedWorker):
                 infinite, each is ended after ``seconds`` and the time limit of the solve.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
-        self._limit_seconds = limit_seconds
+        self.spec, self._limit_seconds = solver, limit_seconds
         self.name, self.model, self.has_iterates = solver.name, solver.model, solver.has_iterates
         self._sent: ContactProblem | None = None
         self._ready: ContactProblem | None = None

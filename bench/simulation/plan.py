@@ -22,7 +22,7 @@ from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote
 from ..store.fields import Count, Positive, Record, Tolerance
 from .kept_states import STATES
-from .starts.registry import DEFAULT_START, check_start, default_start, make_step_solver
+from .starts import DEFAULT_START, StepSolver, check_start, default_start
 
 
 class _Default(NamedTuple):
@@ -111,7 +111,7 @@ class SimulationPlan:
     @property
     def step_solver(self) -> ContactSolver:
         """The solver as steppers take it."""
-        return make_step_solver(self.start, self.solver)
+        return StepSolver(self.solver, self.start)
 
     @property
     def record(self) -> PlanRecord:

@@ -9,15 +9,15 @@ from typing import Any
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
 from ...problems.motion.stepping.step import AcceptedStep
-from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ..errors import BenchError, FailedSimulationError
+from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
 from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
-from .remote_steps import RemoteSteps, moves_in_child
-from .step_clock import WarmClock, warm_up
+from .remote_steps import RemoteSteps
 from .step_row import SceneValues, scene_values, step_row
+from .step_times import without_compilation
 from .trajectory import Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
@@ -161,14 +161,12 @@ def advance(
 def _steps(simulation: Simulation) -> Iterator[tuple[AcceptedStep, SceneValues]]:
     """Yield the steps that are left, with what the scene says at their ends."""
     plan, states = simulation.plan, simulation.law_states
-    if moves_in_child(plan):
+    if isinstance(plan.scene.system, RemoteSystem):
         with RemoteSteps(plan) as worker:
             yield from worker.steps(simulation.state, states)
         return
     motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
-    if isinstance(plan.stepper, VariableStepper):
-        warm_up(plan.stepper, *motion, states)
-    for taken in plan.stepper.steps(*motion, states=states, clock=WarmClock()):
+    for taken in without_compilation(plan.stepper.steps(*motion, states=states)):
         yield taken, scene_values(plan.scene, taken.end)
 
 

@@ -18,7 +18,7 @@ from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
-from ...simulation.starts.step_solver import UnsupportedStepError
+from ...simulation.starts import UnsupportedStepError
 from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 

@@ -6,15 +6,15 @@ reads it. Every stepper yields ``AcceptedStep``: a fixed step has a single one-s
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from time import perf_counter
-from typing import ClassVar, Protocol, Self
+from dataclasses import dataclass
+from typing import ClassVar, Self
 
 from ...contact.solver import Stop
 from ...names import described
 from ..scenes.scene import Scene
 from ..state import State
-from .midpoint import ContactSolver, MidpointRule
-from .step import AcceptedStep, LawStates, Step
+from .midpoint import ContactSolver
+from .step import AcceptedStep, LawStates
 
 TIME_RESOLUTION = 2.0**-20
 """Shortest time that a variable step is taken to resolve, over the longest step: any two steps are distinct."""
@@ -23,22 +23,25 @@ END_TOLERANCE = 1e-3
 """A motion has reached its end when less than this fraction of its shortest step is left, which may be rounding."""
 
 
-class StepClock(Protocol):
-    """Times single steps of a fixed size."""
+@dataclass(frozen=True, eq=False)
+class MotionSetup:
+    """The motion that a stepper follows.
 
-    def step(self, rule: MidpointRule, state: State) -> tuple[Step, float]:
-        """Take one step from ``state``; return it with its wall time [s]."""
-        ...
+    Attributes:
+        scene: what moves.
+        solver: solves the contact problem of each one-step inclusion.
+        stop: the stopping criterion of each solve.
+        start: where the motion begins.
+        until: when it ends [s].
+        states: states of the laws in the step that led to ``start``, None if there was none.
+    """
 
-
-class WallClock:
-    """Times each step as it is, with whatever it compiles."""
-
-    def step(self, rule: MidpointRule, state: State) -> tuple[Step, float]:
-        """Take one step from ``state``; return it with its wall time [s]."""
-        began = perf_counter()
-        step = rule.step(state)
-        return step, perf_counter() - began
+    scene: Scene
+    solver: ContactSolver
+    stop: Stop
+    start: State
+    until: float
+    states: LawStates | None = None
 
 
 class Stepper(ABC):
@@ -85,7 +88,6 @@ class Stepper(ABC):
             ProblemError: if an option is out of range, a time too short, or the scene of a kind that it cannot follow.
         """
 
-    @abstractmethod
     def steps(
         self,
         scene: Scene,
@@ -95,21 +97,16 @@ class Stepper(ABC):
         until: float,
         *,
         states: LawStates | None = None,
-        clock: StepClock | None = None,
     ) -> Iterator[AcceptedStep]:
-        """Yield the accepted steps from ``start`` to the time ``until`` [s].
-
-        Args:
-            scene: what moves.
-            solver: solves the contact problem of each one-step inclusion.
-            stop: the stopping criterion of each solve.
-            start: where the motion begins.
-            until: when it ends [s].
-            states: states of the laws in the step that led to ``start``, None if there was none.
-            clock: times steps of a fixed size; ``WallClock`` if None. Variable steps time themselves.
+        """Yield the accepted steps from ``start`` to the time ``until`` [s]; for the arguments see ``MotionSetup``.
 
         Raises:
             ProblemError: as ``check`` does.
             StepError, MotionError: if the motion cannot be continued.
             Exception: whatever the solver or the system raises in a fixed step.
         """
+        return self.follow(MotionSetup(scene, solver, stop, start, until, states))
+
+    @abstractmethod
+    def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
+        """Yield the accepted steps of a motion; ``steps`` lists the exceptions."""
