@@ -1,6 +1,6 @@
-"""What plugins and solvers of the caller offer, as data: they are imported and made in a process that they may spoil.
+"""Descriptions of plugins and of the caller's solvers, which are imported and made in a process of their own.
 
-What comes back is JSON, and problems as the content of problem files.
+The process returns JSON, and problems as the content of problem files.
 """
 
 import inspect
@@ -47,7 +47,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return what plugins offer of every kind, as far as it is known without running them; solvers first."""
+    """Return the offers of plugins of every kind that are known without running them; solvers first."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 

@@ -1,7 +1,7 @@
-"""A solver that works in a process of its own, with the interface of any other.
+"""A solver in a process of its own, with the interface of any other.
 
-Where one solve is wanted after the other (a matrix, a recording, the steps of a simulation) the solver of a plugin may
-raise, hang, crash or take memory without harm to the process that judges: a request that is not answered is a
+It serves successive solves: of a matrix, a recording, the steps of a simulation. The solver of a plugin may raise,
+hang, crash or exhaust memory without harm to the process that judges: a request without an answer raises
 ``FailedSolveError``, and the next one starts a fresh process.
 """
 
@@ -77,7 +77,7 @@ class RemoteSolver(RenewedWorker):
         self._ready: ContactProblem | None = None
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None.
+        """Return why ``problem`` is not supported, or None.
 
         Raises:
             FailedSolveError: if the solver does not answer.
@@ -171,7 +171,7 @@ class RemotePrepared:
 
 
 def answer_fault(answer: dict[str, Any]) -> str | None:
-    """Say why an answer cannot be that to a solve, or None."""
+    """Return why an answer cannot be that to a solve, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
     is_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):

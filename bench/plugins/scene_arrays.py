@@ -1,4 +1,4 @@
-"""What a system says of one step, as named arrays: written in its process, and checked where they are read."""
+"""States, masses and contacts as named arrays: written in the process of a scene, checked where they are read."""
 
 import io
 from typing import Any
@@ -109,7 +109,7 @@ def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
 
 
 def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
-    """Return pieces whose indices compiled code may believe."""
+    """Return pieces whose indices are in range, as compiled code requires."""
     starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
     if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
         raise ValueError("no pieces")
@@ -121,7 +121,7 @@ def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
 
 
 def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
-    """Return contacts and joints, whose indices compiled code may believe; errors are those in ``UNFIT``."""
+    """Return contacts and joints with indices in range, as compiled code requires; errors are those in ``UNFIT``."""
     keys, laws = checked_keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
     count, (width,) = len(keys), arrays["width"].tolist()
     gap, restitution = finite_numbers(arrays["gap"], (count,)), finite_numbers(arrays["restitution"], (laws.n_rows,))

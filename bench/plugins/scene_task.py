@@ -30,11 +30,11 @@ class ObservableRecord(Record, frozen=True, kw_only=True):
 
 
 class SceneRecord(Record, frozen=True, kw_only=True):
-    """What a scene says of itself; see ``Scene`` for the fields that have the same names.
+    """The description of a scene; see ``Scene`` for the fields that have the same names.
 
     Attributes:
         time: when it begins [s].
-        functions: those that it has of the ones that a scene may lack.
+        functions: the optional functions that it has.
         observables: what is recorded at each step.
         ending_seconds: how far its rule of ending looks back [s], None if it has none.
         balls: what recordings draw, None if there are no balls.
@@ -59,7 +59,7 @@ class SceneRecord(Record, frozen=True, kw_only=True):
 
 
 _FUNCTIONS: tuple[Literal["potential_energy", "exact"], ...] = ("potential_energy", "exact")
-"""Functions that a scene may lack."""
+"""Optional functions of a scene."""
 
 _MADE_APART = {"balls", "observables"}
 
@@ -113,7 +113,7 @@ class SceneTask:
 
 
 def _describe(scene: Scene) -> SceneRecord:
-    """Return what a scene says of itself."""
+    """Return the description of a scene."""
     return SceneRecord(
         **{name: getattr(scene, name) for name in SAME_FIELDS},
         time=scene.start.time,

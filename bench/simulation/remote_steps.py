@@ -1,6 +1,6 @@
-"""The steps of a scene of a plugin, taken as a whole in one process: one request a step, whatever the step needs.
+"""The steps of a plugin's scene, taken in one process with one request per step.
 
-Scene, stepper and solver work there. What was solved comes back with each step, so that the judge works here.
+Scene, stepper and solver run there. The solved problems come back with each step, so that they are judged here.
 """
 
 import time
@@ -48,7 +48,7 @@ from .step_times import without_compilation
 
 
 class SolvedRecord(Record, frozen=True, kw_only=True):
-    """A one-step solve, whose arrays stand beside.
+    """A one-step solve without its arrays.
 
     Attributes:
         length: Δt [s].
@@ -64,7 +64,7 @@ class SolvedRecord(Record, frozen=True, kw_only=True):
 
 
 class StepRecord(Record, frozen=True, kw_only=True):
-    """An accepted step, whose arrays stand beside; see ``AcceptedStep`` and ``SceneValues``."""
+    """An accepted step without its arrays; see ``AcceptedStep`` and ``SceneValues``."""
 
     time: Number
     error: Number
@@ -90,7 +90,7 @@ class RemoteSteps(RenewedWorker):
         self._scene = plan.scene
 
     def steps(self, start: State, states: LawStates | None) -> Iterator[tuple[AcceptedStep, SceneValues]]:
-        """Yield the accepted steps from ``start``, with what the scene says at their ends.
+        """Yield the accepted steps from ``start``, with energies and observables at their ends.
 
         Raises:
             BenchError: if a step fails, or is not answered.
@@ -130,7 +130,7 @@ class RemoteSteps(RenewedWorker):
 
 
 def _read(about: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tuple[AcceptedStep, SceneValues]:
-    """Return a step, and what the scene says at its end."""
+    """Return a step, with energies and observables at its end."""
     velocity, substeps = begin.velocity, []
     for number, one in enumerate(about.solved):
         step = _read_solve(one, _part(arrays, f"solve{number}"), velocity, len(begin.position))

@@ -96,7 +96,7 @@ class TrajectoryTask:
 
         status, reason = Status.SOLVED, ""
         try:
-            advance(simulation, [note], should_stop=lambda: solves > most or time.monotonic() > end)
+            advance(simulation, on_step=[note], should_stop=lambda: solves > most or time.monotonic() > end)
         except FailedSimulationError as failure:
             status, reason = Status.STALLED, _reason(failure)
         at = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"
