@@ -191,8 +191,8 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
 
     Args:
         plan: the plan as it was stored.
-        given: values by the names of ``PlanRecord``. A scene, with options or without, and ``states`` must be as stored;
-            a variable stepper may be replaced by another variable one; the rest may differ.
+        given: values by the names of ``PlanRecord``. A scene, with options or without, and ``states`` must be as
+            stored; a variable stepper may be replaced by another variable one; the rest may differ.
         source: what messages call the stored simulation.
 
     Raises:

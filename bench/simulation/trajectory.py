@@ -268,7 +268,7 @@ class Simulation:
 
 
 def describe_switches(found: Sequence[Incident]) -> str:
-    """Return the number of switching points, one for each law that switches, and of the instants they share, in words."""
+    """Return in words the number of switching points, one for each law that switches, and of their instants."""
     if not found:
         return "no switching points"
     instants = len({incident.time for incident in found})

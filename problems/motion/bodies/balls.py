@@ -44,14 +44,14 @@ Potential = Callable[[FloatArray, FloatArray], float]
 
 @dataclass(frozen=True, eq=False)
 class BallSystem:
-    """Balls, surfaces, and the effects that act; ``scenes.effects`` builds one from a list of effects.
+    """Balls, surfaces, and the effects on them; ``scenes.effects`` builds one from a list of effects.
 
     Attributes:
         radii: r [m], shape (n,).
         masses: m [kg], shape (n,).
         surfaces: fixed surfaces.
         dimension: 2 (planar) or 3 (spatial).
-        accelerations: what acts on the centres beside contacts.
+        accelerations: accelerations of the centres by forces other than contact forces.
         potentials: potential energy of each of ``accelerations``, None where it is not known.
         friction: μ of all contacts, or keys of pairs of bodies ↦ μ of each; None for balls without friction and without
             rotation.

@@ -1,4 +1,4 @@
-"""What a stepper is: a named method, with options, that follows a motion from accepted step to accepted step.
+"""Steppers: named methods, with options, that follow a motion from one accepted step to the next.
 
 A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` writes it, ``make_stepper``
 reads it. Every stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no switching point.
@@ -17,7 +17,7 @@ from .midpoint import ContactSolver
 from .step import AcceptedStep, LawStates
 
 TIME_RESOLUTION = 2.0**-20
-"""Shortest time that a variable step is taken to resolve, over the longest step: any two steps are distinct."""
+"""Shortest time that a variable step resolves, over the longest step; no two steps are closer."""
 
 END_TOLERANCE = 1e-3
 """A motion has reached its end when less than this fraction of its shortest step is left, which may be rounding."""
@@ -45,7 +45,7 @@ class MotionSetup:
 
 
 class Stepper(ABC):
-    """A stepper with its options. Subclasses are frozen dataclasses, so that ``described`` writes their names.
+    """A stepper with its options. Subclasses are frozen dataclasses, whose names ``described`` writes.
 
     Attributes:
         locates_switches: whether steps are variable and their switching points known.
@@ -65,12 +65,12 @@ class Stepper(ABC):
         return described(self)
 
     def with_defaults_of(self, scene: Scene) -> Self:
-        """Return the stepper with those options of ``scene`` that its name shall show."""
+        """Return the stepper with those defaults of ``scene`` that its name shows."""
         return self
 
     @abstractmethod
     def shortest_step(self, scene: Scene) -> float:
-        """Return the shortest step that is taken on purpose [s]."""
+        """Return the shortest step that the stepper chooses [s]."""
 
     def resolution(self, scene: Scene) -> float:
         """Return a time [s] within which no two steps end, except at switching points."""
@@ -85,7 +85,7 @@ class Stepper(ABC):
         """Check the options and the times before anything starts.
 
         Raises:
-            ProblemError: if an option is out of range, a time too short, or the scene of a kind that it cannot follow.
+            ProblemError: if an option is out of range, a time is too short, or the kind of scene is not supported.
         """
 
     def steps(

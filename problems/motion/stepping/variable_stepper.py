@@ -45,7 +45,7 @@ SLACK = 1.0 + 1e-9
 
 
 class VariableStepper(Stepper):
-    """A variable step; subclasses declare the attributes here as options, and say how sequences are compared.
+    """A variable step; subclasses declare the attributes here as options, and compare sequences of steps.
 
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
