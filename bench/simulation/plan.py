@@ -116,10 +116,11 @@ class SimulationPlan:
     @property
     def record(self) -> PlanRecord:
         """The plan as plain values, from which ``make_simulation_plan`` makes it again."""
-        named = {"scene": self.scene.name, "stepper": self.stepper.name, "solver": self.solver.name}
-        numbers = {name: float(getattr(self, name)) for name in ("duration", "tolerance", "step_seconds")}
-        counts = {"max_iterations": int(self.max_iterations), "states": int(self.states)}
-        return PlanRecord(options=dict(self.scene.options), start=self.start, **named, **numbers, **counts)
+        values: dict[str, Any] = {"scene": self.scene.name, "options": dict(self.scene.options), "start": self.start}
+        values |= {name: getattr(self, name).name for name in ("stepper", "solver")}
+        values |= {name: float(getattr(self, name)) for name in ("duration", "tolerance", "step_seconds")}
+        values |= {name: int(getattr(self, name)) for name in ("max_iterations", "states")}
+        return PlanRecord(**values)
 
 
 def make_simulation_plan(

@@ -313,17 +313,15 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
     steps = simulation.steps[part]
     last, scene = steps[-1], simulation.plan.scene
     energy = float(last["kinetic_energy"] + last["potential_energy"])
+    largest = ("residual", "local_residual", "penetration", "impact_depth")
     return Window(
         time=float(last["time"]),
         steps=len(steps),
         contacts=float(steps["contacts"].mean()),
         iterations=float(steps["iterations"].mean()),
         step_milliseconds=1e3 * float(steps["seconds"].mean()),
-        residual=float(steps["residual"].max()),
-        local_residual=float(steps["local_residual"].max()),
         unsolved=unsolved,
-        penetration=float(steps["penetration"].max()),
-        impact_depth=float(steps["impact_depth"].max()),
         energy=None if scene.potential_energy is None else energy,
         observed={one.name: last[one.name].item() for one in scene.observables if one.label},
+        **{name: float(steps[name].max()) for name in largest},
     )
