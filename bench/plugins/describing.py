@@ -40,7 +40,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
     if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
-        raise BenchError(f"the solver {solver.__name__} is a class; give one made of it, {solver.__name__}().")
+        raise BenchError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
     if type(solver).__module__.startswith(f"{registry.__package__}."):
         return built_in(solver.name)
     return _described("", carried(solver), BenchError)

@@ -80,12 +80,12 @@ def check_again(recorded: Iterable[PluginUse]) -> None:
     used = {str(file.path): file for file, _ in registered()}
     for path, sha256 in sorted({(use.file, use.sha256) for use in recorded if use.file}):
         if path not in used and not Path(path).is_file():
-            raise BenchError(f"the results need the plugin file {path}, which is gone; put it back.")
+            raise BenchError(f"the results need the plugin file {path}, which is missing; restore it.")
         if path not in used:
             raise BenchError(f"the results need the plugin file {path}; name it with `plugins`.")
         if used[path].sha256 != sha256:
             raise BenchError(
-                f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
+                f"plugin file {path} has changed since the run began; restore the old version to resume, or start a "
                 "new run."
             )
 

@@ -42,8 +42,8 @@ def check_numbers(problem: ContactProblem) -> None:
     """Raise ``BenchError`` if a problem has the name of one that the package holds, and other numbers."""
     if is_held(problem.name) and load(problem.name).digest != problem.digest:
         raise BenchError(
-            f"the problem {problem.name!r} has other numbers than the one of that name in the library; give it another "
-            "name, as problem.renamed(NAME) does."
+            f"the problem {problem.name!r} differs from the problem of that name in the library; rename it, as "
+            "problem.renamed(NAME) does."
         )
 
 

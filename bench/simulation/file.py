@@ -211,13 +211,15 @@ def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
     if not isinstance(about, dict) or not str(about.get("kind")).startswith(KIND):
         raise _foreign(path)
     if about["kind"] != KIND or about.get("format") != FORMAT:
-        raise BenchError(f"{path} has format {about.get('format')}, this version reads format {FORMAT}; simulate anew.")
+        raise BenchError(
+            f"{path} has format {about.get('format')}, this version reads format {FORMAT}; simulate again."
+        )
     return about
 
 
 def _foreign(path: Path) -> BenchError:
-    return BenchError(f"{path} is no result file of a simulation; name a file that proxbench simulate wrote.")
+    return BenchError(f"{path} is not a result file of a simulation; name a file that proxbench simulate wrote.")
 
 
 def _damaged(path: Path) -> BenchError:
-    return BenchError(f"{path} is damaged; remove it and simulate anew.")
+    return BenchError(f"{path} is damaged; remove it and simulate again.")

@@ -114,7 +114,7 @@ def resumable_simulation(
     plan = changed(simulation.plan, **changes)
     if simulation.state.time - plan.until > plan.stepper.shortest_step(plan.scene):
         raise BenchError(
-            f"{file} has come to {simulation.state.time:g} s already, past the duration of {plan.duration:g} s; "
+            f"{file} has already reached {simulation.state.time:g} s, past the duration of {plan.duration:g} s; "
             "name a longer one, or leave it out."
         )
     stored, simulation.plan = simulation.plan, plan

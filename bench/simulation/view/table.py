@@ -278,7 +278,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     )
     missed = simulation.steps["status"][simulation.unsolved]
     for status, count in zip(*np.unique(missed, return_counts=True), strict=True):
-        yield f"  the solver says: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
+        yield f"  the solver reports: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
     solver = simulation.plan.solver
     if solver.model != Model.COULOMB and solver.name == simulation.segments[-1].solver:
         yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"

@@ -137,7 +137,7 @@ def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
     ("change", "words"),
     [
         ({"format": 99}, "has format 99"),
-        ({"format": 5}, "has format 5, this version reads format 6; simulate anew"),
+        ({"format": 5}, "has format 5, this version reads format 6; simulate again"),
         (
             {"kind": "proxbench simulation with variable steps", "format": 2},
             "has format 2, this version reads format 6",
