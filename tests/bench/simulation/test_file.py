@@ -84,9 +84,9 @@ def test_files_of_other_programs_are_recognised(tmp_path: Path) -> None:
     file = tmp_path / "other.npz"
     for content in (b"", b"hello", b"\x93NUMPY"):
         file.write_bytes(content)
-        assert_refused(file, "no result file of a simulation")
+        assert_refused(file, "not a result file of a simulation")
     save_problem(load("hard-no-motion"), file)
-    assert_refused(file, "no result file of a simulation")
+    assert_refused(file, "not a result file of a simulation")
     assert_refused(tmp_path / "nowhere.npz", "there is no result file")
     assert_refused(tmp_path, "is a folder; name a result file in it")
 
