@@ -5,7 +5,7 @@ generating twice gives equal digests; between machines rounding differs, which i
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -174,8 +174,9 @@ def _funnel_problems(
     scene: Funnel, stop: Stop, mixed: tuple[float, float] | None, members: dict[str, FunnelRecipe]
 ) -> Iterator[ContactProblem]:
     wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
-    balls = scene.system()
-    system = balls if mixed is None else MixedFriction(balls, *mixed, scene.seed)
+    system = scene.system()
+    if mixed is not None:
+        system = replace(system, friction=MixedFriction(*mixed, scene.seed))
     stepper = MidpointRule(system, _solver(), stop, TIME_STEP)
     for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
         for name in members:

@@ -23,7 +23,7 @@ from .plugins.files import use_plugin_files
 from .plugins.problems import problem_of
 from .report.build_report import Report, build_report
 from .report.comparison.comparison import SLOWDOWN, Comparison, compare_runs
-from .simulation.starts.registry import DEFAULT_START
+from .simulation.starts import DEFAULT_START
 from .store.bundles.merge import merge as merge_sources
 from .store.bundles.packing import OnCase
 from .store.bundles.packing import bundle as bundle

@@ -27,13 +27,13 @@ from .file import SUFFIX, RecordingFile, write_curve
 from .traces import Trace, trace_solve
 
 MIN_RESIDUAL = 1e-16
-"""Curves are logarithms; what is below this is drawn here."""
+"""Lower bound of curves, which are logarithms."""
 
 MAX_GROWTH = 1e2
 """Curves of a solver that diverges stay at this multiple of the largest value that any solver begins with."""
 
 FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
-"""Where curves begin: zeros have a residual, but nothing to multiply or to change from."""
+"""First point of each curve: at zeros there is a residual, but no product of Λ and ξ, and no change."""
 
 ARROW_SIZES = 3.0
 """Length of a large arrow in body sizes; it stands for the impulse that one closed contact in ten exceeds."""
@@ -48,7 +48,7 @@ LINES = (150, 170, 200)
 """Colour of other bodies."""
 
 TOLERANCE = 1e-8
-"""Tolerance of recorded solvers; a run's own ladder ends where most only creep."""
+"""Tolerance of recorded solvers; most reach the finest of a run only slowly."""
 
 MAX_ITERATIONS = 1000
 

@@ -90,7 +90,7 @@ def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: boo
 
     from ... import runs
     from ...measure.trajectories.plan import LIMITS as DEFAULTS
-    from ...simulation.starts.registry import DEFAULT_START
+    from ...simulation.starts import DEFAULT_START
     from ..progress import RunProgress
 
     given = context.params

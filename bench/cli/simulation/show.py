@@ -60,7 +60,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
     live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
     # a failure is raised again when everything is shown
     with deferred_interrupts() as should_stop, live, contextlib.suppress(FailedSimulationError):
-        advance(simulation, (), live, should_stop)
+        advance(simulation, on_progress=live, should_stop=should_stop)
     code = show_simulation(simulation, as_json, quiet)
     if not simulation.is_finished and simulation.file is not None:
         raise InterruptedSimulationError(simulation.file)
