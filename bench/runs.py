@@ -24,13 +24,14 @@ from .plugins.problems import problem_of
 from .report.build_report import Report, build_report
 from .report.comparison.comparison import SLOWDOWN, Comparison, compare_runs
 from .simulation.starts.registry import DEFAULT_START
+from .store.bundles.bundle import bundle as bundle
+from .store.bundles.bundle import open_run
 from .store.bundles.merge import merge as merge_sources
-from .store.bundles.packing import OnCase
-from .store.bundles.packing import bundle as bundle
-from .store.bundles.packing import rejudge as rejudge
+from .store.bundles.rejudge import OnCase
+from .store.bundles.rejudge import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
 from .store.plans import Limits, RunSettings
-from .store.store import UNFIT_NAME, Store, plain_name
+from .store.store import UNFIT_NAME, plain_name
 
 
 def _ignore(*shown: object) -> None:
@@ -39,7 +40,7 @@ def _ignore(*shown: object) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(RunFrames, os.PathLike[str]):
-    """A stored run as it was when it was loaded; usable as the path of its folder.
+    """A stored run as it was when it was loaded; usable as the path of its folder or bundle.
 
     Its attributes are those of ``RunFrames``: the frames cases, points, rounds, iterations and errors, the record info,
     and the sentences damaged.
@@ -144,7 +145,7 @@ class Run(RunFrames, os.PathLike[str]):
         Raises:
             ProblemError: if it has none of that name, or the problem's file is damaged.
         """
-        return problem_of(Store.open(self.folder), self.info, name)
+        return problem_of(open_run(self.folder), self.info, name)
 
 
 def run(
@@ -336,10 +337,10 @@ def resume(
 
 
 def load(run_dir: os.PathLike[str] | str) -> Run:
-    """Load a stored run; damaged case files are left out and named.
+    """Load a stored run from its folder or from a bundle; damaged case files are left out and named.
 
     Raises:
-        BenchError: if the folder is no run, or its run.json is damaged.
+        BenchError: if the path is not a run, or its run.json or the bundle is damaged.
     """
     return Run(**vars(read_frames(Path(run_dir))))
 
@@ -376,8 +377,8 @@ def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowd
     """Compare two stored runs: find what is faster, slower, newly solved and no longer solved.
 
     Args:
-        before: the run to compare with, or its folder.
-        after: the run that may be slower, or its folder.
+        before: the run to compare with, its folder or its bundle.
+        after: the run that may be slower, its folder or its bundle.
         slowdown: relative change of time from which the verdict names a solver, 0.1 for 10 %.
 
     Raises:

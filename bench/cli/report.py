@@ -20,7 +20,7 @@ MAX_NAMES = 5
 
 def report(
     context: typer.Context,
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or file of a simulation (.npz).")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder or bundle of a run, or simulation (.npz).")],
     problem: Annotated[
         list[str] | None,
         options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
@@ -235,5 +235,5 @@ def _places(run: "Run", made: "Report") -> Iterator[str]:
             yield f"{what}   {files[0].parent}"
     if made.page:
         yield f"page     {made.page}"
-    if (run.folder / "recordings").is_dir():
-        yield f"watch    rerun {run.folder / 'recordings'}/NAME.rrd"
+    if (run.output_folder / "recordings").is_dir():
+        yield f"watch    rerun {run.output_folder / 'recordings'}/NAME.rrd"

@@ -17,10 +17,10 @@ from msgspec import Struct
 from ...problems.contact.judge import NO_NUMBERS, Verdict
 from ...problems.errors import suggestion
 from ..errors import BenchError
+from .bundles.bundle import open_run, output_folder
 from .fields import Quartiles, Record
 from .notes import notes_of
 from .records import CaseRecord, Point, QuantityError, Round, RunRecord
-from .store import Store
 
 JUDGED, LOCAL = "judged", "local"
 """Residuals that tables and charts can go by: that of the verdict, or its local one."""
@@ -36,7 +36,7 @@ class RunFrames:
     """One run.
 
     Attributes:
-        folder: where it is stored.
+        folder: its folder, or its bundle.
         cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
             reason, wall time, peak memory, what a failed one left, with the family of the problem, is_finished, and
             is_tried (whether its whole ladder was measured once, which an interrupted run leaves open).
@@ -63,6 +63,11 @@ class RunFrames:
     info: RunRecord
     damaged: list[str]
     residual: str = JUDGED
+
+    @property
+    def output_folder(self) -> Path:
+        """The folder for its tables, charts and page; for a bundle, the folder of the same name beside it."""
+        return output_folder(self.folder)
 
     @property
     def n_planned(self) -> int:
@@ -128,13 +133,13 @@ def check_residual(name: str) -> None:
         raise BenchError(f"there is no residual {name!r}{suggestion(name, RESIDUALS)}")
 
 
-def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
-    """Read a stored run, or what it has of one problem; damaged case files are left out and named.
+def read_frames(path: Path, problem: str | None = None) -> RunFrames:
+    """Read the folder or the bundle of a run, or the cases of one problem; damaged case files are left out and named.
 
     Raises:
-        BenchError: if the folder is no run, or its run.json is damaged.
+        BenchError: if the path is not a run, or its run.json or the bundle is damaged.
     """
-    store = Store.open(folder)
+    store = open_run(path)
     info = store.read_run()
     planned = [(problem, solver) for problem in info.plan.problems for solver in info.plan.solvers]
     order = {pair: number for number, pair in enumerate(planned)}
@@ -148,7 +153,7 @@ def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
     for frame in (measured, points):
         frame.insert(1, "family", frame["problem"].map(info.plan.family).astype(str))
     errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
-    return RunFrames(folder, measured, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
+    return RunFrames(path, measured, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
 
 
 def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:

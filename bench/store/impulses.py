@@ -8,6 +8,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Verdict
+from .conversion import inflated
 from .fields import Record, Residual
 
 _NUMBER = np.dtype("<f8")
@@ -44,16 +45,11 @@ class Impulses(Record, frozen=True, kw_only=True):
         """Return Λ [N s], shape (n_rows,).
 
         Raises:
-            ValueError: if it is damaged, or has not so many numbers; no more than these are unpacked.
+            ValueError: if the data are damaged, or not ``n_rows`` numbers.
         """
-        unpacking = zlib.decompressobj()
-        try:
-            content = unpacking.decompress(self.packed, max(_NUMBER.itemsize * n_rows, 1))
-            content += unpacking.decompress(unpacking.unconsumed_tail, 1)
-        except zlib.error:
-            raise ValueError("cannot be unpacked") from None
-        if not unpacking.eof or unpacking.unused_data or len(content) != _NUMBER.itemsize * n_rows:
-            raise ValueError(f"are not {n_rows} numbers, one a row")
+        content = inflated(self.packed, _NUMBER.itemsize * n_rows)
+        if len(content) != _NUMBER.itemsize * n_rows:
+            raise ValueError(f"there are not {n_rows} numbers, one per row")
         return np.frombuffer(content, dtype=_NUMBER).astype(np.float64)
 
 

@@ -22,7 +22,7 @@ from ..plans import PlanRecord
 from ..records import CaseRecord, Session, with_sessions
 from ..store import ELSEWHERE, Store
 from .bundle import Bundle, bundle_of_run, read_bundle
-from .rejudge import rejudge
+from .rejudge import OnCase, rejudge_bundle
 
 Item = TypeVar("Item")
 
@@ -30,7 +30,7 @@ Item = TypeVar("Item")
 def merge(
     sources: Sequence[Path],
     folder: Path,
-    on_case: Callable[[int, int], None] = lambda done, total: None,
+    on_case: OnCase = lambda done, total: None,
     on_missing: Callable[[str], None] = lambda sentence: None,
 ) -> None:
     """Write the runs of bundles and folders as one run into a new folder, as a whole or not at all.
@@ -54,7 +54,7 @@ def merge(
         raise BenchError(f"{folder} exists already; choose another `run_id`.")
     bundles = [bundle_of_run(source) if source.is_dir() else read_bundle(source) for source in sources]
     for bundle in bundles:
-        disagreements = rejudge(bundle, on_case).disagreements
+        disagreements = rejudge_bundle(bundle, on_case).disagreements
         if disagreements:
             more = f" (and {len(disagreements) - 1} more cases)" if len(disagreements) > 1 else ""
             raise BenchError(f"{bundle.source} is refused: {disagreements[0].removesuffix('.')}{more}.")

@@ -8,8 +8,10 @@ What cannot be proved: times and iterations, and the residuals of points that ar
 which must only fit the outcomes that they are given with.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from ..impulses import Impulses, number_of, worst
 from ..outcome import RELAXED_FACTOR, WRONG_FACTOR, Outcome, verdicts
 from ..outcome import ROUNDING as RELAXED_ROUNDING
 from ..records import CaseRecord, Measured, Point
-from .bundle import Bundle
+from .bundle import Bundle, read_bundle
 
 ROUNDING = 2.0**-44
 """Relative change of impulses that is taken for rounding of sums over a row."""
@@ -35,6 +37,14 @@ MOST_SIDES = 10**6
 
 RELATIVE = 1e-6
 """Relative difference that is none."""
+
+
+OnCase = Callable[[int, int], None]
+"""Called with the number of finished cases and of all cases."""
+
+
+def _ignore(done: int, total: int) -> None:
+    """Show no progress."""
 
 
 @dataclass
@@ -70,13 +80,21 @@ class _Disagreement(Exception):  # noqa: N818 - a finding, not a mistake of the 
     """A case that is not what the bundle says; the text says how."""
 
 
-def rejudge(bundle: Bundle, on_case: Callable[[int, int], None] = lambda done, total: None) -> Rejudged:
-    """Judge a bundle again, from its problems and impulses.
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _ignore) -> Rejudged:
+    """Recompute the residuals of a bundle from its problems and impulses. None of its content is executed.
 
     Args:
-        bundle: the bundle.
-        on_case: called with the number of cases that are done, and of all.
+        file: the bundle.
+        on_case: called with the number of finished cases and of all cases.
+
+    Raises:
+        BenchError: if the file is not a bundle, damaged, of another version, or inconsistent.
     """
+    return rejudge_bundle(read_bundle(Path(file)), on_case)
+
+
+def rejudge_bundle(bundle: Bundle, on_case: OnCase = _ignore) -> Rejudged:
+    """Recompute the residuals of a bundle that has been read; see ``rejudge``."""
     found, known = Rejudged(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
     for done, case in enumerate(sorted(bundle.cases, key=lambda case: case.problem), 1):
         try:
@@ -147,7 +165,7 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, foun
         try:
             impulses = kept.unpacked(problem.n_rows)
         except ValueError as error:
-            raise _Disagreement(f"its impulses {error}") from None
+            raise _Disagreement(f"its impulses cannot be read: {error}") from None
         again, moved = (verdicts(problem, one, model) for one in (impulses, _rounded_otherwise(impulses)))
         for name, said, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
             number = again[law].residual

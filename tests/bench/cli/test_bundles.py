@@ -79,7 +79,7 @@ def test_a_case_that_lies_is_named_and_the_exit_code_is_1(
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("bundle nowhere", "is no stored run"),
+        ("bundle nowhere", "is not a stored run"),
         ("rejudge nowhere.bundle", "there is no bundle nowhere.bundle"),
         ("merge nowhere.bundle", "there is no bundle nowhere.bundle"),
         ("rejudge x --quiet --json", "exclude each other"),

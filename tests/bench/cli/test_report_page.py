@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 
-REFERENCE = Path(__file__).parents[3] / "results/reference"
+REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
 
 @pytest.fixture
