@@ -346,7 +346,7 @@ def generate(
     from ...problems.exchange.storage import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
-    from ..generate import generate as make
+    from ..measure.contacts.generate import generate as make
     from ..report.layout.text import print_json
     from .exchange.fclib import print_files
 
