@@ -1,4 +1,4 @@
-"""The impulses that a run keeps, from which anyone can judge again what it claims."""
+"""The impulses that a run stores, from which its residuals can be recomputed."""
 
 import zlib
 from collections.abc import Iterable
@@ -14,21 +14,21 @@ from .fields import Record, Residual
 _NUMBER = np.dtype("<f8")
 
 _FAST = 1
-"""Level of compression: numbers are smaller by their zeros, which the least one finds."""
+"""Level of compression; higher ones gain nothing, because only zeros compress."""
 
 
 def number_of(residual: float | None) -> float:
-    """Return a residual, those that are not finite as infinite."""
+    """Return a stored residual as a number; None and NaN mean infinity."""
     return np.inf if residual is None or not residual < np.inf else residual
 
 
 class Impulses(Record, frozen=True, kw_only=True):
-    """An answer of a solver, with what the judge reads in it.
+    """Impulses that a solver returned, with their residuals.
 
     Attributes:
-        residual: the judge's, under Coulomb's law.
-        model_residual: the judge's, under the solver's own model.
-        packed: Λ [N s] in double precision, least byte first, deflated.
+        residual: judged residual under Coulomb's law.
+        model_residual: judged residual under the solver's own model.
+        packed: Λ [N s] in double precision, little-endian, compressed by zlib.
     """
 
     residual: Residual
@@ -54,9 +54,9 @@ class Impulses(Record, frozen=True, kw_only=True):
 
 
 def worst(answers: Iterable[Impulses]) -> list[Impulses]:
-    """Return the answers whose residuals count for all: the worst under Coulomb's law, and the worst under the model.
+    """Return the worst impulses under Coulomb's law and under the solver's model: one if they are the same.
 
-    They are one where one answer is both; the first of equal ones is taken.
+    Of equal residuals the first counts.
     """
     kept = list(answers)
     if not kept:

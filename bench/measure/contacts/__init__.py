@@ -1,1 +1,1 @@
-"""One solver on one contact problem: making the problem, the case, its process, and what its times are compared with."""
+"""One solver on one contact problem: problem, case, process, and what its times are compared with."""

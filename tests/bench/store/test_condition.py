@@ -113,7 +113,5 @@ def test_a_finished_run_on_a_steady_machine_warns_of_nothing(stored: Run) -> Non
 def test_a_run_of_another_format_is_refused_in_one_sentence(version: object, tmp_path: Path) -> None:
     body = {"format": version, "run_id": "old"}
     (tmp_path / "run.json").write_bytes(msgspec.json.encode({**body, "checksum": checksum(body)}))
-    with pytest.raises(
-        BenchError, match=rf"run.json has format {version!r}, and this version reads format 3"
-    ):
+    with pytest.raises(BenchError, match=rf"run.json has format {version!r}, and this version reads format 3"):
         load(tmp_path)
