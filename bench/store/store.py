@@ -175,7 +175,8 @@ class Store:
         """
         for path, content in self._written.items():
             with suppress(OSError):
-                if path.is_file() and path.read_bytes() == content:
+                is_whole = path.is_file() and path.stat().st_size == len(content)
+                if is_whole and path.read_bytes() == content:
                     continue
             put_file(path, content)
 
