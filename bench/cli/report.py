@@ -190,7 +190,7 @@ def _require_readable(run: "Run") -> None:
     from ..errors import BenchError
 
     if run.damaged and run.cases.empty:
-        names = [sentence.partition(" is left out: ")[0] for sentence in run.damaged]
+        names = [sentence.partition(" ")[0] for sentence in run.damaged]
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         raise BenchError(
             f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more} are damaged; "

@@ -88,27 +88,31 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
     """Return the outcome of a solve that claims ``status`` at ``tolerance``.
 
     Args:
-        status: what the solver claims.
-        tolerance: the residual to reach.
-        model: what the solver solves.
-        own: the verdict under the solver's own model.
-        coulomb: the verdict under Coulomb's law.
+        status: status that the solver returned.
+        tolerance: residual to reach.
+        model: model that the solver solves.
+        own: verdict under the solver's own model.
+        coulomb: verdict under Coulomb's law.
+    """
+    is_claim = status is Status.SOLVED
+    return claim_outcome(tolerance, model, own.residual, coulomb.residual) if is_claim else Outcome(status.value)
+
+
+def claim_outcome(tolerance: float, model: Model, own: float, coulomb: float) -> Outcome:
+    """Return the outcome of a claim of success, by the residuals under the solver's own model and Coulomb's law.
 
     Returns:
-        WRONG for a claim that the residual under the solver's own model refutes; RELAXED for a right solution of
-        another model, whose Coulomb residual exceeds the claim or is far above that of its own model; otherwise the
-        outcome of the status.
+        WRONG if the residual under the solver's own model refutes the claim; RELAXED for a right solution of another
+        model, whose Coulomb residual exceeds the claim or is far above that of its own model; otherwise SOLVED.
     """
-    if status is not Status.SOLVED:
-        return Outcome(status.value)
-    if not own.residual <= WRONG_FACTOR * tolerance:
+    if not own <= WRONG_FACTOR * tolerance:
         return Outcome.WRONG
-    if model != Model.COULOMB:
-        own_accuracy = max(own.residual, ROUNDING)
-        if not coulomb.residual <= min(tolerance, RELAXED_FACTOR * own_accuracy):
-            return Outcome.RELAXED
-    return Outcome.SOLVED
+    is_relaxed = model != Model.COULOMB and not coulomb <= min(tolerance, RELAXED_FACTOR * max(own, ROUNDING))
+    return Outcome.RELAXED if is_relaxed else Outcome.SOLVED
 
+
+ON_COPY = "on a copy of the problem"
+"""Begin of the reason of a claim that is wrong on a changed copy of the problem, whose impulses are not stored."""
 
 LATE_PREPARING = "preparing took longer than the time limit"
 """Reason of a solve that did not begin within its time limit."""

@@ -197,12 +197,12 @@ class Store:
         cases, damaged = [], []
         for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:
-                case = _read(file, CaseRecord, "resume the run to measure it again")
+                case = _read(file, CaseRecord, "resume the run to measure this case again")
                 if self._case_file(case) != file:
-                    raise BenchError(f"{file.name} contains another case; resume the run to measure it again.")
+                    raise BenchError(f"{file.name} contains another case; resume the run to measure its case again.")
                 cases.append(case)
             except BenchError as error:
-                damaged.append(f"{file.name} is left out: {error}")
+                damaged.append(str(error))
         return cases, damaged
 
 
@@ -256,7 +256,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
             raise BenchError(f"{path.name} is too large, or not a regular file; remove it.")
         text = path.read_bytes()
     except OSError as error:
-        raise BenchError(f"cannot read {path}: {error.strerror}.") from None
+        raise BenchError(f"{path.name} cannot be read: {error.strerror}; change its permissions.") from None
     return unsealed(text, kind, path.name, remedy)
 
 

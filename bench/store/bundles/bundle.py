@@ -126,8 +126,7 @@ def bundle_of_run(folder: Path) -> Bundle:
     run = store.read_run()
     cases, damaged = store.read_cases()
     if damaged:
-        fault = damaged[0].removesuffix(".")
-        raise BenchError(f"{folder} cannot be packed: {fault}; finish it with: proxbench run --resume {folder}")
+        raise BenchError(f"{folder} cannot be packed: {damaged[0]}")
     carried = {name: store.read_problem(digest).renamed(name) for name, digest in run.carried.items()}
     return _checked(Bundle(folder, run, cases, carried))
 

@@ -22,8 +22,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status
 from ....problems.errors import ProxbenchError
 from ..impulses import number_of, worst
-from ..outcome import RELAXED_FACTOR, WRONG_FACTOR, Outcome, verdicts
-from ..outcome import ROUNDING as RELAXED_ROUNDING
+from ..outcome import ON_COPY, Outcome, claim_outcome, verdicts
 from ..records import CaseRecord, Measured, Point
 from .bundle import Bundle, read_bundle
 
@@ -141,17 +140,17 @@ def _claim_fault(point: Point, model: Model) -> str:
     own, coulomb = number_of(measured.model_residual), number_of(measured.residual)
     if model == Model.COULOMB and own != coulomb:
         return "its two residuals differ, which must be equal under Coulomb's law"
-    if point.outcome in (Outcome.SOLVED, Outcome.RELAXED):
-        if point.status != Status.SOLVED:
-            return f"it counts as {point.outcome.value}, and the status of its solver is {point.status!r}"
-        if own > WRONG_FACTOR * tolerance:
-            return f"it counts as {point.outcome.value} with the residual {own:.1e}"
-    if point.outcome is Outcome.WRONG and point.status == Status.SOLVED and own <= WRONG_FACTOR * tolerance:
-        return f"it counts as wrong with the residual {own:.1e}"
-    is_close = coulomb <= min(tolerance, RELAXED_FACTOR * max(own, RELAXED_ROUNDING))
-    if point.outcome is Outcome.SOLVED and model != Model.COULOMB and not is_close:
-        return f"it counts as solved, and solves the {model} model with the residual {coulomb:.1e}"
-    return ""
+    counts = f"it counts as {point.outcome.value}"
+    if point.status != Status.SOLVED:
+        is_claim = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
+        return f"{counts}, and the status of its solver is {point.status!r}" if is_claim else ""
+    possible = {claim_outcome(tolerance, model, own, coulomb), Outcome.TIME_LIMIT}
+    if Outcome.SOLVED in possible:
+        possible.add(Outcome.RELAXED)  # the two residuals may be those of different solves
+    if point.reason.startswith(ON_COPY):
+        possible.add(Outcome.WRONG)
+    relaxed = "" if model == Model.COULOMB else f", {coulomb:.1e} under Coulomb's law"
+    return "" if point.outcome in possible else f"{counts} with the residual {own:.1e}{relaxed}"
 
 
 def _judge_point(measured: Measured, problem: ContactProblem, model: Model, found: Rejudged) -> None:

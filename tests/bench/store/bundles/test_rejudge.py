@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from proxbench.bench import Run, rejudge
 from proxbench.bench.store.bundles.bundle import Bundle, write_bundle
 from proxbench.bench.store.impulses import Impulses
-from proxbench.bench.store.outcome import Outcome, verdicts
+from proxbench.bench.store.outcome import ON_COPY, Outcome, verdicts
 from proxbench.bench.store.records import CaseRecord, Measured, Point
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.model import Model
@@ -182,6 +182,13 @@ def test_an_honest_bundle_agrees_to_the_bit(made: Run, file: Path) -> None:
     assert (found.n_cases, found.n_judged) == (12, 12)
     assert found.n_residuals == found.n_identical >= 24
     assert found.sentence.startswith("12 of 12 cases judged again: ")
+
+
+def test_a_claim_that_is_wrong_on_a_copy_of_its_problem_agrees(honest: Bundle, tmp_path: Path) -> None:
+    def refuted(bundle: Bundle, case: CaseRecord) -> CaseRecord:
+        return with_point(case, 0, outcome=Outcome.WRONG, status="solved", reason=f"{ON_COPY}, claimed 1e-02")
+
+    assert rejudge(forged(honest, 0, refuted, tmp_path / "copy.bundle")).disagreements == []
 
 
 @pytest.mark.parametrize("name", ATTACKS)
