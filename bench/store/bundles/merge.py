@@ -150,13 +150,11 @@ def _missing_shards(plans: Sequence[PlanRecord]) -> list[str]:
 
 def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
     """Return the plan of all runs; problems of shards alternate, as before the run was divided."""
-    if _are_shards(plans):
-        rows = zip_longest(*(plan.problems for plan in sorted(plans, key=_shard)))
-    else:
-        rows = iter([tuple(name for plan in plans for name in plan.problems)])
+    names = [plan.problems for plan in (sorted(plans, key=_shard) if _are_shards(plans) else plans)]
+    turns = zip_longest(*names) if _are_shards(plans) else names
     return replace(
         plans[0],
-        problems=_unique(name for row in rows for name in row if name is not None),
+        problems=_unique(name for turn in turns for name in turn if name is not None),
         solvers=_unique(name for plan in plans for name in plan.solvers),
         families={name: family for plan in plans for name, family in plan.families.items()},
         suite=plans[0].suite if len({plan.suite for plan in plans}) == 1 else "",
