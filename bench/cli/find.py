@@ -47,7 +47,7 @@ def generate(
     from ...problems.exchange.storage import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
-    from ..generate import generate as make
+    from ..measure.contacts.generate import generate as make
     from ..report.layout.text import print_json
     from .exchange.problem_files import print_files
 
