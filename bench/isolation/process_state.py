@@ -21,6 +21,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ...problems.representation import counted
 from .process_tree import descendants
 
 _FRAMEWORK = __name__.partition(".")[0]
@@ -40,8 +41,6 @@ _CACHES = {
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
 """Resource limits that the system knows."""
 
-Names = dict[str, object]
-
 
 @dataclass(frozen=True)
 class ProcessState:
@@ -56,7 +55,7 @@ class ProcessState:
     """
 
     modules: frozenset[str]
-    names: Names
+    names: dict[str, object]
     state: dict[str, Any]
     n_threads: int
     processes: frozenset[int]
@@ -101,7 +100,7 @@ class ProcessState:
         threads = _thread._count() - self.n_threads
         processes = len(set(descendants(os.getpid())) - self.processes)
         counts = ((threads, "thread", "threads"), (processes, "process", "processes"))
-        return [f"{count} {one if count == 1 else many}" for count, one, many in counts if count > 0]
+        return [counted(*count) for count in counts if count[0] > 0]
 
     def _knew(self, name: str) -> bool:
         """Whether a name of the framework belongs to a module that was loaded then."""
@@ -114,8 +113,8 @@ class ProcessState:
 _NOTHING = object()
 
 
-def _names() -> Names:
-    found: Names = {}
+def _names() -> dict[str, object]:
+    found: dict[str, object] = {}
     for name, module in list(sys.modules.items()):
         if name == _FRAMEWORK or name.startswith(f"{_FRAMEWORK}."):
             found |= _names_of(name, module)
@@ -125,9 +124,9 @@ def _names() -> Names:
     return found
 
 
-def _names_of(name: str, module: ModuleType) -> Names:
+def _names_of(name: str, module: ModuleType) -> dict[str, object]:
     """Return the names of one module of the framework, members of its classes and code of its functions included."""
-    found: Names = {}
+    found: dict[str, object] = {}
     for key, value in list(vars(module).items()):
         if key.startswith("__") or isinstance(value, ModuleType):
             continue
@@ -183,50 +182,37 @@ def replaced_names(before: ProcessState) -> str:
     return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
 
 
-_OF_LIBRARIES = ("the warning filters", "callbacks of the garbage collector")
+_OF_LIBRARIES: dict[str, Callable[[], Any]] = {
+    "the warning filters": lambda: list(warnings.filters),
+    "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
+}
 """What libraries change when they are imported."""
 
-_FOR_TIMING = (
-    *_OF_LIBRARIES,
-    "numpy's error state",
-    "numpy's buffer size",
-    "the locale",
-    "the trace function",
-    "the profile function",
-    "memory tracing",
-    "the settings of the garbage collector",
-    "the recursion limit",
-    "the switch interval",
-    "signal handlers",
-    "the alarm clock",
-    "the hooks of the interpreter",
-    "the scheduling of its process",
-    "the resource limits of its process",
-)
-"""What a measurement depends on."""
-
-_STATE: dict[str, Callable[[], Any]] = {
-    "the working folder": os.getcwd,
-    "the environment": lambda: dict(os.environ),
-    "the mask of file modes": _mode_mask,
+_FOR_TIMING: dict[str, Callable[[], Any]] = _OF_LIBRARIES | {
     "numpy's error state": np.geterr,
     "numpy's buffer size": np.getbufsize,
-    "numpy's global random state": _numpy_random,
-    "the random state of Python": random.getstate,
-    "the warning filters": lambda: list(warnings.filters),
     "the locale": lambda: locale.setlocale(locale.LC_ALL),
     "the trace function": sys.gettrace,
     "the profile function": lambda: (sys.getprofile(), _monitoring_tools()),
     "memory tracing": tracemalloc.is_tracing,
     "the settings of the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
-    "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
-    "the switch interval": sys.getswitchinterval,
     "the recursion limit": sys.getrecursionlimit,
-    "the import path": lambda: list(sys.path),
-    "the standard streams": _streams,
+    "the switch interval": sys.getswitchinterval,
     "signal handlers": lambda: {number: signal.getsignal(number) for number in signal.Signals},
+    "the alarm clock": lambda: bool(signal.getitimer(signal.ITIMER_REAL)[0]),
     "the hooks of the interpreter": lambda: (sys.excepthook, sys.displayhook, sys.unraisablehook, sys.breakpointhook),
     "the scheduling of its process": _scheduling,
     "the resource limits of its process": lambda: [resource.getrlimit(number) for number in _LIMITS],
-    "the alarm clock": lambda: bool(signal.getitimer(signal.ITIMER_REAL)[0]),
 }
+"""What a measurement depends on."""
+
+_STATE: dict[str, Callable[[], Any]] = _FOR_TIMING | {
+    "the working folder": os.getcwd,
+    "the environment": lambda: dict(os.environ),
+    "the mask of file modes": _mode_mask,
+    "numpy's global random state": _numpy_random,
+    "the random state of Python": random.getstate,
+    "the import path": lambda: list(sys.path),
+    "the standard streams": _streams,
+}
+"""What a process has one of, by what it is called."""

@@ -3,7 +3,6 @@
 import contextlib
 import ctypes
 import os
-import resource
 import signal
 import sys
 import time
@@ -70,31 +69,8 @@ def processor_seconds(process: int) -> float:
     return float(own + times.children_user + times.children_system)
 
 
-def memory_left(process: int) -> int | None:
-    """Return how far the address space of a process has ever stayed below its limit [bytes]; None where none is known.
-
-    Systems other than Linux know none.
-    """
-    try:
-        _, limit = resource.prlimit(process, resource.RLIMIT_AS)  # type: ignore[attr-defined, unused-ignore]
-        lines = Path(f"/proc/{process}/status").read_text().splitlines()
-        (peak,) = (1024 * int(line.split()[1]) for line in lines if line.startswith("VmPeak:"))
-    except (AttributeError, OSError, ValueError):
-        return None
-    return None if limit == resource.RLIM_INFINITY else max(limit - peak, 0)
-
-
-def kills_for_memory() -> int:
-    """Return how many processes the system has killed because its memory ran out; 0 where it does not count them."""
-    try:
-        lines = Path("/proc/vmstat").read_text().splitlines()
-        return sum(int(line.split()[1]) for line in lines if line.startswith("oom_kill "))
-    except (OSError, ValueError):
-        return 0
-
-
 def describe_exit(status: int) -> str:
-    """Say how a process ended whose wait status this is."""
+    """Return a sentence about how a process ended, from its wait status."""
     if os.WIFEXITED(status):
         return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
     try:

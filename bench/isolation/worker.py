@@ -35,14 +35,12 @@ from .pipe import NoMessageError, read_message, read_object, write_message
 from .process_tree import (
     descendants,
     describe_exit,
-    kills_for_memory,
-    memory_left,
     processor_seconds,
     running,
     send,
     writers,
 )
-from .supervisor import END, FULL_MEMORY_SHARE, GO_ON, STOP
+from .supervisor import END, GO_ON, STOP
 
 REQUEST_SECONDS = 60.0
 """Default limit of the wall time of a request [s]."""
@@ -115,7 +113,7 @@ class Worker:
             reason = f"it cannot be sent to the process of its case: {error}"
             raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
         self.case_seconds, self.busy_seconds, self.peak_memory_bytes = case_seconds, 0.0, 0
-        self._memory_bytes, self._kills_before = memory_bytes, kills_for_memory()
+        self._memory_bytes = memory_bytes
         self._is_stopped = False
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
@@ -213,9 +211,10 @@ class Worker:
         os.close(self._output)
 
     def _timeout(self) -> Fault:
-        """Return the fault of a case whose time is up, which is not its time where its memory is full."""
-        left = memory_left(self.process)
-        if left is not None and left <= (1.0 - FULL_MEMORY_SHARE) * self._memory_bytes:
+        """End a case whose time is up, and return its fault, which is not its time where its memory is full."""
+        self.dismiss()
+        self._supervisor.status(END_SECONDS)
+        if self._supervisor.has_filled_memory:
             reason = f"it filled its {self._megabytes} MB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
@@ -226,10 +225,7 @@ class Worker:
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
         reason = "its process ended together with its supervisor" if status is None else describe_exit(status)
-        was_killed = status is None or os.WIFSIGNALED(status)
-        if was_killed and kills_for_memory() > self._kills_before:
-            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as the memory of the machine ran out")
-        if was_killed and self._supervisor.has_filled_memory:
+        if (status is None or os.WIFSIGNALED(status)) and self._supervisor.has_filled_memory:
             return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as its {self._megabytes} MB of memory were full")
         return Fault(Outcome.CRASHED, reason)
 

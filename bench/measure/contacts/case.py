@@ -4,16 +4,18 @@ import hashlib
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.storage import problem_bytes
+from ....problems.representation import counted
 from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
 from ...plugins.remote_solver import are_iterations
 from ...plugins.solver_specs import SolverSpec
@@ -24,7 +26,7 @@ from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Ro
 from ..ladder import MAX_REASON_LENGTH, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import joined, keep_finest_impulses, times_from_rounds
-from .answers import confirmed, judge_answers, with_copies
+from .answers import confirmed, judge_answers
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls
 from .protocol import MeasuringTask
@@ -168,7 +170,7 @@ class Case(LadderCase[MeasuredRound]):
             found = super()._ask("rest") and found
         left = 0 if self._worker is None else self._worker.n_started()
         if left:
-            self._misbehaved(f"it leaves {left} {'process' if left == 1 else 'processes'} running")
+            self._misbehaved(f"it leaves {counted(left, 'process', 'processes')} running")
         return None if left else found
 
     def _fail(self, fault: Fault) -> None:
@@ -238,8 +240,8 @@ class Case(LadderCase[MeasuredRound]):
         found = judge_answers(self.problem, self.solver.model, value, last.status, rows, self.case_pass.verdicts)
         outcome = found.outcome
         reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
-        counted = [answer for answer in answers if not answer.record.excluded] or answers
-        totals = np.concatenate([answer.timed.totals for answer in counted])
+        valid = [answer for answer in answers if not answer.record.excluded] or answers
+        totals = np.concatenate([answer.timed.totals for answer in valid])
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
@@ -286,36 +288,33 @@ class Case(LadderCase[MeasuredRound]):
             return
         kept = [one for one in answers if not one.record.excluded] or answers
         seconds = float(np.median([one.timed.undisturbed_seconds for one in kept]))
-        stop = self._stop(point.tolerance)
-        known = measured.first_seconds
         try:
             if level == self._copied_level and self.case_pass.points is None:
-                copies = self._controls.copies(stop, seconds)
-                point = with_copies(self.solver.model, measured, point, copies)
-                measured = point.measured or measured
+                point = self._compared_with_copies(point, measured, seconds)
+            known = measured.first_seconds
             is_explained = known and is_explained_by_repetition(seconds, float(np.median(known)))
             if point.outcome is not Outcome.WRONG and not is_explained:
-                firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop))
-                point = confirmed(self.problem, self.solver.model, measured, point, firsts)
+                point = self._compared_with_first_solves(point, seconds)
         except Fault as fault:
             self._fail(fault)
             return
         self.points[level] = point
 
-    def _measure_again(self, stop: Stop) -> float:
-        """Return the median time [s] of one more round.
+    def _compared_with_copies(self, point: Point, measured: Measured, seconds: float) -> Point:
+        """Return a point with the times of copies of the problem, and their answers judged."""
+        copies = self._controls.copies(self._stop(point.tolerance), seconds)
+        times = [*measured.copy_seconds, *(one.seconds for one in copies if one.is_steady)]
+        point = replace(point, measured=replace(measured, copy_seconds=times))
+        return confirmed(self.problem, self.solver.model, point, copies, "on a copy of the problem")
 
-        Raises:
-            Fault: if there is none.
-        """
-        if self._worker is None:
-            raise no_answer()
-        began = time.monotonic()
-        answer, _ = self._worker.ask("round", stop, ROUND_SECONDS)
-        try:
-            return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
-        except NoRoundError as fault:
-            raise Fault(Outcome.MISBEHAVED, str(fault)) from None
+    def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
+        """Return a point with the times of its first solves, and their answers judged."""
+        firsts, measured = self._controls.first_solves(self._stop(point.tolerance), seconds), point.measured
+        if measured is not None:
+            timed = (one for one in firsts if one.timed.status is Status.SOLVED and not one.timed.is_preempted)
+            times = [*measured.first_seconds, *(one.seconds for one in timed)]
+            point = replace(point, measured=replace(measured, first_seconds=times))
+        return confirmed(self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process")
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve that claims ``claimed``.

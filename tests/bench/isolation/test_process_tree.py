@@ -13,7 +13,6 @@ import pytest
 from proxbench.bench.isolation.process_tree import (
     descendants,
     describe_exit,
-    memory_left,
     processor_seconds,
     running,
     send,
@@ -108,18 +107,3 @@ def test_who_prints_into_a_file_is_found(stream: str) -> None:
         printing.communicate()
         assert (found, none) == ([printing.pid], [])
         assert writers(file.fileno()) == []
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the address space of a process")
-def test_memory_is_left_up_to_the_limit_of_a_process() -> None:
-    code = "import resource, sys; resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)); print(flush=True)"
-    limited = subprocess.Popen(
-        [sys.executable, "-c", f"{code}; sys.stdin.read()"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert limited.stdout is not None
-    limited.stdout.readline()
-    left = memory_left(limited.pid)
-    limited.communicate()
-    assert left is not None
-    assert 2**30 < left < 2**31
-    assert memory_left(limited.pid) is None
