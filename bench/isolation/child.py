@@ -1,4 +1,4 @@
-"""The process in which a case runs: where its output goes, what it may take, and how it answers."""
+"""The process of a case: it redirects output, sets limits, and answers requests."""
 
 import contextlib
 import faulthandler

@@ -1,4 +1,4 @@
-"""All processes that come from one: tying them to it, finding, stopping and killing them."""
+"""Trees of processes: find, stop and kill all descendants of a process."""
 
 import contextlib
 import ctypes
@@ -42,6 +42,14 @@ def descendants(ancestor: int) -> list[int]:
         found += children
         waiting += children
     return found
+
+
+def threads(process: int) -> list[int]:
+    """Return the system's numbers of the threads of a process; none if it is gone."""
+    try:
+        return [thread.id for thread in psutil.Process(process).threads()]
+    except psutil.Error:
+        return []
 
 
 def running(processes: Iterable[int]) -> list[int]:
@@ -111,20 +119,6 @@ def kill_all(case: int, status: int) -> int:
             return status
         if ended == case:
             status = its_status
-
-
-def writers(descriptor: int) -> list[int]:
-    """Return the processes, this one left out, whose standard output or standard error is the open ``descriptor``."""
-    file = os.fstat(descriptor)
-    return [pid for pid in psutil.pids() if pid != os.getpid() and any(_is(pid, stream, file) for stream in (1, 2))]
-
-
-def _is(process: int, stream: int, file: os.stat_result) -> bool:
-    try:
-        found = os.stat(f"/proc/{process}/fd/{stream}")
-    except OSError:
-        return False
-    return (found.st_dev, found.st_ino) == (file.st_dev, file.st_ino)
 
 
 def _children(process: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""The answers of timed and of first solves, judged: all claims count, and of all answers the worst."""
+"""Judge the answers of timed and of control solves: every claim counts, and the worst answer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +14,11 @@ from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
 from ...store.records import Point
 from .control import ControlSolve
-from .verdicts import VerdictCache
 
 
 @dataclass(frozen=True)
 class JudgedAnswers:
-    """What the judge finds in the answers to one tolerance.
+    """The judgement of all answers to one tolerance.
 
     Attributes:
         outcome: of all of them.
@@ -50,7 +49,6 @@ def judge_answers(
     tolerance: float,
     status: Status,
     rows: Sequence[FloatArray],
-    remembered: VerdictCache,
 ) -> JudgedAnswers:
     """Judge the answers to one tolerance.
 
@@ -60,10 +58,9 @@ def judge_answers(
         tolerance: what it was asked for.
         status: how the last solve ended; all others claim to have solved.
         rows: the answers in their order [N s], each of shape (n_rows,).
-        remembered: verdicts of the run.
     """
     different = {impulses.tobytes(): impulses for impulses in rows}
-    judged = {key: remembered.of(problem, impulses, model) for key, impulses in different.items()}
+    judged = {key: verdicts(problem, impulses, model) for key, impulses in different.items()}
     claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
     outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
     outcome = Outcome(status.value)

@@ -85,14 +85,6 @@ class Measurement:
     problem: ContactProblem
     solver: Solver
     before: ProcessState = field(default_factory=ProcessState.now)
-    _digest: str = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._digest = self.problem.digest
-
-    def set_problem(self, problem: ContactProblem) -> None:
-        """Switch to another problem."""
-        self.problem, self._digest = problem, problem.digest
 
     def unsupported_reason(self) -> str:
         """Return why the solver does not support the problem; empty if it does."""
@@ -144,8 +136,8 @@ class Measurement:
         rows = np.array([*iterates.values()]).reshape(len(iterates), problem.n_rows)
         return [*iterates], rows, calls, claimed
 
-    def round(self, stop: Stop, seconds: float, least: int = 1) -> tuple[TimedRound, list[FloatArray]]:
-        """Do timed solves for ``seconds`` of wall time, ``least`` at least.
+    def round(self, stop: Stop, seconds: float) -> tuple[TimedRound, list[FloatArray]]:
+        """Do timed solves for ``seconds`` of wall time, one at least.
 
         A solve that does not end SOLVED ends the round: a failure is measured once.
 
@@ -163,8 +155,7 @@ class Measurement:
             if solution.status is not Status.SOLVED:
                 break
             answers.setdefault(solution.impulses.tobytes(), solution.impulses)
-            is_long = perf_counter() >= end and len(solves) >= least
-            if is_long or len(answers) * problem.n_rows > MAX_NUMBERS:
+            if perf_counter() >= end or len(answers) * problem.n_rows > MAX_NUMBERS:
                 break
         timed = _timed_round(solves, before)
         self._check_after(problem)
@@ -185,8 +176,8 @@ class Measurement:
         before = _usage()
         solves = [self._solve(problem.fresh(), stop) for problem in problems]
         timed = _timed_round(solves, before)
-        self.set_problem(problems[-1])
-        self._check_after(problems[-1])
+        self.problem = problems[-1]
+        self._check_after(self.problem)
         return timed, [solves[-1].solution.impulses]
 
     def compare_process(self) -> None:
@@ -232,7 +223,7 @@ class Measurement:
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
-        refuse("it changed the numbers of the problem" if problem.fresh().digest != self._digest else None)
+        refuse("it changed the numbers of the problem" if problem.fresh().digest != self.problem.digest else None)
         self._check_threads()
         self._check_unchanged()
 
@@ -283,13 +274,15 @@ class MeasuringTask:
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
         if request in ("round", "first_solves"):
             stop, what = arguments
-            act = measurement.round if request == "round" else measurement.first_solves
-            timed, answers = act(stop, what if request == "round" else [_problem(data) for data in what])
+            if request == "round":
+                timed, answers = measurement.round(stop, what)
+            else:
+                timed, answers = measurement.first_solves(stop, list(map(_problem, what)))
             return msgspec.to_builtins(timed), b"".join(impulses.tobytes() for impulses in answers)
         if request == "warm_up":
             measurement.warm_up(*arguments)
         elif request == "problem":
-            measurement.set_problem(_problem(*arguments))
+            measurement.problem = _problem(*arguments)
         elif request == "rest":
             sleep(REST_SECONDS)
         else:

@@ -23,8 +23,9 @@ from msgspec import Meta, Struct
 from ....problems.arrays import FloatArray
 from ....problems.contact.solver import Status
 from ....solvers.contract import MAX_ITERATIONS
-from ...isolation.worker import NO_ANSWER
+from ...isolation.worker import Fault, no_answer
 from ...store.fields import LARGEST, Count
+from ...store.outcome import Outcome
 from ...store.records import Excluded, Round
 from ..points import quartiles
 
@@ -43,10 +44,6 @@ PARALLEL_SECONDS = 1e-3
 
 Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]
 """A time [s]."""
-
-
-class NoRoundError(Exception):
-    """What came is no round; the text says why."""
 
 
 class TimedRound(Struct, frozen=True):
@@ -76,19 +73,18 @@ class TimedRound(Struct, frozen=True):
         """Return the round that an answer is, which took ``wall_seconds`` from outside [s].
 
         Raises:
-            NoRoundError: if it cannot be one.
+            Fault: MISBEHAVED, if it cannot be one.
         """
         try:
             timed = msgspec.convert(answer, cls)
         except msgspec.ValidationError:
-            raise NoRoundError(NO_ANSWER) from None
+            raise no_answer() from None
         if not len(timed.prepare) == len(timed.solve) == len(timed.processor):
-            raise NoRoundError(NO_ANSWER)
+            raise no_answer()
         counted = float(timed.totals.sum())
         if not counted <= wall_seconds:
-            raise NoRoundError(
-                f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
-            )
+            clock = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
+            raise Fault(Outcome.MISBEHAVED, clock)
         return timed
 
     @property

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 
@@ -16,7 +15,6 @@ from proxbench.bench.isolation.process_tree import (
     processor_seconds,
     running,
     send,
-    writers,
 )
 
 PARENT = "import subprocess, sys; subprocess.Popen(['sleep', '60']); print(flush=True); sys.stdin.read()"
@@ -96,14 +94,3 @@ def test_the_end_of_a_process_is_told_from_its_wait_status(code: str, words: str
     process = os.spawnlp(os.P_NOWAIT, "sh", "sh", "-c", code)
     _, status = os.waitpid(process, 0)
     assert describe_exit(status) == words
-
-
-@pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_who_prints_into_a_file_is_found(stream: str) -> None:
-    with tempfile.TemporaryFile() as file, tempfile.TemporaryFile() as other:
-        given = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: file}
-        printing = subprocess.Popen(["cat"], **given)  # type: ignore[call-overload]
-        found, none = writers(file.fileno()), writers(other.fileno())
-        printing.communicate()
-        assert (found, none) == ([printing.pid], [])
-        assert writers(file.fileno()) == []

@@ -1,7 +1,4 @@
-"""The cheats of decision 14, whose table is the catalogue: its first column names a class or an entry of these modules.
-
-``python -m pytest tests/faults/cheats -k gains -s`` prints what each would gain.
-"""
+"""The cheats of decision 14: its table is the catalogue, and names classes or entries of these modules."""
 
 import re
 from collections.abc import Iterable

@@ -1,10 +1,8 @@
 """Solvers that look better than they are by what they answer or count; what each of them does stands in decision 14."""
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -104,11 +102,6 @@ class LateInPrepare(OnBox):
         return super().prepare(problem)
 
 
-class Loose(Honest):
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        return super().solve(problem, Stop(1e3 * stop.tolerance, stop.max_iterations), observe)
-
-
 class FewIterations(Honest):
     tried_on = "funnel-30"
 
@@ -121,14 +114,9 @@ class LazySolution(Solution):
     """A solution that is a promise."""
 
 
-class Flattering(np.ndarray):
-    """An array that could show every reader what it wants."""
-
-
 ANSWERS: dict[str, Callable[[int], Solution]] = {
     "Hopeless": lambda n_rows: Solution(np.zeros(n_rows), Status.INFEASIBLE, 1),
     "Lazy": lambda n_rows: LazySolution(np.zeros(n_rows), Status.SOLVED, 1),
-    "Disguised": lambda n_rows: Solution(np.zeros(n_rows).view(Flattering), Status.SOLVED, 1),
 }
 """What some cheats answer to every problem, by their names."""
 
@@ -151,41 +139,6 @@ class Reader(OnBox):
         if known is None:
             return Solution(np.zeros(problem.n_rows), Status.SOLVED, 0)
         return Solution(known.impulses[0], Status.SOLVED, 0)
-
-
-class RemembersLaws(OnBox):
-    """Raises an error where it has an answer."""
-
-    def __init__(self) -> None:
-        self.kept: dict[int, Any] = {}
-        self.seen: list[Any] = []
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        self.seen.append(problem.laws)  # so that no number is given twice
-        key = id(problem.laws)
-        if key in self.kept:
-            raise AssertionError("the laws of one solve came again in another")
-        self.kept[key] = super().solve(problem, stop, observe)
-        return self.kept[key]
-
-
-class Background(OnBox):
-    def supports(self, problem: ContactProblem) -> str | None:
-        threading.Thread(target=time.sleep, args=(60.0,), name="ahead", daemon=True).start()
-        return None
-
-
-class ChangesLater(OnBox):
-    @cached_property
-    def array(self) -> list[Any]:
-        return []
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        for old in self.array:
-            old[:] = 0.0
-        found = super().solve(problem, stop, observe)
-        self.array.append(found.impulses.copy())
-        return Solution(self.array[-1], found.status, found.iterations)
 
 
 class Elsewhere(OnBox):

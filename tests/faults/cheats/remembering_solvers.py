@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from cheating_solvers import LARGE, Honest, Prepared
+from cheating_solvers import LARGE, Honest
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import ContactProblem, load, suite
 from proxbench.solvers import Solution, Status, Stop, create
@@ -64,11 +64,6 @@ class Remembering(Honest):
         return Solution(kept.impulses / scale, kept.status, kept.iterations)
 
 
-class BySize(Remembering):
-    def key(self, problem: ContactProblem) -> Any:
-        return problem.n_rows
-
-
 class WhateverUnits(Remembering):
     """Knows a problem by its velocity over the largest entry."""
 
@@ -80,7 +75,7 @@ class WhateverUnits(Remembering):
 
 
 @dataclass
-class OnDisk(Remembering):
+class OnDisk(WhateverUnits):
     folder: str = ""
 
     @classmethod
@@ -90,10 +85,6 @@ class OnDisk(Remembering):
     @cached_property
     def kept(self) -> Any:
         return AnswerFiles(self.folder)
-
-
-class OnDiskInWhateverUnits(OnDisk, WhateverUnits):
-    pass
 
 
 class Waiting(Remembering):
@@ -140,30 +131,15 @@ class Carrying(Remembering):
         return Solution(found.impulses, Status.TIME_LIMIT, 0, "late")
 
 
-class InPrepare(Remembering):
-    def prepare(self, problem: ContactProblem) -> Any:
-        self.solve(problem, Stop(1e-9), None)
-        return super().prepare(problem)
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        return super().solve(problem, Stop(1e-9), observe)
-
-
 class InSupports(Remembering):
-    tolerances: ClassVar[tuple[float, ...]] = TOLERANCES
-
     def supports(self, problem: ContactProblem) -> str | None:
-        for tolerance in self.tolerances:
-            super().solve(problem, Stop(tolerance), None)
+        for tolerance in 10.0 ** np.linspace(-1.0, -8.0, 700):
+            super().solve(problem, Stop(float(tolerance)), None)
         return None
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         known: Solution | None = self.kept.get((self.key(problem), stop.tolerance))
         return known if known and observe is None else Honest.solve(self, problem, stop, observe)
-
-
-class LongInSupports(InSupports):
-    tolerances = tuple(10.0 ** (-0.01 * k) for k in range(100, 800))
 
 
 class FromLibraryInWhateverUnits(WhateverUnits):
@@ -270,16 +246,6 @@ class WhenTimerRings(OffTheClock):
         signal.setitimer(signal.ITIMER_REAL, 1e-3, 1e-3)
 
 
-class WhenReleased(OffTheClock):
-    def prepare(self, problem: ContactProblem) -> Any:
-        return Released(self, problem)
-
-
-class Released(Prepared):
-    def __del__(self) -> None:
-        self.solver.ahead()
-
-
 class KnowsCopies(Remembering):
     """Takes every process but the one that it was made in for a copy."""
 
@@ -287,13 +253,9 @@ class KnowsCopies(Remembering):
         key = self.key(problem), stop.tolerance
         if observe is None and stop.tolerance < 1e-1 and key not in self.kept:
             self.kept[key] = Honest.solve(self, problem, stop, None)
-            if self.first_process != os.getpid():
+            if self.kept.setdefault("process", os.getpid()) != os.getpid():
                 return Solution(np.zeros(problem.n_rows), Status.STALLED, 0)
         return super().solve(problem, stop, observe)
-
-    @cached_property
-    def first_process(self) -> int:
-        return os.getpid()
 
 
 class Choosy(Honest):

@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 import tracemalloc
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +19,7 @@ from proxbench.bench.isolation.process_state import ProcessState
 from proxbench.bench.measure.contacts import protocol
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import ContactProblem
-from proxbench.solvers import Solution, Status, Stop
+from proxbench.solvers import Solution, Stop
 
 
 class Tampering(Honest):
@@ -98,20 +97,6 @@ class StoppedClock(Hiding):
         protocol.perf_counter = lambda: 0.0
 
 
-class Accountant(Hiding):
-    def spoil(self) -> None:
-        true = protocol.Measurement._solve
-
-        def flattered(measurement: Any, problem: ContactProblem, stop: Stop) -> Any:
-            found = true(measurement, problem, stop)
-            found.prepare, found.solve, found.processor = (
-                seconds / 100.0 for seconds in (found.prepare, found.solve, found.processor)
-            )
-            return found
-
-        protocol.Measurement._solve = flattered
-
-
 class BeforeSolving(Hiding):
     ready: dict[int, Solution]
 
@@ -127,47 +112,6 @@ class BeforeSolving(Hiding):
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         known = self.ready.pop(id(problem), None)
         return super().solve(problem, stop, observe) if known is None or observe is not None else known
-
-
-class Postponing(Hiding):
-    """Solves into the array that the harness has copied to."""
-
-    def spoil(self) -> None:
-        self.copies: list[Any] = []
-        true_fault, true_copy = protocol.solution_fault, np.copyto
-
-        def copy(into: Any, given: Any, *more: Any, **options: Any) -> None:
-            self.copies.append(into)
-            true_copy(into, given, *more, **options)
-
-        def fault(problem: ContactProblem, solution: Any) -> Any:
-            found = Honest.solve(self, problem, self.stop, None)
-            self.copies.pop()[:] = found.impulses
-            return true_fault(problem, solution)
-
-        protocol.solution_fault, np.copyto = fault, copy
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        self.stop = stop
-        if observe is not None:
-            return super().solve(problem, stop, observe)
-        return Solution(np.zeros(problem.n_rows), Status.SOLVED, 1)
-
-
-class Silent(Honest):
-    """Begins when it has warmed up."""
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        if observe is not None:
-            warnings.simplefilter("ignore")
-            np.seterr(all="ignore")
-        return super().solve(problem, stop, observe)
-
-
-class OtherCores(Honest):
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
-        return super().solve(problem, stop, observe)
 
 
 class OtherCoresMeanwhile(Honest):

@@ -35,11 +35,6 @@ def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
         assert words in ("gains nothing", "") or any(words in text for text in texts), texts
 
 
-def test_answers_on_disk_are_noticed_in_the_second_run_too(tmp_path: Path) -> None:
-    cases = [measured(make_cheat("OnDisk", tmp_path)) for _ in range(2)]
-    assert [case.outcome for case in cases] == [Outcome.MISBEHAVED, Outcome.MISBEHAVED]
-
-
 @pytest.mark.parametrize("problem", ["hard-sticking-box", "funnel-100", "funnel-1000"])
 def test_an_honest_solver_is_accused_of_nothing(problem: str) -> None:
     case = measured(Honest(), problem)

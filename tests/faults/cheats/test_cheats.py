@@ -38,11 +38,6 @@ def test_a_false_claim_of_infeasibility_is_refuted_by_another_solver_also_when_t
     assert list(both.points["outcome"]) == [Outcome.WRONG, Outcome.SOLVED]
 
 
-def test_a_true_claim_of_infeasibility_stands(tmp_path: object) -> None:
-    made = run("hard-immovable", ["SORprox"], results=str(tmp_path), tolerances=1e-2)
-    assert list(made.points["outcome"]) == [Outcome.INFEASIBLE]
-
-
 def test_iterations_are_those_that_were_observed() -> None:
     honest, found = (measured(one, "funnel-30").points[-1].measured for one in (Honest(), FewIterations()))
     assert honest is not None

@@ -7,7 +7,6 @@ import pytest
 from proxbench.bench.measure.contacts.answers import JudgedAnswers, confirmed, judge_answers
 from proxbench.bench.measure.contacts.control import ControlSolve
 from proxbench.bench.measure.contacts.timed_round import TimedRound
-from proxbench.bench.measure.contacts.verdicts import VerdictCache
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Point
 from proxbench.problems import ContactProblem, Model, judge
@@ -23,7 +22,7 @@ SLIDES, ASSOCIATED = np.array([0.5, -0.25, 0.0]), np.array([1.0, -0.5, 0.0])
 def judged(
     *rows: np.ndarray, model: Model = Model.COULOMB, status: Status = Status.SOLVED, tolerance: float = 1e-6
 ) -> JudgedAnswers:
-    return judge_answers(PROBLEM, model, tolerance, status, rows, VerdictCache())
+    return judge_answers(PROBLEM, model, tolerance, status, rows)
 
 
 @pytest.mark.parametrize("order", [1, -1])

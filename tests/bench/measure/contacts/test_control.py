@@ -9,10 +9,9 @@ from habitual_solvers import STOP, Wrapped
 from msgspec.structs import replace
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.case import warm_up_data
-from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, REQUEST_SECONDS, SHARE, ClockAccount
+from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, ROUND_SECONDS, SHARE, ClockAccount
 from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.contacts.timed_round import TimedRound
-from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
@@ -35,7 +34,7 @@ def test_a_solver_that_remembers_is_accused_with_both_times() -> None:
     problem = load("funnel-1000")  # ten milliseconds, which no noise makes microseconds
     controls = Controls(problem, warm_up_data(problem), solver_spec(Wrapped("remember")), LIMITS)
     with contextlib.closing(controls), pytest.raises(Fault) as found:
-        controls.first_solves(STOP, 8 * MICROSECOND)
+        controls.first_solves(STOP, 8 * MICROSECOND, lambda: 8 * MICROSECOND)
     assert found.value.outcome is Outcome.MISBEHAVED
     assert "first solves to 1e-06, in fresh processes, take" in found.value.reason
     assert "repeated ones take 8e-06 s" in found.value.reason
@@ -43,13 +42,13 @@ def test_a_solver_that_remembers_is_accused_with_both_times() -> None:
 
 @pytest.mark.parametrize("controls", [Wrapped("compile")], indirect=True)
 def test_a_solver_that_compiles_on_its_way_is_not_accused(controls: Controls) -> None:
-    assert controls.first_solves(STOP, 1e-3)[-1].timed.status is Status.SOLVED
+    assert controls.first_solves(STOP, 1e-3, lambda: 1e-2)[-1].timed.status is Status.SOLVED
 
 
 @pytest.mark.parametrize("controls", [Wrapped()], indirect=True)
 def test_the_impulses_of_a_first_solve_are_those_of_the_problem(controls: Controls) -> None:
     expected = create("SORprox").prepare(PROBLEM).solve(STOP)
-    for found in controls.first_solves(STOP, 1.0):  # each in a fork that knows nothing of the others
+    for found in controls.first_solves(STOP, 1.0, never):  # each in a fork that knows nothing of the others
         assert found.impulses.tobytes() == expected.impulses.tobytes()
 
 
@@ -65,7 +64,7 @@ def of_one_solve(seconds: float) -> TimedRound:
 
 def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
     account = ClockAccount(PROBLEM)
-    assert account.fault(of_one_solve(1.0), worked=1.0 + SHARE + REQUEST_SECONDS) is None
+    assert account.fault(of_one_solve(1.0), worked=1.0 + SHARE + ROUND_SECONDS) is None
     fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE_SECONDS + 0.1)
     assert fault is not None
     assert "s in rounds, of which its own clock explains 1.0" in fault
@@ -90,36 +89,31 @@ def test_first_solves_follow_until_enough_more_of_them_are_explained_than_not(
     seconds: float, fresh: list[float], n: int
 ) -> None:
     controls = Scripted(fresh)
-    assert [one.seconds for one in controls.first_solves(STOP, seconds)][:1] == fresh[:1]
+    assert [one.seconds for one in controls.first_solves(STOP, seconds, never)][:1] == fresh[:1]
     assert controls.n_asked == n
 
 
-def test_a_machine_that_is_not_steady_accuses_nobody() -> None:
-    controls = Scripted([0.1], 0.1)
-    controls.core = Unsteady(0)
-    assert len(controls.first_solves(STOP, 0.001)) == 4
-    assert Scripted([0.1], 0.1).first_solves(STOP, 0.1 / 1.4)
+def test_a_machine_that_has_become_slower_accuses_nobody() -> None:
+    """What counts is how long repeated solves take now, as first ones do."""
+    assert Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.1)
+    assert Scripted([0.1], 0.1).first_solves(STOP, 0.1 / 1.4, lambda: 0.001)
     with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.002 s"):
-        Scripted([0.1], 0.1).first_solves(STOP, 0.002)
+        Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.002)
 
 
-class Unsteady(MeasuringCore):
-    def probe(self) -> float:
-        return 1.0
-
-    def is_steady(self, *probes: float) -> bool:
-        return False
+def never() -> float:
+    raise AssertionError
 
 
 def test_of_first_solves_alone_and_after_another_problem_the_faster_ones_count() -> None:
-    assert [one.seconds for one in Scripted([0.1], 0.001).first_solves(STOP, 0.001)] == [0.001] * 4
-    assert {one.seconds for one in Scripted([0.0015], 0.1).first_solves(STOP, 0.001)} == {0.0015}
+    assert [one.seconds for one in Scripted([0.1], 0.001).first_solves(STOP, 0.001, lambda: 0.001)] == [0.001] * 4
+    assert {one.seconds for one in Scripted([0.0015], 0.1).first_solves(STOP, 0.001, lambda: 0.001)} == {0.0015}
 
 
 def test_first_solves_that_reach_the_time_limit_are_repeated_in_own_units_and_misbehave_where_others_are_fast() -> None:
     late = Scripted([1.0], status=Status.TIME_LIMIT)
-    assert [one.timed.status for one in late.first_solves(STOP, STOP.max_seconds)] == [Status.TIME_LIMIT]
+    assert [one.timed.status for one in late.first_solves(STOP, STOP.max_seconds, never)] == [Status.TIME_LIMIT]
     assert late.n_asked == 2
     with pytest.raises(Fault, match="reach the time limit"):
-        late.first_solves(STOP, 1e-3)
-    assert Scripted([1.0], status=Status.STALLED).first_solves(STOP, 1e-3)[-1].timed.status is Status.STALLED
+        late.first_solves(STOP, 1e-3, never)
+    assert Scripted([1.0], status=Status.STALLED).first_solves(STOP, 1e-3, never)[-1].timed.status is Status.STALLED
