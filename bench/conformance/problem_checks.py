@@ -1,4 +1,4 @@
-"""The promises of a problem that a plugin offers, each as a test of the function that makes it."""
+"""Tests of a problem of a plugin; each calls the function that makes the problem."""
 
 import io
 from collections.abc import Callable

@@ -8,11 +8,10 @@ from typing import Generic, TypeVar
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
 from ...problems.representation import counted, html_table, names_or_number
-from ..errors import BenchError
 from ..plugins.describing import solver_spec
 from ..plugins.solver_specs import SolverSpec
 from ..store.plans import PlanRecord, RunSettings
-from .selection import Given, Selection, parse_shard, problem_name, select, select_shard
+from .selection import Given, problem_name, require_unique, select, select_shard
 from .trajectories.methods import Method
 
 DEFAULT_SOLVERS = (
@@ -106,19 +105,13 @@ def make_plan(
     settings = settings or RunSettings()
     chosen = select(problems, suite, sample, settings.seed)
     if shard:
-        chosen, shard = select_shard(chosen, shard), "{}/{}".format(*parse_shard(shard))
+        chosen, shard = select_shard(chosen, shard)
     specs = tuple(map(solver_spec, solvers or DEFAULT_SOLVERS))
     names = [spec.name for spec in specs]
-    duplicate = next((name for name in names if names.count(name) > 1), None)
-    if duplicate is not None:
-        raise BenchError(f"the solver {duplicate!r} is given more than once; name it once.")
-    return Plan(_record(chosen, names, settings, shard), chosen.problems, specs)
-
-
-def _record(chosen: Selection, solvers: list[str], settings: RunSettings, shard: str) -> PlanRecord:
-    return PlanRecord(
+    require_unique("solver", names)
+    record = PlanRecord(
         problems=[problem_name(problem) for problem in chosen.problems],
-        solvers=solvers,
+        solvers=names,
         tolerances=settings.tolerances,
         limits=settings.limits,
         passes=settings.passes,
@@ -128,3 +121,4 @@ def _record(chosen: Selection, solvers: list[str], settings: RunSettings, shard:
         left_out=list(chosen.left_out),
         shard=shard,
     )
+    return Plan(record, chosen.problems, specs)

@@ -53,12 +53,10 @@ class MeasuredProblem:
     Attributes:
         session: when and where it was measured; its number is that of the sessions of the task.
         cases: all of the problem.
-        is_restarted: whether its stored cases of another machine were discarded.
     """
 
     session: Session
     cases: tuple[CaseRecord, ...]
-    is_restarted: bool = False
 
 
 def measure_problem(task: ProblemTask) -> MeasuredProblem:
@@ -79,6 +77,5 @@ def measure_problem(task: ProblemTask) -> MeasuredProblem:
         for case in task.cases:
             store.write_case(case)
         stored = {(case.problem, case.solver): case for case in task.cases}
-        executor = LocalExecutor(task.solvers, store, task.run, lambda event: None, task.mix)
-        executor.execute(stored)
-        return MeasuredProblem(store.read_run().sessions[-1], tuple(store.read_cases()[0]), bool(executor.discarded))
+        LocalExecutor(task.solvers, store, task.run, lambda event: None, task.mix).execute(stored)
+        return MeasuredProblem(store.read_run().sessions[-1], tuple(store.read_cases()[0]))

@@ -1,4 +1,4 @@
-"""What happens inside the process of a case of a trajectory: the scene and the solver are made, and simulated."""
+"""The task of the process of a study: it makes the scene and the solver, and simulates."""
 
 import math
 import time
