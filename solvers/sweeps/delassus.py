@@ -138,27 +138,29 @@ class DelassusSweep:
 
 
 class DelassusIterates(DelassusState):
-    """Λ of a Gauss–Seidel iteration.
-
-    Attributes:
-        step_sizes: r of the lanes of each block [kg], as in ``step_size``.
-    """
+    """Λ of a Gauss–Seidel iteration."""
 
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
         self._kernel: Callable[..., None] = sweep_delassus
-        self.step_sizes = sweep.laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
         if self.layout.has_contacts_only:
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._laws = sweep.laws
+        self._arguments = (*sweep.delassus.arrays, *sweep.laws, self.padded)
+
+    @property
+    def step_sizes(self) -> FloatArray:
+        """Initial r of the lanes of each block [kg], as in ``step_size``."""
+        return self._laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._kernel(count, *self._delassus.arrays, *self._laws, self.padded)
+        self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set the step of each block to this fraction of its initial step, shape (n_blocks,)."""
-        self._laws = self._laws._replace(step_sizes=(self.step_sizes * fraction[:, None]).reshape(-1))
+        scaled = (self.step_sizes * fraction[:, None]).reshape(-1)
+        self._arguments = (*self._delassus.arrays, scaled, *self._laws[1:], self.padded)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ and its length; see ``LinearIterates``."""
