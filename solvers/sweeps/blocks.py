@@ -71,12 +71,16 @@ class BlockIterates(DelassusState):
         return self._sweep.step_sizes
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps; the exact kernel takes over at the first contact in an unusual state."""
-        done = self._kernel(count, *self._arguments)
-        if self._kernel is _sweep_usual_spatial and done < count * self.layout.n_blocks:
-            self._kernel = _sweep_spatial
-            self._kernel(count, done, *self._arguments)
-            self._arguments = (0, *self._arguments)
+        """Do ``count`` sweeps; the exact kernel ends each sweep in which a contact is not in a usual state."""
+        if self._kernel is not _sweep_usual_spatial:
+            self._kernel(count, *self._arguments)
+            return
+        n_blocks = max(self.layout.n_blocks, 1)
+        while count > 0:
+            visited = _sweep_usual_spatial(count, *self._arguments)
+            count -= visited // n_blocks + 1
+            if count >= 0:
+                _end_sweep_spatial(visited % n_blocks, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set ω of each block to this fraction of its initial value, shape (n_blocks,)."""
@@ -155,21 +159,20 @@ def _sweep_usual_spatial(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _sweep_spatial(  # type: ignore[no-untyped-def]
-    count, begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+def _end_sweep_spatial(  # type: ignore[no-untyped-def]
+    begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Do what is left of ``count`` sweeps after ``begin`` contacts."""
-    one, two, three, nine, n_blocks = uint64(1), uint64(2), uint64(3), uint64(9), len(friction)
+    """Do the end of a sweep from contact ``begin`` on."""
+    one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     work = np.empty(WORKSPACE)
-    for done in range(begin // n_blocks, count):
-        for i in range(uint64(max(begin - done * n_blocks, 0)), uint64(n_blocks)):
-            k, own = three * i, nine * starts[i]
-            normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
-            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
-            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
-            block = values[own : own + nine]
-            n, t, s = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s, work)
-            _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+    for i in range(uint64(begin), uint64(len(friction))):
+        k, own = three * i, nine * starts[i]
+        normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
+        mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
+        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        block = values[own : own + nine]
+        n, t, s = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s, work)
+        _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
 
 
 @njit(cache=True, inline="always")
