@@ -32,8 +32,8 @@ class BodySystem:
         self._starts, self._chunks = pieces.starts, pieces.chunks
         self._left: FloatArray = pieces.values * self._lanes.to_block(scaled.impulse_scale)[block, :, None]
         self._right: FloatArray = pieces.values * self._lanes.to_block(scaled.velocity_scale)[block, :, None]
-        rows, columns, *pairs = _pattern(self._starts, self._chunks, self._n_chunks)
-        self._pattern = (*pairs, rows[:-1])
+        rows, columns, pair_starts, targets = _pattern(self._starts, self._chunks, self._n_chunks)
+        self._pairs = (pair_starts, targets, rows[:-1])
         self._blocks = np.empty((len(columns), self._length, self._length))
         self._factors = BlockLU(rows, columns, self._length, CORRECTIONS)
         self._coupled: FloatArray = np.zeros((0, width, width))
@@ -55,7 +55,7 @@ class BodySystem:
         self._sign = invert(self._coupled, self._inverse)
         if self._sign == 0.0:
             return False
-        _assemble(self._starts, self._left, self._right, self._inverse, *self._pattern, self._blocks)
+        _assemble(self._starts, self._left, self._right, self._inverse, *self._pairs, self._blocks)
         return self._factors.factorise(self._blocks)
 
     def determinant_sign(self) -> float:
