@@ -20,7 +20,6 @@ BUILT_IN = {
     "JORprox": "prox.jorprox",
     "SORprox": "prox.sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
-    "AdaptiveSORprox": "prox.accelerated_sorprox",
     "NesterovSORprox": "prox.accelerated_sorprox",
     "AndersonSORprox": "prox.accelerated_sorprox",
     "NSGS": "prox.nsgs",
