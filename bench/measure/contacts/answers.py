@@ -77,8 +77,8 @@ def judge_answers(
 def confirmed(problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str) -> Point:
     """Return a point whose control solves are judged: their answers count as those of timed solves do.
 
-    A control solve that ends for want of time alone changes no outcome. Of copies, which may be harder than the problem,
-    false claims alone count, and the answers are not kept.
+    A control solve that ends for want of time alone changes no outcome. A copy may be harder than the problem, so that
+    only false claims on it count; its answers are not kept.
 
     Args:
         problem: the problem.
@@ -91,7 +91,9 @@ def confirmed(problem: ContactProblem, model: Model, point: Point, solves: Seque
         own, coulomb = verdicts(solve.problem, solve.impulses, model)
         outcome, measured = point_outcome(solve.timed.status, point.tolerance, model, own, coulomb), point.measured
         is_copy = solve.problem is not problem
-        if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.TIME_LIMIT) or (is_copy and outcome != Outcome.WRONG):
+        if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.TIME_LIMIT):
+            continue
+        if is_copy and outcome is not Outcome.WRONG:
             continue
         if not is_copy and measured is not None:
             measured = replace(
