@@ -14,6 +14,7 @@ import msgspec
 
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
+from ..problems.exchange.families import Sampling
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
@@ -165,6 +166,7 @@ def run(
     passes: int | None = None,
     seed: int = 0,
     sample: int | None = None,
+    sampling: Sampling = "proportional",
     thorough: bool = False,
     shard: str = "",
     executor: Executor | None = None,
@@ -187,7 +189,8 @@ def run(
         memory: limit of the memory of a case beyond that of the framework [MiB], instead of that of ``limits``.
         passes: number of passes over all problems; 2 if None. With one pass, ratios of times have no intervals.
         seed: seed of the orders of problems and solvers in each pass, and of the sample.
-        sample: number of problems to draw, families in proportion; all if None.
+        sample: number of problems to draw; all if None.
+        sampling: divide the sample among families in proportion to their sizes, or evenly.
         thorough: default to ten tolerances, 1e-1 … 1e-10, and five passes.
         shard: for "i/n", measure every n-th problem from the i-th on; ``merge`` combines shards.
         executor: runs each problem as a task, on any machine with this version of Proxbench; this process if None.
@@ -210,7 +213,9 @@ def run(
         seed=seed,
         thorough=thorough,
     )
-    plan = make_plan(_several(problems), _several(solvers), settings, suite=suite, sample=sample, shard=shard)
+    plan = make_plan(
+        _several(problems), _several(solvers), settings, suite=suite, sample=sample, sampling=sampling, shard=shard
+    )
     folder = _new_folder(results, run_id)
     measure(plan, folder, on_event, executor)
     return load(folder)

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
+from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
 from ..plugins.describing import solver_spec
 from ..plugins.solver_specs import SolverSpec
@@ -80,6 +81,7 @@ def make_plan(
     *,
     suite: str | Path = "quick",
     sample: int | None = None,
+    sampling: Sampling = "proportional",
     shard: str = "",
 ) -> Plan[SolverSpec]:
     """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
@@ -92,6 +94,7 @@ def make_plan(
         settings: tolerances, limits, passes and seed.
         suite: name of a suite, or a folder.
         sample: number of problems to draw; all if None.
+        sampling: how the sample is divided among families: "proportional" or "even".
         shard: measure every n-th problem from the i-th on, for "i/n".
 
     Raises:
@@ -103,7 +106,7 @@ def make_plan(
             object that breaks the contract, or a shard out of range.
     """
     settings = settings or RunSettings()
-    chosen = select(problems, suite, sample, settings.seed)
+    chosen = select(problems, suite, sample, settings.seed, sampling)
     if shard:
         chosen, shard = select_shard(chosen, shard)
     specs = tuple(map(solver_spec, solvers or DEFAULT_SOLVERS))

@@ -13,7 +13,7 @@ from pathlib import Path
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, ProxbenchError
 from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
-from ...problems.exchange.families import family_of, sampled
+from ...problems.exchange.families import Sampling, family_of, sampled
 from ...problems.exchange.folder import Member, list_folder
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolved
@@ -39,7 +39,13 @@ class Selection:
     left_out: tuple[str, ...] = ()
 
 
-def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | None = None, seed: int = 0) -> Selection:
+def select(
+    problems: Sequence[Given] | None,
+    suite: str | Path,
+    sample: int | None = None,
+    seed: int = 0,
+    sampling: Sampling = "proportional",
+) -> Selection:
     """Return the given problems, or the members of a suite, or a sample of them.
 
     Problems of plugins are built here and files are read; named problems are loaded when their turn comes.
@@ -47,8 +53,9 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
     Args:
         problems: names, files, folders and problems; the members of ``suite`` if None.
         suite: name of a suite, or a folder, see ``list_folder``.
-        sample: number of problems of a sample in which families keep their proportions; all problems if None.
+        sample: number of problems of a sample; all problems if None.
         seed: of the sample.
+        sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name, a file that holds none, a folder without
@@ -59,7 +66,7 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
     given, name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
     if sample is not None:
-        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed))
+        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
         candidates = [one for one in candidates if one.name in chosen]
     taken: dict[str, str | ContactProblem] = {}
     for one in candidates:
