@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.factors import InverseMass
+from ...problems.contact.matrices.factors import InverseMass
 from ...problems.exchange.plugin_scenes import plugin_scene
 from ...problems.motion.bodies.system import Overlaps, StepAssembly
 from ...problems.motion.scenes.registry import make_scene, read_scene

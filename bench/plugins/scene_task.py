@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.factors import InverseMass
+from ...problems.contact.matrices.factors import InverseMass
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.plugin_scenes import build_plugin_scene
 from ...problems.motion.scenes.scene import Observable, Scene

@@ -24,10 +24,10 @@ from ..errors import ProblemError
 from ..representation import counted, html_table
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
-from .factors import Factors
 from .laws import Laws
 from .matrices.accurate import accurate_over_factors, accurate_over_matrix
 from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
+from .matrices.factors import Factors
 from .matrices.given import sparse_numbers
 from .matrices.pieces import Pieces
 from .matrices.symmetric import checked_delassus

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..contact.answer import Answer
-from ..contact.factors import Factors, InverseMass
 from ..contact.laws import Laws
+from ..contact.matrices.factors import Factors, InverseMass
 from ..contact.matrices.given import check_finite
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError

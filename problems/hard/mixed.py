@@ -6,11 +6,11 @@ import scipy.sparse as sp
 from ..contact.answer import Answer
 from ..contact.laws import LawKind, Laws
 from ..contact.problem import ContactProblem
+from ..contact.transformations import in_units, united
 from .degenerate import one_row
 from .rods import pressing_rod
 from .stacks import sliding_tower, stack
 from .supports import block_on_supports, sticking_box
-from .transformations import in_units, united
 
 
 def tresca_joint() -> ContactProblem:

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .transformations import united
+from ..contact.transformations import united
 
 ROD = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
 """G of the rod [1/kg]; of a rod ``mass`` times as heavy it is G/mass."""

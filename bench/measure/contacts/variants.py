@@ -25,8 +25,8 @@ import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
+from ....problems.contact.transformations import in_units, permuted, rotated
 from ....problems.exchange.storage import problem_bytes
-from ....problems.hard.transformations import in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)
 """Even powers of two that m is drawn from, or their inverses."""

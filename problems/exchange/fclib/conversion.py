@@ -21,8 +21,8 @@ import scipy.sparse as sp
 
 from ...arrays import FloatArray
 from ...contact.answer import Answer
-from ...contact.factors import Factors, InverseMass
 from ...contact.judge import judge
+from ...contact.matrices.factors import Factors, InverseMass
 from ...contact.matrices.symmetric import SYMMETRY_TOLERANCE
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.contact.factors import InverseMass
 from proxbench.problems.contact.matrices import block_diagonal
+from proxbench.problems.contact.matrices.factors import InverseMass
 from proxbench.problems.exchange.storage import problem_bytes, read_problem
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, Model, judge
 from proxbench.problems.contact.projections import onto_rolling_cone
+from proxbench.problems.contact.transformations import in_units
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
-from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import Status, Stop, create, solve
 
 CONVEX = ["ClarabelSOCP"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import load
-from proxbench.problems.hard.transformations import in_units
+from proxbench.problems.contact.transformations import in_units
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.interior.damping import MIN_SHARE, SHARES, ContactDamping, GlobalDamping, Undamped
 

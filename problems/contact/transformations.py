@@ -12,11 +12,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, IntArray
-from ..contact.answer import Answer
-from ..contact.factors import Factors
-from ..contact.laws import Laws
-from ..contact.problem import ContactProblem
 from ..errors import ProblemError
+from .answer import Answer
+from .laws import Laws
+from .matrices.factors import Factors
+from .problem import ContactProblem
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,12 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, IntArray, frozen, read_only
-from ..errors import ProblemError
-from .blocks import BlockLayout
-from .matrices.block_diagonal import block_cholesky, block_inverse
-from .matrices.given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
-from .matrices.pieces import Pieces, cut_into_pieces, pieces_of_arrays
+from ...arrays import FloatArray, IntArray, frozen, read_only
+from ...errors import ProblemError
+from ..blocks import BlockLayout
+from .block_diagonal import block_cholesky, block_inverse
+from .given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
+from .pieces import Pieces, cut_into_pieces, pieces_of_arrays
 
 
 @dataclass(frozen=True, eq=False)
