@@ -24,8 +24,6 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -67,25 +65,6 @@ RUN_SECONDS = 300
 
 RESULTS = Path("mutants.jsonl")
 """What is known already, one change a line; what was noticed is not tried again. Delete it to begin anew."""
-
-
-def pytest_configure(config: Any) -> None:
-    """Let the judge's fused product, which numba makes a machine instruction, run in pure Python."""
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
-        from proxbench.problems.contact.matrices import accurate
-
-        accurate._fused = _fused_product
-
-
-def _fused_product(a: float, b: float, c: float) -> float:
-    """Return a b + c, rounded once."""
-    a, b, c = float(a), float(b), float(c)
-    if not (isfinite(a) and isfinite(b) and isfinite(c)):
-        return a * b + c
-    try:
-        return float(Fraction(a) * Fraction(b) + Fraction(c))
-    except OverflowError:
-        return a * b + c
 
 
 @dataclass(frozen=True)

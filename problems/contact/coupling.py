@@ -243,15 +243,13 @@ def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     component,
     slot,
     width,
-    alpha,
-    lengths,
-    speeds,
-    ratios,
+    numbers,
 ):
     """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
 
     ``component`` is that of each contact.
     """
+    alpha, lengths, speeds, ratios, _ = numbers
     stuck, scale = _write_scales(
         sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
     )

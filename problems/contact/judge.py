@@ -39,7 +39,8 @@ from .coupling import NEGLIGIBLE, largest_around
 from .model import Model
 from .problem import ContactProblem
 from .projections import onto_contact_cones
-from .residual import PROJECTION_ROUNDINGS, UNIT, Residual, in_units, violations
+from .residual import PROJECTION_ROUNDINGS, UNIT, Residual, violations
+from .transformations import in_units
 
 JUDGE = 3
 """Version of the judge: residuals of other versions do not compare. The first did not tell components apart, the second
@@ -134,7 +135,8 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     if not np.isfinite(given).all():
         return _not_finite(problem, residual, model)
     if residual.unit != 1.0:
-        return _in_usual_units(judge(in_units(problem, residual.unit), residual.unit * given, model), residual.unit)
+        scaled = in_units(problem, time=residual.unit).problem
+        return _in_usual_units(judge(scaled, residual.unit * given, model), residual.unit)
     velocity, rounding = problem.accurate_velocity(given)
     violation = np.maximum(violations(problem, residual, given, velocity, model), residual.hidden(rounding))
     speed = np.maximum(np.abs(velocity), rounding)
@@ -181,7 +183,7 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
         return np.inf
     if residual.unit != 1.0:
         unit = residual.unit
-        return local_residual(in_units(problem, unit), unit * impulses, unit * free_fall)
+        return local_residual(in_units(problem, time=unit).problem, unit * impulses, unit * free_fall)
     velocity, rounding = problem.accurate_velocity(impulses)
     violation = violations(problem, residual, impulses, velocity, Model.COULOMB)
     violation = np.maximum(violation, residual.hidden(rounding))
@@ -212,7 +214,7 @@ def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Ve
 
 
 def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:
-    """Return the verdict on a problem from that on it ``_in_units``; ratios stay as they are."""
+    """Return the verdict on a problem from that on it in other units of time; ratios stay as they are."""
     return replace(
         verdict,
         penetration_velocity=verdict.penetration_velocity / unit,

@@ -18,7 +18,7 @@ under one bound). Its μ is a length [m]. It shares the normal impulse of its co
 cone complementarity problem, 2021).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property, lru_cache
@@ -42,6 +42,11 @@ class LawKind(IntEnum):
     PLANAR_ROLLING = 4
     SPATIAL_ROLLING = 5
     ROLLING_AND_SPINNING = 6
+
+    @property
+    def description(self) -> str:
+        """The kind in words: ``"spatial friction"``."""
+        return self.name.lower().replace("_", " ")
 
 
 class ConvexSet(IntEnum):
@@ -67,8 +72,18 @@ _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind
 _PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
 """Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
 
-_KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.name.lower().replace('_', ' ')})" for kind in LawKind)
+_KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
 """What a kind may be, for a message."""
+
+
+_FIELDS = {
+    "kind": np.int8,
+    "first_row": np.int64,
+    "friction_coefficient": np.float64,
+    "fixed_bound": np.float64,
+    "partner": np.int64,
+}
+"""Type of each array of ``Laws``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +109,7 @@ class Laws:
     partner: IntArray
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("kind", np.int8),
-            ("first_row", np.int64),
-            ("friction_coefficient", np.float64),
-            ("fixed_bound", np.float64),
-            ("partner", np.int64),
-        ):
+        for name, dtype in _FIELDS.items():
             array = frozen(getattr(self, name), dtype, f"laws.{name}")
             if array.ndim != 1 or len(array) != len(self.kind):
                 raise ProblemError(
@@ -188,12 +197,15 @@ class Laws:
             squares[has_row] += rows[first[has_row] + row] ** 2
         return np.sqrt(squares)
 
+    def counts(self) -> dict[str, int]:
+        """Return the number of laws of each kind that occurs: ``{"unilateral": 59, "spatial friction": 59}``."""
+        kinds, counts = np.unique(self.kind, return_counts=True)
+        return {LawKind(kind).description: int(count) for kind, count in zip(kinds, counts, strict=True)}
+
     @property
     def summary(self) -> str:
         """Number of laws of each kind: ``"59 unilateral, 59 spatial friction"``."""
-        kinds, counts = np.unique(self.kind, return_counts=True)
-        names = (LawKind(kind).name.lower().replace("_", " ") for kind in kinds)
-        return ", ".join(f"{count} {name}" for count, name in zip(counts, names, strict=True)) or "none"
+        return ", ".join(f"{count} {kind}" for kind, count in self.counts().items()) or "none"
 
     def __repr__(self) -> str:
         return f"<Laws: {self.summary}>"
@@ -223,6 +235,21 @@ class Laws:
         kinds = np.asarray(kind, dtype=np.int8)
         first_row = np.cumsum(np.append(0, ROWS_OF_KIND[kinds]))[:-1]
         return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)
+
+    def fresh(self) -> "Laws":
+        """Return equal laws that share no memory with these; they need no second check."""
+        return self._with_arrays(lambda array: frozen(array, array.dtype))
+
+    def _with_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Laws":
+        """Return laws whose arrays are changed ones of these, valid by construction."""
+        laws = object.__new__(Laws)
+        for name in _FIELDS:
+            object.__setattr__(laws, name, change(getattr(self, name)))
+        return laws
+
+    def chosen(self, laws: IntArray, partner: IntArray) -> "Laws":
+        """Return the laws of these indices, in the order given, with new partners; an index may occur twice."""
+        return Laws.in_order(self.kind[laws], self.friction_coefficient[laws], self.fixed_bound[laws], partner)
 
     @staticmethod
     def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
@@ -310,10 +337,7 @@ def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
     room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
     whole = _many_equal_laws(friction, dim, room)
     count = n_contacts if dim == 1 else 2 * n_contacts
-    part = object.__new__(Laws)
-    for name in ("kind", "first_row", "friction_coefficient", "fixed_bound", "partner"):
-        object.__setattr__(part, name, getattr(whole, name)[:count])
-    return part
+    return whole._with_arrays(lambda array: array[:count])
 
 
 @lru_cache(maxsize=16)

@@ -262,7 +262,7 @@ class ContactProblem:
         matrix = None if self.matrix is None else self.matrix.copy()
         factors = None if self.factors is None else self.factors.fresh()
         return replace(
-            self, free_velocity=self.free_velocity.copy(), laws=replace(self.laws), matrix=matrix, factors=factors
+            self, free_velocity=self.free_velocity.copy(), laws=self.laws.fresh(), matrix=matrix, factors=factors
         )
 
     def anonymous(self) -> "ContactProblem":

@@ -16,7 +16,7 @@ from ..errors import ProblemError
 from .answer import Answer
 from .laws import Laws
 from .matrices.factors import Factors
-from .problem import ContactProblem
+from .problem import FREE_FALL, ContactProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +52,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
     place[laws] = np.arange(len(laws))
     place[-1] = -1  # answers for partner −1
     old = problem.laws
-    new_laws = Laws.in_order(
-        old.kind[laws], old.friction_coefficient[laws], old.fixed_bound[laws], place[old.partner[laws]]
-    )
+    new_laws = old.chosen(laws, place[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
@@ -87,12 +85,8 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
     fixed = old.fixed_bound.copy()
     fixed[laws] *= 0.5
     partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
-    new_laws = Laws.in_order(
-        np.append(old.kind, old.kind[laws]),
-        np.append(old.friction_coefficient, old.friction_coefficient[laws]),
-        np.append(fixed, fixed[laws]),
-        np.append(old.partner, partner),
-    )
+    both, partners = np.append(np.arange(old.n_laws), laws), np.append(old.partner, partner)
+    new_laws = replace(old, fixed_bound=fixed).chosen(both, partners)
     rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
     return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
 
@@ -130,7 +124,7 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
         matrix=None if matrix is None else matrix * mass,
         factors=factors,
         name=f"{problem.name} in other units",
-        provenance={},
+        provenance={FREE_FALL: speed * problem.free_fall} if problem.free_fall else {},
         answer=answer,
     )
     return Transformed(made, sp.csr_array(sp.eye_array(problem.n_rows) / impulse))

@@ -11,7 +11,6 @@ from importlib import resources
 from pathlib import Path
 
 from .. import library
-from ..contact.laws import LawKind
 from ..contact.problem import ContactProblem
 from .catalog import SUITES, is_held, load
 
@@ -38,9 +37,8 @@ class ProblemSummary:
 
 def summary_of(problem: ContactProblem) -> ProblemSummary:
     """Return the summary of one problem."""
-    laws = [LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))]
     form = "factors" if problem.factors is not None else "Delassus"
-    return ProblemSummary(problem.n_contacts, problem.n_rows, tuple(laws), form)
+    return ProblemSummary(problem.n_contacts, problem.n_rows, tuple(problem.laws.counts()), form)
 
 
 @cache
