@@ -90,7 +90,7 @@ class Tests:
 
     def command(self, *options: str) -> list[str]:
         """Return the command that runs them."""
-        fixed = ("-q", "-p", "no:cacheprovider", "-p", "mutants", "-m", "not slow", f"--timeout={TEST_SECONDS}")
+        fixed = ("-q", "-p", "no:cacheprovider", "-m", "not slow", f"--timeout={TEST_SECONDS}")
         return [sys.executable, "-m", "pytest", *fixed, *options, *self.folders]
 
     def environment(self) -> dict[str, str]:

@@ -233,26 +233,16 @@ def _write_scales(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
-    sets,
-    row_count,
-    is_rolling,
-    first_row,
-    partner,
-    diagonal,
-    free_velocity,
-    component,
-    slot,
-    width,
-    numbers,
+    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers
 ):
-    """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
+    """Write the scales of every law, and the largest scale over that of its component.
 
-    ``component`` is that of each contact.
+    The ratio is 1 where the speeds of a component are rounding of the largest one. ``component`` is that of each
+    contact, and ``numbers`` holds α, ℓ, ℓ ‖c‖ and the ratio of each law, shape (at least 4, n_laws).
     """
-    alpha, lengths, speeds, ratios, _ = numbers
-    stuck, scale = _write_scales(
-        sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
-    )
+    alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
+    given = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
+    stuck, scale = _write_scales(*given, alpha, lengths, speeds)
     largest = np.zeros(len(component))
     for law in range(len(sets)):
         own = component[slot[first_row[law]] // width]

@@ -26,7 +26,8 @@ friction laws, so that Λ_N > 0 at an opening contact is a violation as soon as 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -191,26 +192,13 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
 
 
 def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
-    """Return the verdict on impulses that are not all finite: nothing of it may read as success."""
-    inf = np.inf
-    return Verdict(
-        residual=inf,
-        local_residual=inf,
-        local_median=inf,
-        local_q90=inf,
-        local_q99=inf,
-        energy_residual=inf,
-        natural_map_q=inf,
-        natural_map_max=inf,
-        penetration_velocity=inf,
-        cone_violation=inf,
-        complementarity=inf,
-        dissipated_energy=np.nan,
-        velocity_error=None if problem.answer is None or problem.answer.velocity is None else inf,
-        infeasible=residual.infeasible,
-        model=model,
-        component_residuals=(inf,) * (int(residual.components.max(initial=-1)) + 1),
-    )
+    """Return the verdict on impulses that are not all finite: no part of it may read as success."""
+    numbers: dict[str, Any] = {one.name: np.inf for one in fields(Verdict) if one.name not in NO_NUMBERS}
+    if problem.answer is None or problem.answer.velocity is None:
+        numbers["velocity_error"] = None
+    numbers |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
+    n_components = int(residual.components.max(initial=-1)) + 1
+    return Verdict(**numbers, model=model, component_residuals=(np.inf,) * n_components)
 
 
 def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:

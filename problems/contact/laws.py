@@ -72,6 +72,9 @@ _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind
 _PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
 """Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
 
+MAX_KEPT_CONTACTS = 64
+"""Contacts of equal friction up to which their laws are kept."""
+
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
 """What a kind may be, for a message."""
 
@@ -259,8 +262,12 @@ class Laws:
         """
         if dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
+        given = frozen(friction, np.float64, "friction")
+        if given.ndim == 0 and 0.0 <= given < np.inf:
+            make = _few_equal_laws if n_contacts <= MAX_KEPT_CONTACTS else _equal_laws
+            return make(float(given), dim, n_contacts)
         try:
-            coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (n_contacts,))
+            coefficient = np.broadcast_to(given, (n_contacts,))
         except ValueError:
             shape = np.shape(friction)
             raise ProblemError(
@@ -269,8 +276,6 @@ class Laws:
         bad = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
         if len(bad):
             raise ProblemError(f"friction[{bad[0]}] = {coefficient[bad[0]]} must be finite and not negative.")
-        if np.ndim(friction) == 0:
-            return _equal_laws(float(np.asarray(friction)), dim, n_contacts)
         return _laws_of_contacts(coefficient, dim)
 
     @staticmethod
@@ -338,6 +343,10 @@ def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
     whole = _many_equal_laws(friction, dim, room)
     count = n_contacts if dim == 1 else 2 * n_contacts
     return whole._with_arrays(lambda array: array[:count])
+
+
+_few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
+"""The same laws for the same arguments; their layout is then found once, too."""
 
 
 @lru_cache(maxsize=16)

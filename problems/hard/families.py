@@ -52,10 +52,8 @@ def with_solution(family: Family, seed: int) -> ContactProblem:
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
     impulses, velocity = _complementary(family, rng)
-    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
-    unique = family.dim == 1 or family.friction == 0.0
-    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
+    is_unique = family.dim == 1 or family.friction == 0.0
+    return _solved_by(impulses, velocity, is_unique, directions, inverse_mass, _contacts(family))
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
     A contact that slides or sticks may roll or not, independently.
     """
     rng = np.random.default_rng(seed)
-    laws = Laws.contacts(np.full(family.n_contacts, family.friction), family.dim, family.n_contacts)
+    laws = _contacts(family)
     if family.rolling_rows:
         laws = laws.with_rolling(family.rolling_friction, family.rolling_rows)
     laws = Laws.together([laws, Laws.joints(family.n_joints)])
@@ -96,10 +94,8 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
         rolling[1][contact] = float(rng.integers(1, 9)) / 8.0 * direction * (state == "slip")
     joints = [rng.integers(-8, 9, size=family.n_joints) / 8.0, np.zeros(family.n_joints)]
     impulses, velocity = (np.append(np.column_stack([sliding[k], rolling[k]]).ravel(), joints[k]) for k in range(2))
-    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
-    unique = family.dim == 1 and family.rolling_rows == 0
-    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, answer=answer)
+    is_unique = family.dim == 1 and family.rolling_rows == 0
+    return _solved_by(impulses, velocity, is_unique, directions, inverse_mass, laws)
 
 
 def braced(family: Family, seed: int) -> ContactProblem:
@@ -113,9 +109,7 @@ def braced(family: Family, seed: int) -> ContactProblem:
     bearing = np.zeros((family.n_contacts, family.dim))
     bearing[:, 0] = rng.integers(1, 17, size=family.n_contacts) / 8.0
     impulses = bearing.ravel()
-    c = -(directions.T @ (inverse_mass * (directions @ impulses)))
-    answer = Answer(velocity=np.zeros(len(c)), witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
+    return _solved_by(impulses, np.zeros(len(impulses)), True, directions, inverse_mass, _contacts(family))
 
 
 def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
@@ -150,6 +144,24 @@ def single_precision(family: Family, seed: int, assembled: bool = False) -> Cont
     directions = whole.factors.force_directions.astype(np.float32)
     inverse_mass = whole.factors.inverse_mass.matrix.diagonal().astype(np.float32)
     return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim=family.dim, answer=whole.answer)
+
+
+def _contacts(family: Family) -> Laws:
+    return Laws.contacts(np.full(family.n_contacts, family.friction), family.dim, family.n_contacts)
+
+
+def _solved_by(
+    impulses: FloatArray,
+    velocity: FloatArray,
+    is_unique: bool,
+    directions: FloatArray,
+    inverse_mass: FloatArray,
+    laws: Laws,
+) -> ContactProblem:
+    """Return the problem with c = ξ − Wᵀ M⁻¹ W Λ, whose ξ is the only one if ``is_unique``."""
+    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
+    answer = Answer(velocity=velocity if is_unique else None, witness=impulses, sensitivity=1e6)
+    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, answer=answer)
 
 
 def _factors(family: Family, rng: np.random.Generator, n_rows: int) -> tuple[FloatArray, FloatArray]:

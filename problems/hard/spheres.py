@@ -16,7 +16,7 @@ from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
-from .bodies import WEIGHT, in_box
+from .bodies import WEIGHT, bodies, in_box
 
 RADIUS = 0.1
 """Of the spheres that resist rolling [m]."""
@@ -38,9 +38,7 @@ def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3
     impulses = np.column_stack([normal, cut[:, None] * wanted]).ravel()
     diagonal = np.tile([1.0, compliance, compliance], n)
     answer = Answer(impulses=(impulses,), velocity=diagonal * impulses + c.ravel())
-    return ContactProblem.from_factors(
-        sp.eye_array(3 * n), diagonal, c.ravel(), friction, free_motion=c.ravel(), answer=answer
-    )
+    return bodies(sp.eye_array(3 * n), diagonal, c.ravel(), friction, answer=answer)
 
 
 def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactProblem:
@@ -119,15 +117,11 @@ def resisting_spheres(
     free[:, 3], free[:, 4] = -motion[:, 2] * along[:, 1], motion[:, 2] * along[:, 0]
     directions = sp.csc_array(sp.block_diag([whole[:, kept]] * n))
     inverse_mass = np.tile([1.0, 1.0, 1.0, *[1.0 / inertia] * 3], n)
-    known, c = impulses[:, kept].ravel(), directions.T @ free.ravel()
-    return ContactProblem.from_factors(
-        directions,
-        inverse_mass,
-        c,
-        laws=Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes),
-        free_motion=free.ravel(),
-        answer=Answer(impulses=(known,), velocity=directions.T @ (inverse_mass * (directions @ known)) + c),
-    )
+    known, motion = impulses[:, kept].ravel(), free.ravel()
+    velocity = directions.T @ (inverse_mass * (directions @ known)) + directions.T @ motion
+    answer = Answer(impulses=(known,), velocity=velocity)
+    laws = Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes)
+    return bodies(directions, inverse_mass, motion, laws=laws, answer=answer)
 
 
 def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:

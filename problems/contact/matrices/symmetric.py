@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+from numba import njit, uint64
 
 from ...arrays import FloatArray, read_only
 from ...errors import ProblemError
@@ -57,7 +57,9 @@ def checked_delassus(given: Any, layout: BlockLayout, allow_asymmetric: bool) ->
         matrix = sp.csr_array(0.5 * (matrix + matrix.T))
         read_only(matrix.data, matrix.indices, matrix.indptr)
     tolerance = SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE
-    dense = matrix.toarray() if n_rows <= DENSE_ROWS else None
+    dense = None
+    if n_rows <= DENSE_ROWS:
+        dense = matrix.toarray() if is_single or sp.issparse(source) else source.astype(np.float64)
     if dense is None or not _is_sound(dense, tolerance):
         _check_diagonal(matrix)
         _check_symmetry(matrix, SYMMETRY_TOLERANCE)
@@ -113,25 +115,9 @@ def _ritz_values(matrix: sp.csr_array[Any]) -> FloatArray:
 
     Without reorthogonalisation, Ritz values still lie within the range of the eigenvalues (Paige 1976).
     """
-    vector = np.random.default_rng(0).normal(size=matrix.shape[0])
-    projected, before = np.zeros((LANCZOS_STEPS, LANCZOS_STEPS)), np.zeros_like(vector)
-    length, largest = float(np.linalg.norm(vector)), 0.0
-    vector /= length
-    for step in range(LANCZOS_STEPS):
-        product = matrix @ vector
-        ritz = float(product @ vector)
-        product -= ritz * vector
-        if step > 0:
-            product -= length * before
-            projected[step, step - 1] = projected[step - 1, step] = length
-        projected[step, step] = ritz
-        largest = max(largest, abs(ritz), length if step > 0 else 0.0)
-        length = float(np.linalg.norm(product))
-        if length <= EXHAUSTED * largest:
-            projected = projected[: step + 1, : step + 1]
-            break
-        before, vector = vector, product / length
-    return np.asarray(np.linalg.eigvalsh(projected), dtype=np.float64)
+    vector, projected = np.random.default_rng(0).normal(size=matrix.shape[0]), np.zeros((LANCZOS_STEPS, LANCZOS_STEPS))
+    steps = _project(matrix.indptr, matrix.indices, matrix.data, vector, projected)
+    return np.asarray(np.linalg.eigvalsh(projected[:steps, :steps]), dtype=np.float64)
 
 
 def _is_sound(matrix: FloatArray, negative: float) -> bool:
@@ -159,6 +145,35 @@ def _has_root(matrix: FloatArray, shift: float) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
+
+
+@njit(cache=True, fastmath={"contract", "reassoc"})
+def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyped-def]
+    """Write Qᵀ G Q, tridiagonal, for the Lanczos basis Q from ``vector``, which is lost; return the number of steps."""
+    before, product = np.zeros_like(vector), np.empty_like(vector)
+    length, coupling, largest = np.sqrt((vector * vector).sum()), 0.0, 0.0
+    for step in range(len(projected)):
+        if length <= EXHAUSTED * largest:
+            return step
+        if step > 0:
+            projected[step, step - 1] = projected[step - 1, step] = coupling = length
+        vector /= length
+        ritz = 0.0
+        for row in range(uint64(len(vector))):
+            total = 0.0
+            for p in range(uint64(indptr[row]), uint64(indptr[row + uint64(1)])):
+                total += data[p] * vector[uint64(indices[p])]
+            product[row] = total
+            ritz += total * vector[row]
+        projected[step, step] = ritz
+        largest = max(largest, max(abs(ritz), coupling))
+        squared = 0.0
+        for k in range(len(vector)):
+            after = product[k] - ritz * vector[k] - coupling * before[k]
+            before[k], vector[k] = vector[k], after
+            squared += after * after
+        length = np.sqrt(squared)
+    return len(projected)
 
 
 @njit(cache=True)
