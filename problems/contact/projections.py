@@ -4,6 +4,7 @@
 the normal impulse stays; ``onto_cone`` projects onto the whole cone of a contact, where the normal impulse moves too.
 """
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -68,8 +69,8 @@ def project_rows(form, first, count, bound, vector):  # type: ignore[no-untyped-
 
 
 def onto_cone(
-    normal: FloatArray, parts: tuple[FloatArray, ...], friction: tuple[FloatArray, ...], fixed: tuple[FloatArray, ...]
-) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    normal: FloatArray, parts: Sequence[FloatArray], friction: Sequence[FloatArray], fixed: Sequence[FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
     """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone for each part.
 
     The parts are sliding friction and, where a contact has it, rolling friction. For a
@@ -93,7 +94,7 @@ def onto_cone(
     found = normal
     # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
     for active in product((False, True), repeat=len(parts)):
-        numerator, denominator = normal, 1.0
+        numerator, denominator = normal, np.ones(1)
         for is_active, mu, length, a in zip(active, friction, lengths, fixed, strict=True):
             if is_active:
                 numerator, denominator = numerator + mu * (length - a), denominator + mu**2
@@ -104,7 +105,7 @@ def onto_cone(
         radius = a + mu * found
         shrink = np.where(length > radius, radius / np.where(length > 0.0, length, 1.0), 1.0)
         shortened.append(part * shrink[:, None])
-    return found, tuple(shortened)
+    return found, shortened
 
 
 def onto_contact_cones(
@@ -119,11 +120,11 @@ def onto_contact_cones(
         fixed: the rest of the bound on Λ_T [N s], shape (n_blocks,).
         length: what rolling impulses are divided by [m], shape (n_blocks,).
     """
-    parts, coefficients, bounds = (lanes[:, 1 : 1 + layout.sliding],), (friction,), (fixed,)
+    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed]
     if layout.rolling:
-        parts += (lanes[:, 1 + layout.sliding :],)
-        coefficients += (layout.rolling_coefficient / length,)
-        bounds += (layout.rolling_bound / length,)
+        parts.append(lanes[:, 1 + layout.sliding :])
+        coefficients.append(layout.rolling_coefficient / length)
+        bounds.append(layout.rolling_bound / length)
     normal, others = onto_cone(lanes[:, 0], parts, coefficients, bounds)
     projected = np.column_stack([normal, *others])
     if not layout.has_contacts_only:

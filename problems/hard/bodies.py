@@ -42,8 +42,8 @@ def bodies(
         answer: what is known of its solution.
         laws: any laws, instead of ``friction`` and ``dim``.
     """
-    c, known = directions.T @ motion, {"free_motion": motion, "answer": answer}
-    return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim, laws=laws, **known)
+    given = directions, inverse_mass, directions.T @ motion, friction, dim
+    return ContactProblem.from_factors(*given, laws=laws, free_motion=motion, answer=answer)
 
 
 def in_box(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:

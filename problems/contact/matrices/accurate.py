@@ -72,7 +72,7 @@ def _fused_intrinsic(typing_context, a, b, c):  # type: ignore[no-untyped-def]
     return types.float64(types.float64, types.float64, types.float64), code
 
 
-_fused: Any = _fused_product if config.DISABLE_JIT else intrinsic(_fused_intrinsic)
+_fused: Any = _fused_product if getattr(config, "DISABLE_JIT", 0) else intrinsic(_fused_intrinsic)
 
 
 @njit(cache=True, inline="always")
