@@ -69,7 +69,7 @@ class ContactProblem:
         if (self.matrix is None) == (self.factors is None):
             raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, not both and not neither.")
         if self.matrix is not None:
-            object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.layout, self.allow_asymmetric))
+            object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.n_rows, self.allow_asymmetric))
         if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:

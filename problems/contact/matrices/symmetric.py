@@ -12,7 +12,6 @@ from numba import njit, uint64
 
 from ...arrays import FloatArray, read_only
 from ...errors import ProblemError
-from ..blocks import BlockLayout
 from .delassus import diagonal_of
 from .given import as_matrix, read_matrix
 
@@ -35,16 +34,16 @@ EXHAUSTED = 1e-12
 """Lanczos' method ends where what is new in a step is below this part of the largest Ritz value: no more is found."""
 
 
-def checked_delassus(given: Any, layout: BlockLayout, allow_asymmetric: bool) -> sp.csr_array[Any]:
+def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
     """Return G as a canonical read-only CSR array, or raise ``ProblemError``.
 
     Args:
-        given: G [1/kg], dense or scipy sparse, of shape (n_rows, n_rows) for the rows of ``layout``.
-        layout: the padded blocks of the problem.
+        given: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
+        n_rows: number of rows of the problem.
         allow_asymmetric: whether G may be any matrix without negative diagonal entries.
     """
     source = as_matrix(given, "G")
-    n_rows, is_single = len(layout.slot), source.dtype == np.float32
+    is_single = source.dtype == np.float32
     if source.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {source.shape}.")
     matrix: sp.csr_array[Any] = read_matrix(source, "G", sp.csr_array)
