@@ -1,10 +1,9 @@
-"""Which contacts act on each other: those that touch a common body, directly or over others.
+"""The coupling of contacts: two contacts are coupled if they touch a common body, directly or through other contacts.
 
-Where the factors are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ, which two contacts share if both have an entry
-there. Where G alone is known, every entry beyond rounding couples its two contacts; contacts of one body in directions
-that are orthogonal by accident count as apart there. A friction law and the law that
-bounds it are coupled like contacts of one body. The connected components of this graph are contact problems of their
-own, which only stand in one vector.
+If the factors are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ, and two contacts share it if both have an entry
+there. If only G is known, every entry beyond rounding couples its two contacts; contacts of one body in directions that
+happen to be orthogonal are then not coupled. A friction law is coupled with the law that bounds it. The connected
+components of this graph are independent contact problems.
 """
 
 from typing import Any

@@ -8,14 +8,15 @@ Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) w
     bilateral            C = R                       1 row
     rolling friction     C = {x ∈ Rᵏ : ‖x‖ ≤ b}      k = 1, 2 or 3 rows
 
-and the friction bound b = a + μ max(Λ_partner, 0): a fixed part a (a joint with dry friction) and a Coulomb part
-that belongs to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free.
+The friction bound is b = a + μ max(Λ_partner, 0). Its fixed part a belongs to a joint with dry friction, its Coulomb
+part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. Kernels know a law by
+its ``ConvexSet``, its rows and its bound.
 
-Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact with an impulsive moment
-Λ_R [N m s], about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and spinning
-under one bound). Its μ is a length [m]. It shares the normal impulse of its contact with the sliding friction, so that
-Λ lies in both cones, ‖Λ_T‖ ≤ μ Λ_N and ‖Λ_R‖ ≤ μ_r Λ_N (Acary & Bourrier, Coulomb friction with rolling resistance as a
-cone complementarity problem, 2021).
+Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact by an impulsive moment
+Λ_R [N m s]. It acts about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and
+spinning with one bound). Its μ is a length [m]. Sliding and rolling friction share the normal impulse of their contact,
+so that Λ lies in both cones, ‖Λ_T‖ ≤ μ Λ_N and ‖Λ_R‖ ≤ μ_r Λ_N (Acary & Bourrier 2021, *Coulomb friction with rolling
+resistance as a cone complementarity problem*).
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +34,7 @@ from ..representation import html_table
 
 
 class LawKind(IntEnum):
-    """The kinds of force law; the value is what kernels compare with."""
+    """The kinds of force law, as files store them."""
 
     UNILATERAL = 0
     PLANAR_FRICTION = 1
@@ -50,7 +51,7 @@ class LawKind(IntEnum):
 
 
 class ConvexSet(IntEnum):
-    """The form of a law's set C, all that a kernel needs to know of a law beside its rows and its bound."""
+    """The form of the set C of a law."""
 
     HALF_LINE = 0
     LINE = 1
@@ -76,7 +77,7 @@ MAX_KEPT_CONTACTS = 64
 """Contacts of equal friction up to which their laws are kept."""
 
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
-"""What a kind may be, for a message."""
+"""The valid kinds, for an error message."""
 
 
 _FIELDS = {
@@ -91,7 +92,7 @@ _FIELDS = {
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """All force laws of a problem, one entry per law, in row order.
+    """The force laws of a problem, one entry for each law, in the order of their rows.
 
     Attributes:
         kind: ``LawKind`` of each law, shape (n_laws,).
@@ -99,10 +100,10 @@ class Laws:
         friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
         fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
-            Rolling friction always has one, and stands behind it and its sliding friction.
+            Rolling friction always has one, and follows it and its sliding friction.
 
     Raises:
-        ProblemError: if the arrays contradict each other; the message names the field, the law and the value.
+        ProblemError: if the arrays are inconsistent; the message names the field, the law and the value.
     """
 
     kind: NDArray[np.int8]
@@ -258,7 +259,13 @@ class Laws:
     def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
         """Return ``n_contacts`` equal contacts with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3).
 
-        ``friction`` is μ, one number or shape (n_contacts,); it is ignored for dim 1.
+        Args:
+            friction: μ, one number or shape (n_contacts,); ignored for dim 1.
+            dim: rows per contact, 1, 2 or 3.
+            n_contacts: number of contacts.
+
+        Raises:
+            ProblemError: if ``dim`` or μ is not valid.
         """
         if dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
@@ -286,7 +293,7 @@ class Laws:
 
     @staticmethod
     def together(parts: Sequence["Laws"]) -> "Laws":
-        """Return the laws of all parts, one part after the other."""
+        """Return the laws of all parts, concatenated."""
         first = np.cumsum([0, *(part.n_laws for part in parts)])
         partners = [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first, strict=False)]
         return Laws.in_order(
@@ -297,7 +304,7 @@ class Laws:
         )
 
     def with_rolling(self, friction: ArrayLike, n_rows: int) -> "Laws":
-        """Return these laws with rolling friction behind each contact, whose rows follow the rows of the contact.
+        """Return these laws with rolling friction added to each contact, after its other laws.
 
         Args:
             friction: μ_r [m], one number or one for each unilateral law.
@@ -335,9 +342,9 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
 
 
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
-    """Return contacts of one μ as the first part of a longer list, which time stepping needs in every step.
+    """Return contacts of one μ, which time stepping needs in every step, as the first part of a longer list.
 
-    The longer list has been checked, and every part of it that begins at its beginning holds together.
+    The longer list has been validated, and so its first part is valid.
     """
     room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
     whole = _many_equal_laws(friction, dim, room)

@@ -48,9 +48,9 @@ class ContactProblem:
         laws: the force laws, which tile the rows.
         matrix: G [1/kg] as given, or ``None`` where the factors are given.
         factors: W, M⁻¹ and the free motion, or ``None`` where G is given.
-        name: what tables and files call it.
-        provenance: where it comes from (scene, step, seed, …).
-        answer: what is known about its solution, if anything.
+        name: its name in tables and files.
+        provenance: its origin (scene, step, seed, …).
+        answer: the known part of its solution, if any.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
     """
 
@@ -109,7 +109,8 @@ class ContactProblem:
             attributes: name, provenance, answer, allow_asymmetric.
 
         Raises:
-            ProblemError: if anything has the wrong shape, is not finite, not symmetric, or negative where it must not.
+            ProblemError: if an argument has the wrong shape or a value that is not finite, G is not symmetric positive
+                semidefinite, or μ is negative.
         """
         c = _as_vector(free_velocity, "c")
         return ContactProblem(c, laws or _equal_contacts(c, friction, dim), matrix=delassus, **attributes)
@@ -139,7 +140,8 @@ class ContactProblem:
             attributes: name, provenance, answer.
 
         Raises:
-            ProblemError: if anything is of the wrong shape, not finite, or negative where it must not be.
+            ProblemError: if an argument has the wrong shape or a value that is not finite, M⁻¹ is not positive
+                definite, or μ is negative.
         """
         c = _as_vector(free_velocity, "c")
         factors = Factors.create(force_directions, inverse_mass, free_motion)
@@ -157,7 +159,7 @@ class ContactProblem:
 
     @property
     def free_fall(self) -> float:
-        """Velocity that free bodies gain in the time step that the problem is of [m/s]; 0 where it is not known."""
+        """Velocity that free bodies gain in the time step of the problem [m/s]; 0 if unknown."""
         known = self.provenance.get(FREE_FALL, 0.0)
         return float(known) if isinstance(known, int | float) and 0.0 < known < np.inf else 0.0
 
@@ -209,7 +211,7 @@ class ContactProblem:
         return diagonal
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
-        """Return ξ = G Λ + c [m/s], shape (n_rows,), from whichever form the problem holds."""
+        """Return ξ = G Λ + c [m/s], shape (n_rows,)."""
         impulses = np.asarray(impulses, dtype=np.float64)
         if self.factors is not None:
             return self.factors.delassus_times(impulses) + self.free_velocity
@@ -221,7 +223,7 @@ class ContactProblem:
         """Return ξ = G Λ + c [m/s], as ``relative_velocity`` does, in twice the working precision.
 
         Returns:
-            ξ, to the rounding of each entry, and what the terms of ξ may still hide of it, both of shape (n_rows,);
+            ξ, to the rounding of each entry, and a bound on the remaining error of its terms, both of shape (n_rows,);
             see ``matrices.accurate``.
         """
         impulses = np.asarray(impulses, dtype=np.float64)
@@ -266,7 +268,7 @@ class ContactProblem:
         )
 
     def anonymous(self) -> "ContactProblem":
-        """Return the same numbers without what is known about them: name, provenance and answer."""
+        """Return the same problem without name, provenance and answer."""
         return replace(self, name="problem", provenance={}, answer=None)
 
 

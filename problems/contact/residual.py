@@ -1,20 +1,21 @@
-"""How far impulses violate the laws of a contact problem, law by law, under Coulomb's law and under other models.
+"""Violations of the laws of a contact problem by impulses, under Coulomb friction and other models.
 
 With α_i, R_i and ℓ_i as in ``judge``, the violation of law i is the velocity ℓ_i α_i ‖R_i‖ [m/s]. Solvers stop on the
-largest of them, relative to the free velocity of its component, which ``Residual`` prepares once for many impulses.
+largest violation relative to the free velocity of its component. ``Residual`` does the work that does not depend on the
+impulses.
 
-Rounding must not hide a violation, so nothing is subtracted that may be huge and equal. With h = αΛ and b = α times the
-friction bound,
+Rounding must not hide a violation, so numbers that may be huge and equal are not subtracted. With h = αΛ and b = α
+times the friction bound,
 
     unilateral:                         α R = min(h, ξ),
     friction that sticks, ‖h − ξ‖ ≤ b:  α R = ξ,
     friction that slides:               α R = h − b (h − ξ)/‖h − ξ‖.
 
-The first two have the relative error of ξ, of which ``matrices.accurate`` tells what is hidden. In the third h and the
-projection may cancel. I − prox and prox do not expand, so rounding of h counts u‖h‖ and that of h − ξ counts ub; b, the
-norm, their quotient and the product have eight roundings: 9ub + u‖h‖ in all (``hidden_by_sliding``). A violation is at
-least that, so that the exact one is at most twice what is said, beside a relative error of a few u. ξ = 0 at h on the
-boundary is the third case too: it counts wherever ‖h − ξ‖ is not below b by more than rounding.
+The first two cases have the relative error of ξ, which ``matrices.accurate`` bounds. In the third case h and the
+projection may cancel. I − prox and prox are nonexpansive, so rounding of h contributes u‖h‖ and that of h − ξ
+contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all
+(``_hidden_by_sliding``). The violation is at least that, so that the exact one is at most twice the value returned,
+beside a relative error of a few u. The third case applies wherever ‖h − ξ‖ is not below b by more than rounding.
 """
 
 from functools import cached_property
@@ -53,10 +54,9 @@ class Residual:
 
     Attributes:
         alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
-        lengths: ℓ_i, which makes a velocity of a rolling law's angular one, √(α_N/α_i) [m], and is 1 for all others,
-            shape (n_laws,).
+        lengths: ℓ_i = √(α_N/α_i) [m] of each rolling law, 1 for the others, shape (n_laws,).
         speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
-        scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
+        scale: max ‖c_i‖ over the laws [m/s], independent of the choice of tangents.
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
         stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
         infeasible: whether there is one.
@@ -289,7 +289,7 @@ def violations(
 
 
 def convex_obstacle(problem: ContactProblem) -> str | None:
-    """Say why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
+    """Return why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
     layout = problem.layout
     remote = np.flatnonzero(layout.partner != np.arange(layout.n_blocks))
     if not len(remote):
@@ -340,7 +340,7 @@ def block_lengths(problem: ContactProblem, residual: Residual) -> FloatArray:
 def _pyramid_violations(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, velocity: FloatArray, sides: int
 ) -> FloatArray:
-    """As Coulomb's law, with the disc of a spatial friction law replaced by its inscribed polygon."""
+    """Return the violations with the disc of each spatial friction law replaced by its inscribed polygon."""
     laws, alpha = problem.laws, residual.alpha
     violations = residual.of_laws(impulses, velocity)
     spatial = np.flatnonzero(laws.is_friction & ~laws.is_rolling & (laws.row_count == 2) & (alpha > 0))

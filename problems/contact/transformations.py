@@ -1,7 +1,7 @@
-"""The same contact problem transformed: other order, other tangents, other units, a contact twice, two side by side.
+"""Transformations of contact problems: order, tangents, units, duplicated contacts, and problems side by side.
 
-Every one is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
-leads back to the solution T Λ' of the old one. Solvers that depend on such choices are found out by them.
+Each is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
+gives the solution T Λ' of the old one. They show whether a solver depends on such choices.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class Transformed:
     """A transformed problem.
 
     Attributes:
-        problem: the new problem; its answer, where the old one has one that can be carried over.
+        problem: the new problem, with those parts of the old answer that carry over.
         back: T, so that Λ = T Λ' [N s], sparse, shape (old rows, new rows).
     """
 
@@ -131,7 +131,7 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
 
 
 def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
-    """Return the same with rolling friction: its rows times ``length``, then all rows in the other units."""
+    """Return a problem with rolling friction in other units: scale its rows by ``length``, then change units."""
     laws = problem.laws
     rolls = np.repeat(laws.is_rolling, laws.row_count)
     scale = np.where(rolls, length, 1.0)

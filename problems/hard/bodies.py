@@ -1,4 +1,4 @@
-"""What the hard cases share: weight, time step, and how bodies that move freely become a contact problem."""
+"""Constants and functions that the hard cases share."""
 
 from itertools import product
 from typing import Any
@@ -39,7 +39,7 @@ def bodies(
         motion: u, shape (n_dofs,).
         friction: μ, one number or one for each contact.
         dim: rows per contact.
-        answer: what is known of its solution.
+        answer: the known part of its solution.
         laws: any laws, instead of ``friction`` and ``dim``.
     """
     given = directions, inverse_mass, directions.T @ motion, friction, dim

@@ -1,11 +1,11 @@
-"""Random problems whose solution is chosen first: any rank, any spread of masses, any sparsity, any friction.
+"""Random problems with a chosen solution, of any rank, mass ratio, sparsity and friction.
 
 Λ and ξ are drawn complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ at random,
 and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5), so that c
 has no rounding error and the chosen solution solves the stored problem exactly, whatever its condition.
 
-Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction other solutions may exist
-beside the chosen one, unless normal impulses alone bear the load (``braced``).
+Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
+solutions, unless normal impulses alone bear the load (``braced``).
 """
 
 from dataclasses import dataclass
@@ -26,16 +26,16 @@ FINEST_MASS = 12
 
 @dataclass(frozen=True)
 class Family:
-    """What is chosen of a random problem.
+    """The parameters of a random problem.
 
     Attributes:
         n_contacts: number of contacts.
         dim: rows per contact, 1, 2 or 3.
         n_dofs: degrees of freedom, the largest rank that G can have.
         mass_range: masses are powers of two from 2^−mass_range to 2^mass_range kg, at most ``FINEST_MASS``.
-        density: share of the entries of W that are not zero; every column keeps at least one.
+        density: fraction of nonzero entries of W; every column has at least one.
         friction: μ of all contacts, a multiple of 1/8.
-        states: what contacts may do, of ``STATES``.
+        states: the states that contacts may have, of ``STATES``.
     """
 
     n_contacts: int
@@ -58,7 +58,7 @@ def with_solution(family: Family, seed: int) -> ContactProblem:
 
 @dataclass(frozen=True)
 class LinkedFamily(Family):
-    """What is chosen of a random problem with joints and rolling friction beside its contacts.
+    """The parameters of a random problem with joints and rolling friction.
 
     Attributes:
         n_joints: number of bilateral rows.
@@ -102,7 +102,7 @@ def braced(family: Family, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
 
     c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0, see ``supports``; Λ itself is unique only if W has full rank
-    and nothing can be wedged. The states of the family are not looked at.
+    and nothing can be wedged. The states of the family are ignored.
     """
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
@@ -131,7 +131,7 @@ def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int)
 
 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
-    """Return a problem of ``family`` given by arrays of float32, which lose nothing of it: its fractions are short.
+    """Return a problem of ``family`` given by arrays of float32, which represent its short fractions exactly.
 
     It is in factor form, or ``assembled`` in Delassus form, for equal masses and few degrees of freedom.
     """

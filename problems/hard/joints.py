@@ -1,7 +1,7 @@
-"""Linked bodies in closed form: hanging and towed chains, loops with more joints than they need, pendulums.
+"""Linked bodies in closed form: hanging and towed chains, loops with redundant joints, pendulums.
 
-Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 there, and what the joints
-push their bodies with, W Λ = M (u − u_f), is known wherever the motion u is, unique or not as Λ may be.
+Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 there. The momentum that the
+joints transfer, W Λ = M (u − u_f), is known wherever the motion u is, even if Λ is not unique.
 """
 
 from typing import Any
@@ -114,7 +114,7 @@ def immovable_joint() -> ContactProblem:
 
 
 def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
-    """Return the answer of joints that are known to push their bodies with W Λ = ``push``, shape (n_dofs,)."""
+    """Return the answer of joints whose W Λ is known to be ``push`` [N s], shape (n_dofs,)."""
     return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=push)
 
 

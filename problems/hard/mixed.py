@@ -1,4 +1,4 @@
-"""Laws of every kind in one problem: fixed bounds, planar and spatial friction, partners far away, separate parts."""
+"""Cases that mix laws: fixed bounds, planar and spatial friction, remote partners, disconnected parts."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -78,7 +78,7 @@ def remote_brakes(n: int) -> ContactProblem:
 
 
 def few_parts() -> ContactProblem:
-    """Return an opening row, a jammed rod, joints and a remote partner side by side, a few of every kind of law."""
+    """Return an opening row, a jammed rod, joints and a remote partner side by side."""
     return united([one_row(0.1), pressing_rod(2.0), tresca_joint(), remote_partner()])
 
 

@@ -1,7 +1,7 @@
 """Painlevé's rods: one planar contact whose normal and tangent are coupled, at friction below and above the critical.
 
 Sliding with Λ_T = +μ Λ_N has G_NN + μ G_NT in the place of the normal compliance, which vanishes at the critical
-friction μ = −G_NN/G_NT: beyond it a rod that presses on the ground may jam, and one that leaves it may not.
+friction μ = −G_NN/G_NT: beyond it a rod that presses on the ground may jam.
 """
 
 from itertools import product

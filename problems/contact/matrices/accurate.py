@@ -1,8 +1,8 @@
 """ξ = GΛ + c in twice the working precision, with a bound on what rounding still hides.
 
 In plain arithmetic a sum of n products has an error of up to nu Σ|a_j x_j|, u = 2⁻⁵³. Impulses that brace each other
-make that sum as large as they like, whatever ξ is, so that plain arithmetic certifies anything. Here every product and
-every sum keeps what rounding takes from it (Ogita, Rump & Oishi 2005, *Accurate sum and dot product*):
+make this bound arbitrarily large, whatever ξ is. Here the rounding error of every product and every sum is kept
+(Ogita, Rump & Oishi 2005, *Accurate sum and dot product*):
 
     a x = p + e,   s + p = s' + d   exactly,   with p, s' rounded,
 

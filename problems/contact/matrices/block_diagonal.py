@@ -1,4 +1,4 @@
-"""Block diagonal matrices, as mass matrices are: roots and inverses, block by block, in whatever order rows stand."""
+"""Roots and inverses of block diagonal matrices, such as mass matrices, for any order of their rows."""
 
 from collections.abc import Iterator
 from typing import Any

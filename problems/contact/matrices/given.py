@@ -1,4 +1,4 @@
-"""Matrices as users give them, dense or sparse: copied, put in order and looked at entry by entry."""
+"""Conversion and validation of matrices that users give, dense or sparse."""
 
 import copy
 from functools import lru_cache
@@ -62,7 +62,7 @@ def as_matrix(given: Any, name: str) -> Any:
 
 
 def check_finite(matrix: Any, name: str) -> None:
-    """Look at the entries of a CSR or CSC matrix, and make its arrays read-only.
+    """Check the entries of a CSR or CSC matrix, and make its arrays read-only.
 
     Raises:
         ProblemError: that names the first entry which is not finite.
@@ -75,7 +75,7 @@ def check_finite(matrix: Any, name: str) -> None:
 
 
 def with_entries(matrix: Compressed, data: NDArray[Any], indices: NDArray[Any], indptr: NDArray[Any]) -> Compressed:
-    """Return a matrix of the kind and shape of ``matrix`` with other entries, as much in order as those.
+    """Return a matrix of the kind, shape and flags of ``matrix`` with other entries.
 
     On few entries this takes a fifth of the time of scipy's constructor.
     """
@@ -104,7 +104,7 @@ def _shorten_indices(matrix: Compressed) -> None:
 
 
 def _check_sparse(matrix: Any, name: str) -> None:
-    """Look at the indices of a sparse matrix: the conversions of scipy write where they point."""
+    """Check the indices of a sparse matrix, because the conversions of scipy rely on them."""
     try:
         if matrix.format in ("csr", "csc", "bsr"):
             matrix.check_format(full_check=True)
