@@ -1,4 +1,4 @@
-"""Families of problems: what tables and samples group them by."""
+"""Families of problems, by which tables and samples group them."""
 
 import hashlib
 import re
@@ -10,7 +10,7 @@ from ..errors import ProblemError
 from ..hard import CASE_GROUPS
 
 FAMILY = "family"
-"""Where the provenance of a problem names its family."""
+"""Key of the family in the provenance of a problem."""
 
 
 def family_of(problem: str | ContactProblem) -> str:
@@ -34,7 +34,7 @@ def sampled(families: Mapping[str, str], count: int, seed: int) -> list[str]:
     Args:
         families: the family of each problem, by name.
         count: size of the sample.
-        seed: which sample it is.
+        seed: seed of the sample.
 
     Raises:
         ProblemError: if ``count`` is not positive.

@@ -20,13 +20,13 @@ INDEX = "index.json"
 
 @dataclass(frozen=True)
 class ProblemSummary:
-    """What a table of problems shows of one.
+    """The entry of a problem in a table of problems.
 
     Attributes:
         contacts: number of contacts.
         rows: number of rows.
         laws: the kinds of law that occur, in words.
-        form: "factors" or "Delassus", which of the two the problem holds.
+        form: "factors" or "Delassus", the form that the problem holds.
     """
 
     contacts: int
@@ -49,7 +49,7 @@ def stored_summaries() -> Mapping[str, ProblemSummary]:
 
 
 def current_summaries() -> dict[str, ProblemSummary]:
-    """Return the same from the problems themselves, all of which are built."""
+    """Return the same summaries from the problems themselves, building all of them."""
     return {name: summary_of(load(name)) for name in SUITES["all"] if is_held(name)}
 
 

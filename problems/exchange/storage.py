@@ -24,12 +24,12 @@ FORMAT = 2
 """Newest version of the file format."""
 
 CONTACTS_ONLY = 1
-"""The version that has neither bilateral laws nor rolling friction; problems without are written in it."""
+"""Version without bilateral laws and rolling friction, for problems that have neither."""
 
 SUFFIX = ".npz"
 
 AGAIN = "make it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
-"""What helps with a file that is no problem."""
+"""Remedy for a file that is not a problem."""
 
 _OF_LAWS = [field.name for field in fields(Laws)]
 

@@ -14,7 +14,7 @@ from .given import with_entries
 BLOCK_SYMMETRY = 1e-12
 """Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that passes as rounding."""
 
-MOST_ENTRIES = 20_000_000
+MAX_ENTRIES = 20_000_000
 """Entries that the inverse of a mass matrix may have, 160 MB of numbers."""
 
 
@@ -37,10 +37,10 @@ def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
     pattern = mass.copy()
     pattern.eliminate_zeros()
     sizes = np.diff(_sorted_out(pattern.indptr, pattern.indices)[1])
-    if int((sizes**2).sum()) > MOST_ENTRIES:
+    if int((sizes**2).sum()) > MAX_ENTRIES:
         raise ProblemError(
             f"M couples {int(sizes.max())} degrees of freedom with each other, and its inverse would have more than "
-            f"{MOST_ENTRIES} entries; give the problem by its Delassus matrix."
+            f"{MAX_ENTRIES} entries; give the problem by its Delassus matrix."
         )
     inverses = []
     for dofs, blocks in _diagonal_blocks(pattern):

@@ -58,7 +58,7 @@ class InverseMass:
 
         Raises:
             ProblemError: on a wrong shape, a number that is not finite, an M that is not symmetric positive definite,
-                or one whose inverse would have more than ``MOST_ENTRIES`` entries.
+                or one whose inverse would have more than ``MAX_ENTRIES`` entries.
         """
         mass = _read_square(given, "M")
         matrix = block_inverse(mass)
