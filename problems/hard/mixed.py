@@ -33,9 +33,10 @@ def mixed_laws(copies: int = 1) -> ContactProblem:
     rank and is nearly diagonal, so the solution is the only one.
     """
     one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
-    kind = np.tile([0, 0, 0, 1, 0, 1, 0, 2, 0, 2, 1], copies)
+    n, t, s = LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION
+    kind = np.tile([n, n, n, t, n, t, n, s, n, s, t], copies)
     partner = np.concatenate([np.where(one >= 0, one + 11 * copy, -1) for copy in range(copies)])
-    laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind > 0, 0.1, 0.0), partner)
+    laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind != n, 0.1, 0.0), partner)
     impulses = np.tile([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1], copies)
     velocity = np.tile([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7], copies)
     n_rows = 13 * copies
