@@ -252,10 +252,11 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     A friction law apart from its partner keeps its present bound.
     """
     layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
-    own = layout.partner == np.arange(layout.n_blocks)
-    remote_bound = layout.friction_coefficient * np.maximum(lanes[layout.partner, 0], 0.0)
-    friction = np.where(own, layout.friction_coefficient, 0.0)
-    fixed = layout.fixed_bound + np.where(own, 0.0, remote_bound)
+    friction, fixed = layout.friction_coefficient, layout.fixed_bound
+    if not layout.bounds_are_own:
+        own = layout.partner == np.arange(layout.n_blocks)
+        remote_bound = friction * np.maximum(lanes[layout.partner, 0], 0.0)
+        friction, fixed = np.where(own, friction, 0.0), fixed + np.where(own, 0.0, remote_bound)
     tangent, rolling = moved[:, 1 : 1 + layout.sliding], moved[:, 1 + layout.sliding :]
     lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:

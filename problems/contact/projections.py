@@ -5,7 +5,7 @@ the normal impulse stays; ``onto_cone`` projects onto the whole cone of a contac
 """
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import chain, combinations
 
 import numpy as np
 from numba import njit
@@ -91,15 +91,14 @@ def onto_cone(
         The projected N and parts.
     """
     lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
-    found = normal
+    found = np.maximum(normal, 0.0)
     # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
-    for active in product((False, True), repeat=len(parts)):
+    cones = list(zip(friction, lengths, fixed, strict=True))
+    for active in chain.from_iterable(combinations(cones, count) for count in range(1, len(cones) + 1)):
         numerator, denominator = normal, np.ones(1)
-        for is_active, mu, length, a in zip(active, friction, lengths, fixed, strict=True):
-            if is_active:
-                numerator, denominator = numerator + mu * (length - a), denominator + mu**2
+        for mu, length, a in active:
+            numerator, denominator = numerator + mu * (length - a), denominator + mu**2
         found = np.maximum(found, numerator / denominator)
-    found = np.maximum(found, 0.0)
     shortened = []
     for part, length, mu, a in zip(parts, lengths, friction, fixed, strict=True):
         radius = a + mu * found
