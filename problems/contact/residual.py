@@ -138,8 +138,10 @@ class Residual:
             velocity: ξ, shape (n_rows,).
             weight: factor of all friction bounds.
         """
-        bounds = self._bounds if weight == 1.0 else tuple(weight * bound for bound in self._bounds)
-        _write_squared_violations(*self._rows, *bounds, self._partner, self._numbers, impulses, velocity)
+        mu, fixed = self._bounds
+        if weight != 1.0:
+            mu, fixed = weight * mu, weight * fixed
+        _write_squared_violations(*self._rows, mu, fixed, self._partner, self._numbers, impulses, velocity)
         return np.sqrt(self._squares)
 
 
