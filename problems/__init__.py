@@ -1,4 +1,4 @@
-"""What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
+"""Contact problems, their force laws, the judge, scenes and time stepping."""
 
 from . import compilation as _compilation  # noqa: F401  registers the notice
 from .contact.answer import Answer

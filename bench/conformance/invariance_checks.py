@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...problems.contact.solver import Solver, Status, Stop
+from ...problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ...problems.errors import ProblemError
-from ...problems.hard.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation, checks
 from .samples import supported

@@ -1,4 +1,4 @@
-"""Reading .npz files from anywhere: no objects, nothing larger than it says, nothing larger than is sensible."""
+"""Reading of .npz files from untrusted sources, without pickle and with limits on size."""
 
 import math
 import struct
@@ -11,35 +11,35 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-LARGEST_ARCHIVE = 2**30
-"""Bytes that the arrays of one file may have, unpacked."""
+MAX_ARCHIVE_BYTES = 2**30
+"""Bytes of the arrays of one file, unpacked."""
 
-MOST_ARRAYS = 64
+MAX_ARRAYS = 64
 
 DAMAGES = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
-"""What reading raises where the content is not as it should be."""
+"""Exceptions that reading damaged content raises."""
 
 _UNPACKING = (*DAMAGES, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error)
 
 
 class ArchiveError(ValueError):
-    """A file that is no .npz file, or not one to be read; the text says why."""
+    """A file is not a readable .npz file; the text gives the reason."""
 
 
 def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
     """Return the arrays of a .npz file.
 
-    The directory of the file is believed only as far as it promises little enough; nothing is unpacked before.
+    Nothing is unpacked before the directory of the file has been found to be within the limits.
 
     Raises:
-        ArchiveError: if it is damaged, holds objects, or would take more memory than ``LARGEST_ARCHIVE``.
+        ArchiveError: if it is damaged, holds objects, or would take more memory than ``MAX_ARCHIVE_BYTES``.
         OSError: if it cannot be read.
     """
     try:
         with zipfile.ZipFile(source) as archive:
             members = archive.infolist()
             size = sum(member.file_size for member in members)
-            if size > LARGEST_ARCHIVE or len(members) > MOST_ARRAYS:
+            if size > MAX_ARCHIVE_BYTES or len(members) > MAX_ARRAYS:
                 raise ArchiveError(f"{len(members)} arrays of {size / 2**20:.0f} MB are more than any file of ours has")
             arrays = {}
             for member in members:

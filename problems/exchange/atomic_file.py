@@ -1,4 +1,4 @@
-"""Files that are written as a whole or not at all."""
+"""Atomic writing of files."""
 
 import os
 import tempfile
@@ -11,14 +11,14 @@ PART = ".part"
 """Suffix of a file that is being written; its name begins with a dot."""
 
 PERMISSIONS = 0o666
-"""What a new file allows, if the process does not mask it."""
+"""Permissions of a new file before the mask of the process."""
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """Open a temporary file beside ``path`` that takes its place when the block ends, and vanishes if it fails.
 
-    It has the permissions of any new file, where temporary ones are their owner's alone.
+    The new file has the usual permissions, not those of a temporary file.
 
     Raises:
         OSError: if the folder cannot be written.

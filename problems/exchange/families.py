@@ -1,4 +1,4 @@
-"""Families of problems: what tables and samples group them by."""
+"""Families of problems, by which tables and samples group them."""
 
 import hashlib
 import re
@@ -11,7 +11,7 @@ from ..errors import ProblemError, suggestion
 from ..hard import CASE_GROUPS
 
 FAMILY = "family"
-"""Where the provenance of a problem names its family."""
+"""Key of the family in the provenance of a problem."""
 
 
 Sampling = Literal["proportional", "even"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .archive import LARGEST_ARCHIVE, ArchiveError
+from .archive import MAX_ARCHIVE_BYTES, ArchiveError
 
 SUFFIX = ".json"
 """Ending of such files."""
@@ -21,11 +21,11 @@ def read_json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the object ``about``, empty if there is none, and the arrays of a JSON file.
 
     Raises:
-        ArchiveError: if it is larger than ``LARGEST_ARCHIVE``, is no JSON object, or a value is no array of numbers.
+        ArchiveError: if it is larger than ``MAX_ARCHIVE_BYTES``, is no JSON object, or a value is no array of numbers.
         OSError: if it cannot be read.
     """
-    if path.stat().st_size > LARGEST_ARCHIVE:
-        raise ArchiveError(f"more than {LARGEST_ARCHIVE / 2**20:.0f} MB")
+    if path.stat().st_size > MAX_ARCHIVE_BYTES:
+        raise ArchiveError(f"more than {MAX_ARCHIVE_BYTES / 2**20:.0f} MB")
     try:
         content = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:

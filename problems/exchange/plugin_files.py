@@ -1,8 +1,8 @@
-"""Plugins that are a single Python file, named on the command line instead of being installed.
+"""Plugins in a single Python file, named on the command line instead of being installed.
 
-A file says what it offers, ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
-``SCENES = {"my_scene": my_scene}``. It is read once, and what was read is what every process runs: a file that is
-edited meanwhile does not change a run.
+A file lists its offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
+``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was read, so
+that editing the file does not change a run.
 """
 
 import hashlib
@@ -60,7 +60,7 @@ class PluginFile:
 
     @property
     def source(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return f"plugin file {self.path}"
 
     @property
@@ -111,7 +111,7 @@ class PluginFile:
         return dict(offered)
 
     def check_offers(self) -> None:
-        """Raise ``PluginError`` if it offers nothing, and name what it may have meant to offer."""
+        """Raise ``PluginError`` with a suggestion if the file offers nothing."""
         if any([self.offered(kind) for kind in get_args(Kind)]):
             return
         candidates = [

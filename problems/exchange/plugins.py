@@ -1,8 +1,8 @@
-"""What plugins offer: solvers, problems and scenes of installed packages, and of files named by the user.
+"""Discovery of plugins: solvers, problems and scenes of installed packages and of files that the user names.
 
 A package offers them as entry points of the groups ``proxbench.solvers``, ``proxbench.problems`` and
-``proxbench.scenes``. Nothing of a plugin runs before it is named. A name that is not free is refused, and so is one
-that two plugins share: which of them a table shows must not depend on the order of installation.
+``proxbench.scenes``. A plugin does not run before it is named. A name of Proxbench is refused, and so is a name that
+two plugins share, because results must not depend on the order of installation.
 """
 
 import re
@@ -26,12 +26,12 @@ _NAMES: dict[Kind, tuple[str, str]] = {
 }
 
 Names = Mapping[Kind, Sequence[str]]
-"""What a plugin file offers, by kind."""
+"""Names that a plugin file offers, by kind."""
 
 
 @dataclass(frozen=True)
 class _Registered:
-    """A plugin file, what it offers as far as that is known without running it, and whether this process may run it."""
+    """A plugin file, its names if known, and whether this process may run it."""
 
     file: PluginFile
     names: Names | None
@@ -63,7 +63,7 @@ class Offer:
     refusal: str = ""
 
     def load(self) -> Any:
-        """Import the plugin; return what stands behind the name. What it prints goes to standard error.
+        """Import the plugin and return its object of this name; redirect its output to standard error.
 
         Raises:
             PluginError: if the name is refused, or the plugin fails to import.
@@ -81,7 +81,7 @@ class Offer:
 
 
 def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
-    """Return all that plugins offer of one kind, the refused with their reason.
+    """Return all offers of plugins of one kind, including refused ones with the reason.
 
     Args:
         kind: solvers, problems or scenes.
@@ -92,7 +92,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
-    """Let this process find what a plugin file offers, without running it yet; one of the same path is replaced.
+    """Register a plugin file in this process without running it, in place of one of the same path.
 
     Args:
         file: the file.
@@ -109,12 +109,12 @@ def register(file: PluginFile, names: Names | None = None, runs_here: bool = Tru
 
 
 def forget(file: PluginFile) -> None:
-    """Take a plugin file back."""
+    """Remove a plugin file from those registered."""
     _registered.pop(str(file.path), None)
 
 
 def registered() -> list[tuple[PluginFile, Names | None]]:
-    """Return the plugin files that this process knows, each with what it offers, None where that is not known."""
+    """Return the registered plugin files, each with its names, or None if they are not known."""
     return [(one.file, one.names) for one in _registered.values()]
 
 

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..contact.answer import Answer
-from ..contact.factors import Factors, InverseMass
 from ..contact.laws import Laws
+from ..contact.matrices.factors import Factors, InverseMass
 from ..contact.matrices.given import check_finite
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
@@ -27,7 +27,7 @@ FORMAT = 2
 """Newest version of the file format."""
 
 CONTACTS_ONLY = 1
-"""The version that has neither bilateral laws nor rolling friction; problems without are written in it."""
+"""Version without bilateral laws and rolling friction, for problems that have neither."""
 
 SUFFIX = ".npz"
 
@@ -35,7 +35,7 @@ SUFFIXES = (SUFFIX, JSON_SUFFIX)
 """Endings of problem files."""
 
 AGAIN = "make it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
-"""What helps with a file that is no problem."""
+"""Remedy for a file that is not a problem."""
 
 _OF_LAWS = [field.name for field in fields(Laws)]
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
-from ....problems.hard.transformations import Transformed, in_units, permuted, rotated
+from ....problems.contact.transformations import Transformed, in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)
 """Even powers of two that m is drawn from, or their inverses."""

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError, load
-from proxbench.problems.exchange.archive import LARGEST_ARCHIVE, ArchiveError, read_arrays
+from proxbench.problems.exchange.archive import MAX_ARCHIVE_BYTES, ArchiveError, read_arrays
 from proxbench.problems.exchange.storage import problem_bytes, read_problem
 
 WHOLE = problem_bytes(load("hard-sticking-box"))
@@ -66,10 +66,10 @@ def test_a_bomb_is_refused_before_it_is_unpacked() -> None:
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for number in range(3):
             with archive.open(f"{number}.npy", "w", force_zip64=True) as member:
-                for _ in range(LARGEST_ARCHIVE // len(block) // 16):
+                for _ in range(MAX_ARCHIVE_BYTES // len(block) // 16):
                     member.write(block)
         for member_info in archive.infolist():
-            member_info.file_size = LARGEST_ARCHIVE // 2
+            member_info.file_size = MAX_ARCHIVE_BYTES // 2
     with pytest.raises(ArchiveError, match="more than any file of ours"):
         read_arrays(buffer)
 

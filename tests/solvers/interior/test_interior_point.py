@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.laws import Laws
+from proxbench.problems.contact.transformations import in_units
 from proxbench.problems.hard.families import Family, with_solution
-from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.interior.progress import proves_infeasibility
 from threadpoolctl import threadpool_limits

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, judge, load
+from proxbench.problems.contact.transformations import in_units
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
-from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import Status, Stop, create, solve
 
 JOINTS = ["InteriorPoint", "InteriorPoint(form='factors')", "CentralPath", "CentralPath(form='factors')"]

@@ -1,7 +1,7 @@
-"""The same contact problem transformed: other order, other tangents, other units, a contact twice, two side by side.
+"""Transformations of contact problems: order, tangents, units, duplicated contacts, and problems side by side.
 
-Every one is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
-leads back to the solution T Λ' of the old one. Solvers that depend on such choices are found out by them.
+Each is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
+gives the solution T Λ' of the old one. They show whether a solver depends on such choices.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, IntArray
-from ..contact.answer import Answer
-from ..contact.factors import Factors
-from ..contact.laws import Laws
-from ..contact.problem import ContactProblem
 from ..errors import ProblemError
+from .answer import Answer
+from .laws import Laws
+from .matrices.factors import Factors
+from .problem import FREE_FALL, ContactProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Transformed:
     """A transformed problem.
 
     Attributes:
-        problem: the new problem; its answer, where the old one has one that can be carried over.
+        problem: the new problem, with those parts of the old answer that carry over.
         back: T, so that Λ = T Λ' [N s], sparse, shape (old rows, new rows).
     """
 
@@ -52,9 +52,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
     place[laws] = np.arange(len(laws))
     place[-1] = -1  # answers for partner −1
     old = problem.laws
-    new_laws = Laws.in_order(
-        old.kind[laws], old.friction_coefficient[laws], old.fixed_bound[laws], place[old.partner[laws]]
-    )
+    new_laws = old.chosen(laws, place[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
@@ -87,12 +85,8 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
     fixed = old.fixed_bound.copy()
     fixed[laws] *= 0.5
     partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
-    new_laws = Laws.in_order(
-        np.append(old.kind, old.kind[laws]),
-        np.append(old.friction_coefficient, old.friction_coefficient[laws]),
-        np.append(fixed, fixed[laws]),
-        np.append(old.partner, partner),
-    )
+    both, partners = np.append(np.arange(old.n_laws), laws), np.append(old.partner, partner)
+    new_laws = replace(old, fixed_bound=fixed).chosen(both, partners)
     rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
     return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
 
@@ -130,14 +124,14 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
         matrix=None if matrix is None else matrix * mass,
         factors=factors,
         name=f"{problem.name} in other units",
-        provenance={},
+        provenance={FREE_FALL: speed * problem.free_fall} if problem.free_fall else {},
         answer=answer,
     )
     return Transformed(made, sp.csr_array(sp.eye_array(problem.n_rows) / impulse))
 
 
 def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
-    """Return the same with rolling friction: its rows times ``length``, then all rows in the other units."""
+    """Return a problem with rolling friction in other units: scale its rows by ``length``, then change units."""
     laws = problem.laws
     rolls = np.repeat(laws.is_rolling, laws.row_count)
     scale = np.where(rolls, length, 1.0)

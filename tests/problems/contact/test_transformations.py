@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, ProblemError, judge
+from proxbench.problems.contact.transformations import duplicated, in_units, permuted, rotated, united
 from proxbench.problems.hard import hard_case
 from proxbench.problems.hard.families import Family, LinkedFamily, with_linked_solution, with_solution
-from proxbench.problems.hard.transformations import duplicated, in_units, permuted, rotated, united
 
 NAMES = ["hard-mixed-laws", "hard-sticking-box", "hard-tower-3", "hard-tresca-joint", "hard-remote-partner"]
 

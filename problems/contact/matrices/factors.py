@@ -9,12 +9,12 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, IntArray, frozen, read_only
-from ..errors import ProblemError
-from .blocks import BlockLayout
-from .matrices.block_diagonal import block_cholesky, block_inverse
-from .matrices.given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
-from .matrices.pieces import Pieces, cut_into_pieces, pieces_of_arrays
+from ...arrays import FloatArray, frozen, read_only
+from ...errors import ProblemError
+from ..blocks import BlockLayout
+from .block_diagonal import block_cholesky, block_inverse
+from .given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
+from .pieces import Pieces, cut_into_pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class InverseMass:
 
         Raises:
             ProblemError: on a wrong shape, a number that is not finite, an M that is not symmetric positive definite,
-                or one whose inverse would have more than ``MOST_ENTRIES`` entries.
+                or one whose inverse would have more than ``MAX_ENTRIES`` entries.
         """
         mass = _read_square(given, "M")
         matrix = block_inverse(mass)
@@ -187,8 +187,7 @@ class Factors:
                 return given.scaled(blocks)
         if self.inverse_mass.is_diagonal:
             return cut_into_pieces(self.force_directions, self.inverse_mass.root_diagonal, layout)
-        data, indices, indptr = self._scaled_arrays()
-        return pieces_of_arrays(indptr, indices, data, np.ones(self.n_dofs), layout)
+        return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)
 
     @cached_property
     def scaled_directions(self) -> sp.csc_array[Any]:
@@ -197,15 +196,8 @@ class Factors:
         if inverse.is_diagonal:
             values = directions.data * inverse.root_diagonal[directions.indices]
             return with_entries(directions, values, directions.indices, directions.indptr)
-        return with_entries(directions, *self._scaled_arrays())
-
-    def _scaled_arrays(self) -> tuple[FloatArray, IntArray, IntArray]:
-        """Return data, indices and indptr of W̃ where M⁻¹ is not diagonal."""
-        root, given = self.inverse_mass.root, self.force_directions
-        scaled: tuple[FloatArray, IntArray, IntArray] = _scale(
-            root.indptr, root.indices, root.data, given.indptr, given.indices, given.data
-        )
-        return scaled
+        root = inverse.root.indptr, inverse.root.indices, inverse.root.data
+        return with_entries(directions, *_scale(*root, directions.indptr, directions.indices, directions.data))
 
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
