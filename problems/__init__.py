@@ -10,7 +10,7 @@ from .contact.projections import project
 from .errors import PluginError, ProblemError, ProxbenchError
 from .exchange.catalog import load, suite
 from .exchange.fclib.files import read_fclib, write_fclib
-from .exchange.storage import save_problem
+from .exchange.files.problem_file import save_problem
 
 __all__ = [
     "Answer",

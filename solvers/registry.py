@@ -10,7 +10,7 @@ from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop
 from ..problems.errors import suggestion
 from ..problems.exchange.catalog import load
-from ..problems.exchange.plugins import Offer, offers
+from ..problems.exchange.plugins.offers import Offer, offers
 from ..problems.names import Name, check_options, read_name
 from . import contract
 

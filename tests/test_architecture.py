@@ -76,7 +76,7 @@ AT_HOME = {
             "comparison/check",
             "comparison/compare",
             "find",
-            "exchange/fclib",
+            "exchange/problem_files",
             "main",
             "options",
             "record",

@@ -44,7 +44,7 @@ def generate(
     Each file is printed with the digest of its problem.
     """
     from ...problems.exchange.catalog import suite_members
-    from ...problems.exchange.storage import read_problem
+    from ...problems.exchange.files.problem_file import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..measure.contacts.generate import generate as make

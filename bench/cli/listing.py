@@ -11,8 +11,8 @@ from ...problems.errors import ProxbenchError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
 from ...problems.exchange.families import family_of
 from ...problems.exchange.index import ProblemSummary, stored_summaries, summary_of
-from ...problems.exchange.plugin_scenes import plugin_scenes
-from ...problems.exchange.plugins import Offer
+from ...problems.exchange.plugins.offers import Offer
+from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, parts, peers, plugin_solvers
 from ..errors import BenchError

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from ...problems.contact.judge import judge
 from ...problems.contact.problem import ContactProblem
-from ...problems.exchange.storage import problem_bytes, read_problem
+from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from .checks import Check, NotApplicable, Violation, checks
 
 ANSWER_ACCURACY = 1e-6

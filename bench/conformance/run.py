@@ -7,8 +7,8 @@ from typing import Any
 
 from ...problems.errors import suggestion
 from ...problems.exchange.catalog import load, plugin_problems, problem_names
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugins import forget, registered
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import forget, registered
 from ...solvers.registry import available, composites, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker

@@ -17,8 +17,8 @@ from typing import Any
 import psutil
 
 from ...problems.errors import first_line
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugins import Names, register
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import Names, register
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
 from .process_tree import describe_exit, end_with_parent

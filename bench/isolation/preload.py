@@ -8,7 +8,7 @@ import io
 
 from ...problems.contact.solver import Stop
 from ...problems.exchange.catalog import load
-from ...problems.exchange.storage import problem_bytes, read_problem
+from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.registry import BUILT_IN, create
 from . import supervisor
 

@@ -25,7 +25,7 @@ from uuid import uuid4
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.exchange.plugins import registered
+from ...problems.exchange.plugins.offers import registered
 from ..errors import BenchError
 from ..store.outcome import FAULTS, Outcome
 from .child import Assignment

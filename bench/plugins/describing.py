@@ -15,10 +15,10 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
 from ...problems.errors import PluginError, ProxbenchError, first_line
 from ...problems.exchange.catalog import load, plugin_problems
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugin_scenes import plugin_scene, plugin_scenes, scene_options
-from ...problems.exchange.plugins import KINDS, Names, Offer, forget, register
-from ...problems.exchange.storage import problem_bytes, read_problem
+from ...problems.exchange.files.problem_file import problem_bytes, read_problem
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import KINDS, Names, Offer, forget, register
+from ...problems.exchange.plugins.scenes import plugin_scene, plugin_scenes, scene_options
 from ...solvers import registry
 from ...solvers.contract import form_fault
 from ..errors import BenchError

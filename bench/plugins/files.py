@@ -5,8 +5,8 @@ from pathlib import Path
 
 from ...problems.contact.solver import SolverError
 from ...problems.errors import PluginError
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugins import forget, register, registered
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import forget, register, registered
 from ...solvers import registry
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS

@@ -17,8 +17,8 @@ from itertools import accumulate
 from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
-from ...problems.exchange.atomic_file import PART, replacing
-from ...problems.exchange.storage import SUFFIX, packed_problem, read_problem
+from ...problems.exchange.files.atomic_file import PART, replacing
+from ...problems.exchange.files.problem_file import SUFFIX, packed_problem, read_problem
 from ..errors import BenchError
 from .conversion import R, printable, sealed, unsealed
 from .records import CaseRecord, RunRecord

@@ -14,7 +14,7 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Status, Stop
-from ....problems.exchange.storage import problem_bytes
+from ....problems.exchange.files.problem_file import problem_bytes
 from ....problems.representation import counted
 from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
 from ...plugins.remote_solver import are_iterations

@@ -23,7 +23,7 @@ import numpy as np
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status, Stop
-from ....problems.exchange.storage import problem_bytes
+from ....problems.exchange.files.problem_file import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec

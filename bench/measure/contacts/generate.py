@@ -21,7 +21,7 @@ from ....problems.exchange.catalog import (
     plugin_problems,
     problem_names,
 )
-from ....problems.exchange.storage import SUFFIX, save_problem
+from ....problems.exchange.files.problem_file import SUFFIX, save_problem
 from ....problems.hard import HARD_CASES
 from ....problems.hard.spheres import with_rolling_friction
 from ....problems.motion.bodies.mixed_friction import MixedFriction

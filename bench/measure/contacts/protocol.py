@@ -23,7 +23,7 @@ import numpy as np
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_iterates
-from ....problems.exchange.storage import read_problem
+from ....problems.exchange.files.problem_file import read_problem
 from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...isolation.child import MisbehaviourError, refuse

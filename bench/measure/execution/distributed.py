@@ -9,8 +9,8 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from msgspec.structs import replace
 
 from ....problems.errors import first_line
-from ....problems.exchange.plugins import registered
-from ....problems.exchange.storage import packed_problem
+from ....problems.exchange.files.problem_file import packed_problem
+from ....problems.exchange.plugins.offers import registered
 from ...errors import BenchError
 from ...plugins.problems import problem_of
 from ...plugins.solver_specs import SolverSpec

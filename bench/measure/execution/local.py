@@ -9,7 +9,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from ....problems.exchange.storage import problem_bytes
+from ....problems.exchange.files.problem_file import problem_bytes
 from ...plugins.problems import problem_of
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....problems.contact.judge import JUDGE
-from ....problems.exchange.atomic_file import PART
-from ....problems.exchange.plugin_files import PluginFile
-from ....problems.exchange.plugins import Names, register
-from ....problems.exchange.storage import read_problem
+from ....problems.exchange.files.atomic_file import PART
+from ....problems.exchange.files.problem_file import read_problem
+from ....problems.exchange.plugins.files import PluginFile
+from ....problems.exchange.plugins.offers import Names, register
 from ...errors import BenchError
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord, Session

@@ -13,7 +13,7 @@ from pathlib import Path
 from ....problems.contact.judge import JUDGE
 from ....problems.contact.problem import ContactProblem
 from ....problems.exchange.catalog import is_held, load
-from ....problems.exchange.storage import packed_problem, read_problem
+from ....problems.exchange.files.problem_file import packed_problem, read_problem
 from ...errors import BenchError
 from ..conversion import inflated, sealed, unsealed
 from ..fields import Record

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from msgspec.structs import replace
 
-from ....problems.exchange.atomic_file import PART
+from ....problems.exchange.files.atomic_file import PART
 from ...errors import BenchError
 from ..plans import PlanRecord
 from ..records import CaseRecord, RunRecord, Session, with_sessions

@@ -15,7 +15,7 @@ from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
-from proxbench.problems.exchange.storage import problem_bytes
+from proxbench.problems.exchange.files.problem_file import problem_bytes
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
 ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}

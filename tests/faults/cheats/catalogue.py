@@ -17,7 +17,7 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import PASSES
 from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load
-from proxbench.problems.exchange.storage import problem_bytes
+from proxbench.problems.exchange.files.problem_file import problem_bytes
 from tampering_solvers import CHANGES, Changing
 
 DECISION = Path(__file__).parents[3] / "docs" / "decisions" / "0014-nothing-spoils-a-run.md"

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from proxbench.problems import ContactProblem, ProblemError
 from proxbench.problems.contact.matrices import block_diagonal
 from proxbench.problems.contact.matrices.factors import InverseMass
-from proxbench.problems.exchange.storage import problem_bytes, read_problem
+from proxbench.problems.exchange.files.problem_file import problem_bytes, read_problem
 
 
 def mass_of_bodies(seed: int, shuffled: bool) -> sp.csr_array:

@@ -10,7 +10,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.report.layout.output_file import drawn, output_file, picture_files, refuse_pictures
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.problems.exchange.atomic_file import replacing
+from proxbench.problems.exchange.files.atomic_file import replacing
 
 
 @pytest.fixture(params=[0o022, 0o077], ids=oct)

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError, load
-from proxbench.problems.exchange.archive import MAX_ARCHIVE_BYTES, ArchiveError, read_arrays
-from proxbench.problems.exchange.storage import problem_bytes, read_problem
+from proxbench.problems.exchange.files.archive import MAX_ARCHIVE_BYTES, ArchiveError, read_arrays
+from proxbench.problems.exchange.files.problem_file import problem_bytes, read_problem
 
 WHOLE = problem_bytes(load("hard-sticking-box"))
 

@@ -7,12 +7,12 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import Any
 
-from ..errors import PluginError, ProblemError, first_line, suggestion
-from ..motion.scenes.registry import SCENES, read_scene
-from ..motion.scenes.scene import Scene, bare_scene
-from ..motion.state import State
-from ..names import check_options
-from .plugins import Offer, offers
+from ...errors import PluginError, ProblemError, first_line, suggestion
+from ...motion.scenes.registry import SCENES, read_scene
+from ...motion.scenes.scene import Scene, bare_scene
+from ...motion.state import State
+from ...names import check_options
+from .offers import Offer, offers
 
 
 def plugin_scenes() -> list[Offer]:

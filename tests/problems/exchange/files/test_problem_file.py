@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError, load, save_problem
-from proxbench.problems.exchange.storage import problem_bytes, read_problem
+from proxbench.problems.exchange.files.problem_file import problem_bytes, read_problem
 from proxbench.problems.hard import HARD_CASES
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from proxbench.problems.exchange.atomic_file import replacing
+from proxbench.problems.exchange.files.atomic_file import replacing
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:

@@ -10,18 +10,18 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..contact.answer import Answer
-from ..contact.laws import Laws
-from ..contact.matrices.factors import Factors, InverseMass
-from ..contact.matrices.given import check_finite
-from ..contact.problem import ContactProblem
-from ..errors import ProblemError
+from ...contact.answer import Answer
+from ...contact.laws import Laws
+from ...contact.matrices.factors import Factors, InverseMass
+from ...contact.matrices.given import check_finite
+from ...contact.problem import ContactProblem
+from ...errors import ProblemError
+from ..formats.registry import read_foreign_arrays
+from ..repair import Repair
 from .archive import DAMAGES, ArchiveError, read_arrays
 from .atomic_file import replacing
-from .formats.registry import read_foreign_arrays
 from .json_arrays import SUFFIX as JSON_SUFFIX
 from .json_arrays import json_text, read_json
-from .repair import Repair
 
 FORMAT = 2
 """Newest version of the file format."""

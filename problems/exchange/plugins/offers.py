@@ -14,8 +14,8 @@ from functools import partial
 from importlib import metadata
 from typing import Any, get_args
 
-from ..errors import PluginError, first_line
-from .plugin_files import Kind, PluginFile, make_importable
+from ...errors import PluginError, first_line
+from .files import Kind, PluginFile, make_importable
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 

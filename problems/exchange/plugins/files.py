@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, get_args
 
-from ..errors import PluginError, first_line
+from ...errors import PluginError, first_line
 
 Kind = Literal["solver", "problem", "scene"]
 
