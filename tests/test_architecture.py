@@ -73,6 +73,7 @@ AT_HOME = {
         f"bench/cli/{name}.py"
         for name in (
             "comparison/compare",
+            "exchange/capture",
             "exchange/fclib",
             "help",
             "main",

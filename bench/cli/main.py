@@ -18,6 +18,7 @@ from .comparison.compare import compare
 from .comparison.matrix import matrix
 from .exchange import fclib
 from .exchange.bundles import bundle, merge, rejudge
+from .exchange.capture import capture
 from .help import HelpCommand, HelpGroup
 from .record import record
 from .report import report
@@ -363,6 +364,15 @@ def generate(
     else:
         print_files(digests)
 
+
+_command(
+    LOOK_UP,
+    "capture",
+    "Capture problems from a MuJoCo model.",
+    """\
+proxbench capture model.xml --duration 2 --every 10 --output steps
+proxbench capture humanoid.xml --seed 0 --judge""",
+)(capture)
 
 _command(
     LOOK_UP,
