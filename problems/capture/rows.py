@@ -125,17 +125,22 @@ def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> Capture
         jacobian: J, shape (n_engine_rows, n_dofs).
     """
     types = mujoco().mjtConstraint
-    found, row = _Collected(), 0
+    groups, row = [], 0
     while row < data.nefc:
-        kind = int(data.efc_type[row])
+        kind, group = int(data.efc_type[row]), [_Row({row: 1.0}, {row: 1.0})]
         if kind in (types.mjCNSTR_CONTACT_PYRAMIDAL, types.mjCNSTR_CONTACT_ELLIPTIC):
             contact = data.contact[int(data.efc_id[row])]
-            frame = _frame_rows(contact, row, kind == types.mjCNSTR_CONTACT_PYRAMIDAL)
-            _take_contact(found, model, data, contact, frame, jacobian)
-            row += len({one for part in frame for one in part.velocity | part.force})
-            continue
-        _take_single(found, model, data, row, jacobian)
-        row += 1
+            group = _frame_rows(contact, row, kind == types.mjCNSTR_CONTACT_PYRAMIDAL)
+        groups.append((row, group))
+        row += len({one for part in group for one in part.force})
+    norms = _norms([one for _, group in groups for one in group], jacobian)
+    found, end = _Collected(), 0
+    for row, group in groups:
+        start, end = end, end + len(group)
+        if len(group) > 1 or int(data.efc_type[row]) == types.mjCNSTR_CONTACT_FRICTIONLESS:
+            _take_contact(found, model, data, data.contact[int(data.efc_id[row])], group, norms[start:end])
+        else:
+            _take_single(found, model, data, row, float(norms[start]))
     return _rows_of(found, int(data.nefc))
 
 
@@ -162,15 +167,11 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
     return kinds, firsts, coefficient
 
 
-def _take_single(found: _Collected, model: Any, data: Any, row: int, jacobian: sp.csr_array[Any]) -> None:
+def _take_single(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
     """Take one row that is no part of a contact with friction."""
     module = mujoco()
     types, objects = module.mjtConstraint, module.mjtObj
     kind, index = int(data.efc_type[row]), int(data.efc_id[row])
-    one = _Row({row: 1.0}, {row: 1.0})
-    if kind == types.mjCNSTR_CONTACT_FRICTIONLESS:
-        _take_contact(found, model, data, data.contact[index], [one], jacobian)
-        return
     known = {
         int(types.mjCNSTR_EQUALITY): ("equality", objects.mjOBJ_EQUALITY, LawKind.BILATERAL),
         int(types.mjCNSTR_FRICTION_DOF): ("friction of joint", objects.mjOBJ_JOINT, LawKind.PLANAR_FRICTION),
@@ -184,11 +185,11 @@ def _take_single(found: _Collected, model: Any, data: Any, row: int, jacobian: s
     label, object_kind, law = known[kind]
     index = int(model.dof_jntid[index]) if kind == types.mjCNSTR_FRICTION_DOF else index
     key = f"{label} {_name(model, object_kind, index)}"
-    if _norm(one, jacobian) == 0.0:
+    if norm == 0.0:
         found.refused.append(RefusedRow(row, key, "it moves no degree of freedom"))
         return
     bound = model.opt.timestep * float(data.efc_frictionloss[row]) if law == LawKind.PLANAR_FRICTION else 0.0
-    found.law(law, [one], bound=bound)
+    found.law(law, [_Row({row: 1.0}, {row: 1.0})], bound=bound)
     found.name(key)
 
 
@@ -207,28 +208,25 @@ def _frame_rows(contact: Any, first: int, is_pyramid: bool) -> list[_Row]:
     return rows
 
 
-def _take_contact(
-    found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], jacobian: sp.csr_array[Any]
-) -> None:
+def _take_contact(found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray) -> None:
     """Take the normal row of a contact, and its friction rows that move anything."""
     names = [_geometry(model, contact, side) for side in (0, 1)]
     normal = found.law(LawKind.UNILATERAL, frame[:1])
     found.name(" | ".join(names), np.array([_anchor(data, contact, side) for side in (0, 1)]))
-    if len(frame) == 1:
-        return
-    norms = [_norm(one, jacobian) for one in frame]
     friction = [0.0, *map(float, contact.friction)]
     for indices, kinds in (((1, 2), _SLIDING), ((3, 4, 5), _ROLLING)):
-        kept = [k for k in indices if k < len(frame) and norms[k] > EMPTY * max(norms)]
+        kept = [k for k in indices if k < len(frame) and norms[k] > EMPTY * norms.max()]
         if kept:
             first = friction[kept[0]]
             rows = [frame[k].scaled(friction[k] / first) for k in kept]
             found.law(kinds[len(kept) - 1], rows, friction=first, partner=normal)
 
 
-def _norm(row: _Row, jacobian: sp.csr_array[Any]) -> float:
-    rows, values = list(row.velocity), np.array(list(row.velocity.values()))
-    return float(np.linalg.norm(jacobian[rows].T @ values))
+def _norms(rows: Sequence[_Row], jacobian: sp.csr_array[Any]) -> FloatArray:
+    """Return the norm of each row of a problem, shape (len(rows),)."""
+    found = _coefficients([one.velocity for one in rows], jacobian.shape[0]) @ jacobian
+    norms: FloatArray = np.sqrt(found.multiply(found).sum(axis=1))
+    return norms
 
 
 def _anchor(data: Any, contact: Any, side: int) -> FloatArray:
