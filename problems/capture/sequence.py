@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import ProblemError, suggestion
-from ..exchange.families import FAMILY
 from ..exchange.folder import DESCRIPTION
 from ..exchange.storage import write_whole
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
@@ -165,9 +164,8 @@ def _named(step: CapturedStep, before: CapturedStep | None, stem: str, number: i
     """Return a step with its name and place in the sequence, and keys that continue those of the step before."""
     known = ((), NO_ANCHORS) if before is None else (before.keys, before.anchors)
     keys = distinct_keys([pair_of(key) for key in step.keys], step.anchors, *known)
-    problem = step.problem.renamed(
-        f"{stem}-{number:0{STEP_DIGITS}d}", **{FAMILY: stem, "sequence": stem, "step": number}
-    )
+    name = f"{stem}-{number:0{STEP_DIGITS}d}"
+    problem = step.problem.renamed(name, family=stem, sequence=stem, step=number)
     return replace(step, problem=problem, keys=keys)
 
 
