@@ -1,9 +1,7 @@
 """MuJoCo: the constraint solvers of MuJoCo, on the cone program of a contact problem."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
-
-import numpy as np
+from typing import ClassVar, Literal, get_args
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
@@ -14,6 +12,12 @@ from .mujoco_problem import ConstraintStage, check_installed, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 Algorithm = Literal["Newton", "CG", "PGS"]
+
+FIRST_TOLERANCE, TIGHTENING = 1e-2, 1e-3
+"""MuJoCo's tolerance of the cost in the first round, and its factor from one round that meets it to the next.
+
+They do not depend on the tolerance of the solve, so that a tighter one passes through the same iterates.
+"""
 
 
 @dataclass(frozen=True)
@@ -70,10 +74,12 @@ class PreparedMuJoCo(PreparedRounds):
 
     def begin(self, max_seconds: float) -> Call:
         """Return the solver; Newton and CG start from the accelerations of given impulses, PGS from zero."""
-        stage: Any = self._stage
+        stage, own = self._stage, FIRST_TOLERANCE
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
-            found, done = stage.solve(impulses, tolerance**2, iterations)
-            return Round(np.array(found), max(done, 1), done < iterations)
+            nonlocal own
+            found, done = stage.solve(impulses, own, iterations)
+            own *= TIGHTENING if done < iterations else 1.0
+            return Round(found, max(done, 1), done < iterations)
 
         return call

@@ -14,8 +14,11 @@ if TYPE_CHECKING:
     from ....problems.capture.sequence import CaptureSummary
     from ....problems.capture.step import CapturedStep
 
-HEADS = ("step", "laws", "rows", "refused", "own model", "Coulomb", "separation", "solver", "iterations")
+HEADS = ("step", "laws", "rows", "refused", "own model", "Coulomb", "separation", "iterations", "solver")
 """Columns of the judged steps."""
+
+WIDTHS = (6, 5, 5, 7, 9, 7, 10, 10, 0)
+"""Their widths in characters; the last one ends the line."""
 
 _simulation = partial(typer.Option, rich_help_panel="Simulation")
 
@@ -76,11 +79,8 @@ def _judged(step: "CapturedStep") -> dict[str, Any]:
 
 
 def _print_row(row: dict[str, Any], is_first: bool) -> None:
-    widths = [max(9, len(head)) for head in HEADS]
-    if is_first:
-        print("  ".join(f"{head:>{width}}" for head, width in zip(HEADS, widths, strict=True)))
-    cells = [_cell(row[head]) for head in HEADS]
-    print("  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)))
+    for cells in ([HEADS] if is_first else []) + [tuple(_cell(row[head]) for head in HEADS)]:
+        print("  ".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True)))
 
 
 def _cell(value: Any) -> str:

@@ -42,7 +42,7 @@ def test_judged_steps_show_both_residuals(ball: Path, capsys: pytest.CaptureFixt
     heads, *rows = capsys.readouterr().out.splitlines()[:4]
     assert heads.split()[4:8] == ["own", "model", "Coulomb", "separation"]
     assert [row.split()[0] for row in rows] == ["0", "2", "4"]
-    assert {row.split()[7] for row in rows} == {"NEWTON"}
+    assert {row.split()[8] for row in rows} == {"NEWTON"}
 
 
 def test_one_document_holds_files_and_verdicts(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
