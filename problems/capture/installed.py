@@ -1,6 +1,8 @@
 """MuJoCo, imported on first use and only in a version that captures were tried with."""
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
@@ -26,3 +28,15 @@ def mujoco() -> Any:
     if version.partition(".")[0] != str(TRIED_VERSION):
         raise ProblemError(f"MuJoCo {version} is untried, {TRIED_VERSION}.x is supported; run {INSTALL}.")
     return module
+
+
+@contextmanager
+def without_log() -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings to MUJOCO_LOG.TXT in the current folder."""
+    module = mujoco()
+    handler = module.get_mju_user_warning()
+    module.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        module.set_mju_user_warning(handler)

@@ -16,7 +16,7 @@ from ..exchange.folder import DESCRIPTION
 from ..exchange.storage import write_whole
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
-from .installed import mujoco
+from .installed import mujoco, without_log
 from .step import CapturedStep, EmptyStepError, captured_step, take_step
 
 HEADING = "# the steps that proxbench capture wrote"
@@ -40,7 +40,7 @@ class CaptureOptions:
         seed: seed of random controls; ``None`` leaves the controls as they are.
 
     Raises:
-        ProblemError: if the duration or the number of steps is not positive.
+        ProblemError: if the duration or the number of steps is not positive, or the seed is negative.
     """
 
     duration: float = 1.0
@@ -53,6 +53,8 @@ class CaptureOptions:
             raise ProblemError(f"`duration` must be positive and finite, got {self.duration:g}.")
         if self.every < 1:
             raise ProblemError(f"`every` must be at least 1, got {self.every}.")
+        if self.seed is not None and self.seed < 0:
+            raise ProblemError(f"`seed` must not be negative, got {self.seed}.")
 
 
 @dataclass
@@ -76,6 +78,7 @@ class CaptureSummary:
     error: str = ""
 
 
+@without_log()
 def capture(
     file: Path,
     output: Path,
@@ -208,7 +211,7 @@ def _steps_of(output: Path, stem: str = "") -> list[Path]:
 def _describe(output: Path, stem: str) -> None:
     """Make a suite of the folder, with a family for each captured model; a description of another origin is kept."""
     file = output / DESCRIPTION
-    if file.exists() and not file.read_text(encoding="utf-8").startswith(HEADING):
+    if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
         return
     stems = {path.stem[: -STEP_DIGITS - 1] for path in _steps_of(output)} | {stem}
     lines = [HEADING, f"name = {json.dumps(output.resolve().name)}", "[groups]"]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError, load, save_problem
-from proxbench.problems.capture import sequence
 from proxbench.problems.capture.engine_model import judge_own_model
 from proxbench.problems.capture.files import read_step
 from proxbench.problems.capture.sequence import CaptureOptions, capture, captured_steps
@@ -83,13 +82,25 @@ def test_a_failure_keeps_the_steps_before_it(boxes: Path, tmp_path: Path, monkey
     assert len(list_folder(tmp_path).members) == 173
 
 
-def test_a_reset_of_the_state_ends_a_capture() -> None:
+def test_a_reset_of_the_state_ends_a_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes its log
     model, data = moving(BOXES, 10)
     steps = captured_steps(model, data, CaptureOptions(duration=1.0, every=1000), "boxes")
     next(steps)
     data.qvel[0] = np.nan
     with pytest.raises(ProblemError, match="MuJoCo reset the state in step 0; choose a smaller timestep"):
         next(steps)
+
+
+def test_a_model_that_explodes_is_one_sentence_and_leaves_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "cube.xml"
+    file.write_text(CUBE.replace('qvel="6 0', 'qpos="0 0 0.099 1 0 0 0" qvel="1e12 0'))
+    with pytest.raises(ProblemError, match="the step at 0 s ends .* off the velocity of its forces"):
+        capture(file, tmp_path / "steps", CaptureOptions(keyframe="thrown"))
+    assert [path.name for path in tmp_path.iterdir()] == ["cube.xml"]
 
 
 def test_random_controls_repeat_with_their_seed() -> None:
@@ -145,6 +156,13 @@ def test_bad_options_are_refused() -> None:
         CaptureOptions(duration=float("nan"))
     with pytest.raises(ProblemError, match="`every` must be at least 1"):
         CaptureOptions(every=0)
+    with pytest.raises(ProblemError, match="`seed` must not be negative"):
+        CaptureOptions(seed=-1)
     with pytest.raises(ProblemError, match=r"there is no model none\.xml"):
         capture(Path("none.xml"), Path("steps"), CaptureOptions())
-    assert sequence.STEP_DIGITS == 6
+
+
+def test_a_description_of_the_users_own_is_kept(boxes: Path, tmp_path: Path) -> None:
+    (tmp_path / "suite.toml").write_text('name = "mine"\n')
+    capture(boxes, tmp_path, CaptureOptions(duration=0.002))
+    assert list_folder(tmp_path).name == "mine"
