@@ -135,13 +135,19 @@ def take_step(model: Any, data: Any) -> None:
     """Let MuJoCo take one step.
 
     Raises:
-        ProblemError: if it fails.
+        ProblemError: if it fails, or resets the state because a number of it is not finite or huge.
     """
     module = mujoco()
+    time, kinds = data.time, module.mjtWarning
+    warnings = [data.warning[int(kind)] for kind in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)]
+    for warning in warnings:
+        warning.number = 0
     try:
         module.mj_step(model, data)
     except module.FatalError as error:
-        raise ProblemError(f"MuJoCo failed in the step at {data.time:g} s: {' '.join(str(error).split())}.") from None
+        raise ProblemError(f"MuJoCo failed in the step at {time:g} s: {' '.join(str(error).split())}.") from None
+    if any(warning.number for warning in warnings):
+        raise ProblemError(f"MuJoCo reset the state in the step at {time:g} s; choose a smaller timestep in the model.")
 
 
 def judge_step(step: CapturedStep) -> StepVerdict:

@@ -88,7 +88,7 @@ def test_a_reset_of_the_state_ends_a_capture(tmp_path: Path, monkeypatch: pytest
     steps = captured_steps(model, data, CaptureOptions(duration=1.0, every=1000), "boxes")
     next(steps)
     data.qvel[0] = np.nan
-    with pytest.raises(ProblemError, match="MuJoCo reset the state in step 0; choose a smaller timestep"):
+    with pytest.raises(ProblemError, match=r"MuJoCo reset the state in the step at 0\.02 s; choose a smaller timestep"):
         next(steps)
 
 
@@ -98,7 +98,7 @@ def test_a_model_that_explodes_is_one_sentence_and_leaves_no_log(
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "cube.xml"
     file.write_text(CUBE.replace('qvel="6 0', 'qpos="0 0 0.099 1 0 0 0" qvel="1e12 0'))
-    with pytest.raises(ProblemError, match="the step at 0 s ends .* off the velocity of its forces"):
+    with pytest.raises(ProblemError, match="MuJoCo reset the state in the step at 0 s"):
         capture(file, tmp_path / "steps", CaptureOptions(keyframe="thrown"))
     assert [path.name for path in tmp_path.iterdir()] == ["cube.xml"]
 
