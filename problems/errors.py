@@ -16,6 +16,10 @@ class ProblemError(ProxbenchError, ValueError):
     """A contact problem, or its name, does not hold together."""
 
 
+class IndefiniteError(ProblemError):
+    """A matrix that must be positive semidefinite has a negative eigenvalue."""
+
+
 class PluginError(ProxbenchError, ValueError):
     """A plugin cannot be found, does not import, takes a name that is not free, or breaks its contract."""
 

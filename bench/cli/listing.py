@@ -1,12 +1,13 @@
-"""Solvers, suites, problems and scenes, as plain values and as text."""
+"""Listings of solvers, suites, problems and scenes, as values and as text."""
 
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
-from ...problems.contact.solver import SolverError
-from ...problems.errors import PluginError, ProxbenchError, suggestion
+from ...problems.contact.problem import ContactProblem
+from ...problems.errors import ProxbenchError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
 from ...problems.exchange.families import family_of
 from ...problems.exchange.index import ProblemSummary, stored_summaries, summary_of
@@ -23,14 +24,16 @@ KINDS = ("solvers", "suites", "scenes", "problems")
 SHOWN_MEMBERS = 4
 """Members of a suite that a summary names."""
 
+Row = dict[str, Any]
+
 WIDEST_PROBLEM = 34
 """Width of the column of problem names; longer names shift their row."""
 
 
-def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[dict[str, Any]]]:
+def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[Row]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
 
-    A row of a plugin that cannot be used holds the reason as "error".
+    A row that cannot be used holds the reason as "error".
 
     Args:
         what: one of ``KINDS``; all kinds if empty.
@@ -60,8 +63,13 @@ def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, l
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
-def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
-    """Print a listing, wrapped to the width of the terminal; problems are counted unless they are the only kind."""
+def print_listing(names: dict[str, list[Row]], in_full: bool = False) -> None:
+    """Print a listing, wrapped to the width of the terminal; problems are counted unless they are the only kind.
+
+    Args:
+        names: as ``listing_rows`` returns it.
+        in_full: give each option of a built-in scene a line with its meaning.
+    """
     for kind, rows in names.items():
         print(kind)
         if kind == "problems" and len(names) == 1:
@@ -70,13 +78,15 @@ def print_listing(names: dict[str, list[dict[str, Any]]]) -> None:
             families = _families(rows)
             _print_rows([(family, counted(len(members), "problem")) for family, members in families.items()])
         else:
-            texts = {"solvers": _solver_text, "suites": _suite_text, "scenes": _scene_text}
+            text = {"solvers": _solver_text, "suites": _suite_text, "scenes": _scene_text}[kind]
             apart = parts() if kind == "solvers" else []
-            _print_rows([(row["name"], texts[kind](row)) for row in rows if row["name"] not in apart])
-            parts_of_robust = [(row["name"], texts[kind](row)) for row in rows if row["name"] in apart]
-            if parts_of_robust:
+            _print_rows([(row["name"], text(row)) for row in rows if row["name"] not in apart])
+            if of_robust := [(row["name"], text(row)) for row in rows if row["name"] in apart]:
                 print("\nparts of Robust")
-                _print_rows(parts_of_robust)
+                _print_rows(of_robust)
+            if in_full and rows[0]["name"] in SCENES and kind == "scenes":
+                print("\noptions")
+                _print_rows(_option_rows(rows[0]["name"]))
         print()
     if "suites" in names or len(names) > 1:
         print("members of a suite: proxbench list problems --suite NAME")
@@ -93,7 +103,7 @@ def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
         print(lines.fill(text))
 
 
-def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
+def _print_problems(rows: Sequence[Row]) -> None:
     """Print a table of problems, grouped by family."""
     heads = {"contacts": 8, "rows": 5, "friction": 15}
     width = min(max((len(row["name"]) for row in rows), default=0), WIDEST_PROBLEM)
@@ -104,27 +114,27 @@ def _print_problems(rows: Sequence[dict[str, Any]]) -> None:
             print(f"  {row['name']:<{width}}  {_problem_text(row, list(heads.values()))}".rstrip())
 
 
-def _families(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+def _families(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return the rows by family: the plugin, the group of hard cases, or the scene that a problem comes from."""
-    families: dict[str, list[dict[str, Any]]] = {}
+    families: dict[str, list[Row]] = {}
     for row in rows:
         families.setdefault(row["source"] or family_of(row["name"]), []).append(row)
     return families
 
 
-def _solver_text(row: dict[str, Any]) -> str:
+def _solver_text(row: Row) -> str:
     origin = [f"from {row['source']}"] if row["source"] else []
     return row["error"] or ", ".join((f"{row['model']} model", *row["options"], *origin))
 
 
-def _suite_text(row: dict[str, Any]) -> str:
+def _suite_text(row: Row) -> str:
     """Return the number of members of a suite, and the names of a few, evenly spaced."""
     members = row["members"]
     shown = members[:: -(-len(members) // SHOWN_MEMBERS)]
     return f"{counted(len(members), 'problem')}: {', '.join(shown)}{', …' if len(shown) < len(members) else ''}"
 
 
-def _problem_text(row: dict[str, Any], widths: Sequence[int]) -> str:
+def _problem_text(row: Row, widths: Sequence[int]) -> str:
     if row["error"]:
         return str(row["error"])
     if not row["available"]:
@@ -135,87 +145,91 @@ def _problem_text(row: dict[str, Any], widths: Sequence[int]) -> str:
     return "  ".join([*(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True)), row["form"]])
 
 
-def _scene_text(row: dict[str, Any]) -> str:
+def _scene_text(row: Row) -> str:
     return row["error"] or f"{row['summary']}: {', '.join(row['options'])}"
 
 
-def _solvers() -> list[dict[str, Any]]:
+def _option_rows(scene: str) -> list[tuple[str, str]]:
+    """Return each option of a built-in scene with its default, and its meaning."""
+    return [
+        (f"{key}={option.default!r}", option.meaning + ("; None: off" if option.can_be_off else ""))
+        for key, option in SCENES[scene].options.items()
+    ]
+
+
+def _solvers() -> list[Row]:
     offers = plugin_solvers()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
-    built_in = [name for name in available() if name not in of_plugins]
-    rows = [_row(name, "", model=str(create(name).model), options=option_texts(name)) for name in built_in]
-    rows += [_peer(name) for name in peers()]
-    for name, example in composites().items():
-        rows.append(_row(name, "", model="its parts'", options=[f"as in {example}", *option_texts(name)]))
-    return rows + [_offered(offer, _solver_of_plugin) for offer in offers]
+    own = [name for name in available() if name not in of_plugins] + peers()
+    rows = [_row(name, "", partial(_solver, name)) for name in own]
+    rows += [_row(name, "", partial(_composite, name, example)) for name, example in composites().items()]
+    return rows + [_offered(offer, _plugin_solver) for offer in offers]
 
 
-def _peer(name: str) -> dict[str, Any]:
-    """Return the row of an outside solver; its "error" says why it cannot be used."""
-    try:
-        return _row(name, "", model=str(create(name).model), options=option_texts(name))
-    except SolverError as error:
-        return {"name": name, "source": "", "error": str(error)}
+def _solver(name: str) -> Row:
+    return {"model": str(create(name).model), "options": option_texts(name)}
 
 
-def _solver_of_plugin(offer: Offer) -> dict[str, Any]:
+def _composite(name: str, example: str) -> Row:
+    return {"model": "its parts'", "options": [f"as in {example}", *option_texts(name)]}
+
+
+def _plugin_solver(offer: Offer) -> Row:
     solver = described_solver(offer.name)
-    return _row(solver["name"], solver["source"], model=solver["model"], options=solver["options"])
+    return {key: solver[key] for key in ("name", "model", "source", "options")}
 
 
-def _row(name: str, source: str, **known: Any) -> dict[str, Any]:
-    """Return a row: a name, what is known about it, and the plugin that offers it, empty if none."""
-    return {"name": name, **known, "source": source, "error": ""}
-
-
-def _offered(offer: Offer, described: Callable[[Offer], dict[str, Any]]) -> dict[str, Any]:
-    """Return the row of an offer of a plugin; its "error" says why it cannot be used."""
-    try:
-        if offer.refusal:
-            raise PluginError(offer.refusal)
-        return described(offer)
-    except ProxbenchError as error:
-        return {"name": offer.name, "source": offer.source, "error": str(error)}
-
-
-def _suites() -> list[dict[str, Any]]:
+def _suites() -> list[Row]:
     return [{"name": name, "members": suite_members(name)} for name in SUITES]
 
 
-def _scenes() -> list[dict[str, Any]]:
-    rows = []
-    for name, kind in SCENES.items():
-        options = [f"{key}={option.default!r}" for key, option in kind.options.items()]
-        rows.append(_row(name, "", summary=kind.summary, options=options))
-    return rows + [_offered(offer, _scene_of_plugin) for offer in plugin_scenes()]
+def _scenes() -> list[Row]:
+    rows = [_row(name, "", partial(_scene, name)) for name in SCENES]
+    return rows + [_offered(offer, _plugin_scene) for offer in plugin_scenes()]
 
 
-def _scene_of_plugin(offer: Offer) -> dict[str, Any]:
-    return _row(offer.name, offer.source, summary=f"from {offer.source}", options=described_scene(offer.name))
+def _scene(name: str) -> Row:
+    options = [f"{key}={option.default!r}" for key, option in SCENES[name].options.items()]
+    return {"summary": SCENES[name].summary, "options": options}
 
 
-def _problems() -> list[dict[str, Any]]:
+def _plugin_scene(offer: Offer) -> Row:
+    return {"summary": f"from {offer.source}", "options": described_scene(offer.name)}
+
+
+def _problems() -> list[Row]:
     offers = plugin_problems()
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     rows = [_standard_problem(name) for name in problem_names() if name not in of_plugins]
-    return rows + [_offered(offer, _problem_of_plugin) for offer in offers]
+    return rows + [_offered(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
 
 
-def _problem_of_plugin(offer: Offer) -> dict[str, Any]:
-    problem = plugin_problem(offer.name)
-    return _problem(problem.name, summary_of(problem), offer.source)
-
-
-def _standard_problem(name: str) -> dict[str, Any]:
+def _standard_problem(name: str) -> Row:
     """Return the row of a standard problem, or of one in the cache folder."""
     stored = stored_summaries().get(name)
     if stored is not None:
-        return _problem(name, stored, "")
-    if is_available(name):
-        problem = load(name)
-        return _problem(problem.name, summary_of(problem), "")
-    return _row(name, "", available=False)
+        return _row(name, "", lambda: _sizes(stored))
+    return _row(name, "", lambda: _problem(load(name)) if is_available(name) else {"available": False})
 
 
-def _problem(name: str, summary: ProblemSummary, source: str) -> dict[str, Any]:
-    return _row(name, source, available=True, **{**asdict(summary), "laws": list(summary.laws)})
+def _problem(problem: ContactProblem) -> Row:
+    return {"name": problem.name, **_sizes(summary_of(problem))}
+
+
+def _sizes(summary: ProblemSummary) -> Row:
+    return {"available": True, **asdict(summary), "laws": list(summary.laws)}
+
+
+def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
+    """Return the row of an offer of a plugin."""
+    if offer.refusal:
+        return {"name": offer.name, "source": offer.source, "error": offer.refusal}
+    return _row(offer.name, offer.source, lambda: described(offer))
+
+
+def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:
+    """Return a row: a name, the plugin that offers it, and what is known; its "error" says why it cannot be used."""
+    try:
+        return {"name": name, "source": source, "error": "", **describe()}
+    except ProxbenchError as error:
+        return {"name": name, "source": source, "error": str(error)}

@@ -1,19 +1,37 @@
-"""Options that commands share: plugin files, what is printed, and which solvers."""
+"""Options that commands share, and checks of options that exclude each other."""
 
 import re
+import sys
+from collections.abc import Collection, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .help import OUTPUT
+selection, limits, output = (
+    partial(typer.Option, rich_help_panel=topic) for topic in ("Problems and solvers", "Limits", "Output")
+)
+"""Make options that stand under these topics of a help page."""
 
-SELECTION, LIMITS = "Problems and solvers", "Limits"
-"""Topics that several help pages have."""
+flag = partial(output, metavar="", show_default=False)
+"""Makes an option of the output without a value."""
 
-selection, limits, output = (partial(typer.Option, rich_help_panel=topic) for topic in (SELECTION, LIMITS, OUTPUT))
-"""Make options that stand under these topics."""
+
+def examples(command: str, *arguments: str) -> str:
+    """Return the end of a help page: a command with several arguments, a line each."""
+    return "\n".join(["Examples:", *(f"  {command} {words}" for words in arguments)])
+
+
+def require_command(context: typer.Context) -> int:
+    """Return 0 if a command follows; otherwise print the help page on standard error and return 2."""
+    if context.invoked_subcommand is not None:
+        return 0
+    from contextlib import redirect_stdout
+
+    with redirect_stdout(sys.stderr):
+        print(context.get_help(), end="")
+    return 2
 
 
 def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
@@ -25,30 +43,45 @@ def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
 
 
 def given(context: typer.Context) -> set[str]:
-    """Return the names of the parameters that stand on the command line."""
+    """Return the names of the parameters given on the command line."""
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
 _OTHER_NAMES = {"results": "output", "plugins": "plugin"}
-"""Names of parameters in Python whose option has another name."""
+"""Options whose name differs from that of the parameter in Python."""
 
 
 def spelled(name: str) -> str:
-    """Return how the command line spells an option: ``"--run-id"``."""
+    """Return the option of a parameter: ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
 
 
 def spell_options(message: str) -> str:
-    """Return a message with the options it names spelled for the command line: `` `force=True` `` as ``--force``."""
+    """Return a message with parameters replaced by options: `` `force=True` `` by ``--force``."""
     return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
+
+
+def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
+    """Raise a BenchError with a reason if one of these parameters is among those given."""
+    from ..errors import BenchError
+
+    for name in names:
+        if name in given:
+            raise BenchError(f"{'SCENE' if name == 'scene' else spelled(name)} {reason}; leave it out.")
+
+
+def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> None:
+    """Raise a BenchError if a parameter is given beside one of the others."""
+    from ..errors import BenchError
+
+    for other in others:
+        if name in given and other in given:
+            raise BenchError(f"{spelled(name)} and {spelled(other)} exclude each other; give one of them.")
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
     """Raise a BenchError if a command is called with both ``--quiet`` and ``--json``."""
-    from ..errors import BenchError
-
-    if quiet and as_json:
-        raise BenchError("--quiet and --json exclude each other; give one of them.")
+    refuse_both("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 
 def _check_residual(name: str) -> str:
@@ -68,7 +101,7 @@ PluginFiles = Annotated[
         callback=_take_into_use,
     ),
 ]
-"""Plugin files; they are in use when the command begins."""
+"""Plugin files, which are loaded before the command begins."""
 
 Suite = Annotated[str, selection(metavar="SUITE|FOLDER", help="Suite, or folder of files.")]
 """Name of a suite, or a folder."""
@@ -79,11 +112,11 @@ Solvers = Annotated[
 """Names of solvers with options."""
 
 Problems = Annotated[
-    list[str] | None, selection("--problem", metavar="PROBLEM", help="Problem instead of a suite; repeatable.")
+    list[str] | None, selection("--problem", metavar="PROBLEM", help="Problem, instead of a suite; repeatable.")
 ]
 """Names of problems."""
 
-SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time of one solve.")]
+SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time limit of one solve.")]
 """Time limit of one solve [s]."""
 
 Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs.")]
@@ -92,17 +125,17 @@ Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs
 RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; the time by default.")]
 """Name of a new run."""
 
-Json = Annotated[bool, output("--json", help="Print one JSON document.")]
+Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""
 
-Charts = Annotated[bool, output("--charts/--no-charts", help="Draw charts.")]
+Charts = Annotated[bool, flag("--charts/--no-charts", help="Draw charts.")]
 """Draw charts beside the tables."""
 
 Residual = Annotated[
     str,
-    output(metavar="judged|local", help="Residual that reports go by.", callback=_check_residual),
+    output(metavar="judged|local", help="Residual that reports use.", callback=_check_residual),
 ]
-"""What "reached" is judged by."""
+"""Residual by which an accuracy is reached."""
 
 
 def _check_view(name: str) -> str:
@@ -119,11 +152,11 @@ Profiles = Annotated[
 ]
 """Problems that charts of profiles are over."""
 
-Progress = Annotated[bool, output("--progress/--no-progress", help="Show the progress.")]
-"""Show on standard error how far the command is."""
+Progress = Annotated[bool, flag("--progress/--no-progress", help="Show the progress.")]
+"""Show the progress on standard error."""
 
-Quiet = Annotated[bool, output("--quiet", help="Print errors and the places of files only.")]
-"""Print nothing but errors and where the files are."""
+Quiet = Annotated[bool, flag("--quiet", help="Print only errors and paths of files.")]
+"""Print only errors and paths of files."""
 
-Force = Annotated[bool, output("--force", help="Replace existing files.")]
+Force = Annotated[bool, flag("--force", help="Replace existing files.")]
 """Replace files that exist."""

@@ -27,7 +27,10 @@ def record(
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Record how solvers iterate on a problem, or record a stored simulation; open it with: rerun FILE."""
+    """Record how solvers iterate on a problem, or a stored simulation.
+
+    Open the recording with: rerun FILE
+    """
     from ...problems.contact.solver import Stop
     from ..measure.plan import make_plan
     from ..plugins.problems import resolved

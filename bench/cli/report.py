@@ -1,4 +1,4 @@
-"""``proxbench report``, and what a finished run prints and writes."""
+"""``proxbench report``, and the output of a finished run."""
 
 import sys
 from collections.abc import Collection, Iterator
@@ -20,13 +20,13 @@ MAX_NAMES = 5
 
 def report(
     context: typer.Context,
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or file of a simulation (.npz).")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder or bundle of a run, or simulation (.npz).")],
     problem: Annotated[
         list[str] | None,
         options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
     ] = None,
-    page: Annotated[bool, options.output("--page", help="Write one offline page of a run, and nothing else.")] = False,
-    baseline: Annotated[str, options.output(metavar="SOLVER", help="Solver that speed-ups relate to.")] = "",
+    page: Annotated[bool, options.flag("--page", help="Write one offline page of a run, and nothing else.")] = False,
+    baseline: Annotated[str, options.output(metavar="SOLVER", help="Baseline of speed-ups.")] = "",
     profiles: options.Profiles = "common",
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
@@ -34,7 +34,7 @@ def report(
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Print the tables of a stored run, study or simulation, and draw its charts again.
+    """Print the tables of a stored result and draw its charts again.
 
     With --problem the tables show these problems only, and no file is written. With --page everything about a run goes
     into one page that needs no network.
@@ -61,21 +61,13 @@ def _is_simulation(result: Path) -> bool:
 
 def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
     """Raise a BenchError if options of ``report`` contradict each other or the result."""
-    from ..errors import BenchError
-
     if _is_simulation(result):
-        for name in ("problem", "page", "baseline", "profiles", "residual"):
-            if name in given:
-                raise BenchError(f"{result} is a simulation; leave out --{name}, which is for runs.")
-    if "page" in given and not charts:
-        raise BenchError("--page and --no-charts exclude each other: the page has its own charts.")
-    if "page" in given and "profiles" in given:
-        raise BenchError("--page and --profiles exclude each other: the page offers both profiles.")
-    if "profiles" in given and not charts:
-        raise BenchError("--profiles and --no-charts exclude each other: profiles are charts.")
-    for name in ("page", "baseline", "profiles", "quiet"):
-        if "problem" in given and name in given:
-            raise BenchError(f"--problem and --{name} exclude each other: --problem prints tables only.")
+        of_runs = ("problem", "page", "baseline", "profiles", "residual")
+        options.refuse(of_runs, given, f"is for runs, and {result} is a simulation")
+    options.refuse_both("problem", ("page", "baseline", "profiles", "quiet"), given)
+    options.refuse_both("page", ["profiles"], given)
+    if not charts:
+        options.refuse(["page", "profiles"], given, "draws charts, and --no-charts leaves them out")
 
 
 def report_run(
@@ -101,7 +93,7 @@ def report_run(
         as_json: print one JSON document instead.
         residual: residual that tables and charts use, "judged" or "local".
         record: whether to record the iterations.
-        baseline: solver that speed-ups relate to; the one that solves most problems if empty.
+        baseline: baseline of speed-ups; the solver of most problems if empty.
         page: whether to write the page, if the run has one.
         profiles: problems that profiles cover, "common" to all solvers or "all".
 
@@ -116,14 +108,13 @@ def report_run(
     from ..report.profiles import baseline_of
     from ..report.tables import print_tables
 
-    _require_readable(run)
     frames, console = run.judged_by(residual), Console(width=output_width())
     if baseline:
         baseline_of(frames, baseline)
+    _report_damage(run)
     left_out = [options.spell_options(sentence) for sentence in run.info.plan.left_out]
     for sentence in left_out:
         print(f"proxbench: {sentence}", file=sys.stderr)
-    _print_damage(run)
     if not (quiet or as_json):
         print_tables(frames, console)
         console.print()
@@ -140,25 +131,20 @@ def report_run(
         console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
     if made.unwritten:
         print(f"proxbench: {made.unwritten}", file=sys.stderr)
-    return int(_has_failed(run) or bool(left_out) or bool(run.damaged))
+    return 1 if left_out else _exit_code(run, run)
 
 
 def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline: str) -> int:
-    """Write the page of a run and print its path; return 1 if a case failed or is damaged.
-
-    Raises:
-        BenchError: if the run has no case, is a study, or has no such baseline, or the page cannot be written.
-    """
+    """Write the page of a run and print its path; return 1 if a case failed or is damaged."""
     from ..report.layout.text import print_json
 
-    _require_readable(run)
-    _print_damage(run)
+    _report_damage(run)
     file = run.page(residual, baseline)
     if as_json:
         print_json({"run": str(run.folder), "page": str(file)})
     else:
         print(file if quiet else f"page     {file}")
-    return int(_has_failed(run) or bool(run.damaged))
+    return _exit_code(run, run)
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
@@ -173,8 +159,7 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
     from ..report.layout.text import json_records, output_width, print_json
     from ..report.tables import print_tables, results_table
 
-    _require_readable(run)
-    _print_damage(run)
+    _report_damage(run)
     frames = run.only(problems).judged_by(residual)
     if as_json:
         tables = {"problems": problems_table(frames), "results": results_table(frames)}
@@ -182,29 +167,31 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
         print_json({"run": str(run.folder), "residual": residual, **records})
     else:
         print_tables(frames, Console(width=output_width()))
-    return int(_has_failed(frames) or bool(run.damaged))
+    return _exit_code(run, frames)
 
 
-def _require_readable(run: "Run") -> None:
-    """Raise ``BenchError`` if a run has case files, and none of them can be read."""
+def _report_damage(run: "Run") -> None:
+    """Print which case files are damaged; raise ``BenchError`` if a run has case files and all are."""
     from ..errors import BenchError
 
     if run.damaged and run.cases.empty:
-        names = [sentence.partition(" is left out: ")[0] for sentence in run.damaged]
+        names = [sentence.partition(" ")[0] for sentence in run.damaged]
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         raise BenchError(
             f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more} are damaged; "
             f"measure them again with: proxbench run --resume {run.folder}"
         )
-
-
-def _print_damage(run: "Run") -> None:
     for sentence in run.damaged:
         print(f"proxbench: {sentence}", file=sys.stderr)
 
 
+def _exit_code(run: "Run", shown: "RunFrames") -> int:
+    """Return 1 if a case that is shown failed, or a file of the run is damaged; else 0."""
+    return int(_has_failed(shown) or bool(run.damaged))
+
+
 def _has_failed(frames: "RunFrames") -> bool:
-    """Whether a case failed or claims a wrong answer."""
+    """Return whether a case failed or claims a wrong answer."""
     from ..store.outcome import FAULTS, Outcome
 
     return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())
@@ -235,5 +222,5 @@ def _places(run: "Run", made: "Report") -> Iterator[str]:
             yield f"{what}   {files[0].parent}"
     if made.page:
         yield f"page     {made.page}"
-    if (run.folder / "recordings").is_dir():
-        yield f"watch    rerun {run.folder / 'recordings'}/NAME.rrd"
+    if (run.output_folder / "recordings").is_dir():
+        yield f"watch    rerun {run.output_folder / 'recordings'}/NAME.rrd"

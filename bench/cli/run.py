@@ -12,6 +12,7 @@ from . import options
 from .report import report_run
 
 _measuring = partial(typer.Option, rich_help_panel="Measuring")
+_switch = partial(_measuring, metavar="", show_default=False)
 
 _STORED_WITH_THE_RUN = (
     "suite",
@@ -29,7 +30,7 @@ _STORED_WITH_THE_RUN = (
     "thorough",
     "seed",
 )
-"""Options that are stored with a run, so that --resume cannot change them."""
+"""Options that are stored with a run and cannot be changed by --resume."""
 
 
 def run(
@@ -39,44 +40,39 @@ def run(
     sample: Annotated[
         int | None, options.selection(metavar="NUMBER", help="Draw this many problems, evenly over families.")
     ] = None,
-    shard: Annotated[str, options.selection(metavar="I/N", help="Every N-th problem from the I-th; then merge.")] = "",
+    shard: Annotated[str, options.selection(metavar="I/N", help="Measure every N-th problem from the I-th.")] = "",
     solver: options.Solvers = None,
     tolerance: Annotated[
-        list[float] | None, options.selection(metavar="NUMBER", help="Accuracy to time, as a residual; repeatable.")
+        list[float] | None, options.selection(metavar="NUMBER", help="Residual to time; repeatable.")
     ] = None,
     output: options.Runs = Path("results"),
     run_id: options.RunId = "",
     resume: Annotated[Path | None, _measuring(metavar="RUN", help="Finish the interrupted run in this folder.")] = None,
-    retry_failed: Annotated[
-        bool, _measuring("--retry-failed", help="With --resume: measure failed cases again.")
-    ] = False,
-    mix: Annotated[bool, _measuring("--mix", help="With --resume: allow another machine or source.")] = False,
+    retry_failed: Annotated[bool, _switch("--retry-failed", help="With --resume: measure failed cases again.")] = False,
+    mix: Annotated[bool, _switch("--mix", help="With --resume: allow another machine or source.")] = False,
     dask: Annotated[str, _measuring(metavar="ADDRESS", help="Run on this dask cluster, or on a local one.")] = "",
-    thorough: Annotated[bool, _measuring("--thorough", help="Measure ten accuracies in five passes.")] = False,
+    thorough: Annotated[bool, _switch("--thorough", help="Measure ten accuracies in five passes.")] = False,
     passes: Annotated[int | None, _measuring(metavar="NUMBER", help="Number of passes over all problems.")] = None,
     seed: Annotated[int, _measuring(metavar="NUMBER", help="Seed of orders and of --sample.")] = 0,
     solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one solve.")] = 0.5,
     case_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one case.")] = 60.0,
     memory: Annotated[int, _measuring(metavar="MB", help="Memory limit of one case.")] = 2048,
-    record: Annotated[bool, options.output("--record", help="Record the iterations, one file per problem.")] = False,
+    record: Annotated[bool, options.flag("--record", help="Record the iterations, one file per problem.")] = False,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
-    page: Annotated[bool, options.output("--page/--no-page", help="Write one offline page with all charts.")] = True,
+    page: Annotated[bool, options.flag("--page/--no-page", help="Write one offline page with all charts.")] = True,
     charts: options.Charts = False,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Measure how long solvers take to reach each accuracy; print and store it."""
-    from rich.console import Console
-
+    """Measure how long solvers take to reach each accuracy."""
     from .. import runs
     from .progress import RunProgress
 
     _require_consistent_options(context)
     options.refuse_two_prints(quiet, as_json)
-    shows_nothing = not progress or quiet or as_json
-    with _executor(dask) as executor, RunProgress(Console(stderr=True), hidden=shows_nothing) as shown:
+    with _executor(dask) as executor, RunProgress(not progress or quiet or as_json) as shown:
         if resume is not None:
             made = runs.resume(resume, retry_failed, on_event=shown, mix=mix, executor=executor)
         else:
@@ -113,17 +109,9 @@ def _executor(dask: str) -> AbstractContextManager[Executor | None]:
 
 def _require_consistent_options(context: typer.Context) -> None:
     """Raise a BenchError if options of ``run`` contradict each other."""
-    from ..errors import BenchError
-
     given = options.given(context)
     if "resume" in given:
-        for name in _STORED_WITH_THE_RUN:
-            if name in given:
-                option = options.spelled(name)
-                raise BenchError(f"{option} is stored with the run, and --resume cannot change it; leave it out.")
-    elif "retry_failed" in given:
-        raise BenchError("--retry-failed needs --resume RUN, the run whose failed cases to measure again.")
-    elif "mix" in given:
-        raise BenchError("--mix needs --resume RUN, the run to finish on another machine or source.")
-    if {"suite", "problem"} <= given:
-        raise BenchError("--suite and --problem exclude each other; give one of them.")
+        options.refuse(_STORED_WITH_THE_RUN, given, "is stored with the run, and --resume cannot change it")
+    else:
+        options.refuse(["retry_failed", "mix"], given, "finishes an interrupted run and needs --resume RUN")
+    options.refuse_both("suite", ["problem"], given)

@@ -28,9 +28,9 @@ SIMULATIONS = (
 
 
 def warm(
-    quiet: Annotated[bool, options.output("--quiet", help="Print nothing.")] = False, as_json: options.Json = False
+    quiet: Annotated[bool, options.flag("--quiet", help="Print nothing.")] = False, as_json: options.Json = False
 ) -> None:
-    """Compile what the built-in solvers, the judge and the steppers need and the cache does not hold yet."""
+    """Compile all kernels into the cache."""
     from ...problems.compilation import COMPILATION
     from ..report.layout.text import print_json
 
@@ -49,7 +49,7 @@ def warm(
     elif not quiet:
         print(
             f"Compiled {done['compiled']} functions in {done['compile_seconds']:.0f} s "
-            f"(all in all {done['seconds']:.0f} s); kernels are cached in {done['cache']}."
+            f"({done['seconds']:.0f} s in total); kernels are cached in {done['cache']}."
         )
 
 

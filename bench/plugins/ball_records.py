@@ -1,34 +1,17 @@
 """Balls of a plugin's scene as plain values: what recordings need to draw them without code of the plugin."""
 
-from collections.abc import Mapping
 from dataclasses import fields
-from typing import Annotated, Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
-from msgspec import Meta
-from numpy.typing import NDArray
 
 from ...problems.motion.bodies.balls import BallSystem
-from ...problems.motion.bodies.surfaces import Plane, Segment, Surface
+from ...problems.motion.bodies.surfaces import Plane, Segment
 from ...problems.motion.scenes.scene import Scene
-from ..store.fields import Number, Positive, Record
+from ..store.fields import Positive, Record
+from .scene_arrays import Arrays
 
-Arrays = Mapping[str, NDArray[Any]]
-
-
-class PlaneRecord(Record, frozen=True, kw_only=True, tag="plane"):
-    """A ``Plane`` of a scene."""
-
-    point: Annotated[list[Number], Meta(min_length=2, max_length=3)]
-    normal: Annotated[list[Number], Meta(min_length=2, max_length=3)]
-
-
-class SegmentRecord(Record, frozen=True, kw_only=True, tag="segment"):
-    """A ``Segment`` of a scene."""
-
-    lower: tuple[Number, Number]
-    upper: tuple[Number, Number]
-    side: Literal[-1, 0, 1]
+S = TypeVar("S", Plane, Segment)
 
 
 class BallsRecord(Record, frozen=True, kw_only=True):
@@ -38,33 +21,35 @@ class BallsRecord(Record, frozen=True, kw_only=True):
         dimension: 2 or 3.
         has_rotation: whether the balls turn.
         inertia_factor: J/(m r²).
-        surfaces: those of a kind that can be drawn.
+        planes: its surfaces of this kind, as all surfaces that can be drawn.
+        segments: the others that can be drawn.
     """
 
     dimension: Literal[2, 3]
     has_rotation: bool
     inertia_factor: Positive
-    surfaces: list[PlaneRecord | SegmentRecord]
+    planes: list[Plane]
+    segments: list[Segment]
 
 
-def described_balls(balls: BallSystem) -> dict[str, Any]:
-    """Return the fields of ``BallsRecord``."""
-    return {
-        "dimension": balls.dimension,
-        "has_rotation": balls.friction is not None,
-        "inertia_factor": balls.inertia_factor,
-        "surfaces": [_described_surface(one) for one in balls.surfaces if isinstance(one, Plane | Segment)],
-    }
+def describe_balls(balls: BallSystem) -> BallsRecord:
+    """Return the record of ``balls``."""
+    return BallsRecord(
+        dimension=balls.dimension,  # type: ignore[arg-type]
+        has_rotation=balls.friction is not None,
+        inertia_factor=balls.inertia_factor,
+        planes=[_plain(one, Plane) for one in balls.surfaces if isinstance(one, Plane)],
+        segments=[_plain(one, Segment) for one in balls.surfaces if isinstance(one, Segment)],
+    )
 
 
-def _described_surface(surface: Plane | Segment) -> dict[str, Any]:
-    """Return a surface as a record; one of a class of the plugin is drawn as the surface that it extends."""
-    kind = Plane if isinstance(surface, Plane) else Segment
-    numbers = {field.name: np.asarray(getattr(surface, field.name)).tolist() for field in fields(kind)}
-    return {"type": kind.__name__.lower(), **numbers}
+def _plain(surface: S, kind: type[S]) -> S:
+    """Return a surface with plain numbers; one of a class of the plugin is drawn as the surface that it extends."""
+    values: dict[str, Any] = {one.name: np.asarray(getattr(surface, one.name)).tolist() for one in fields(kind)}
+    return kind(**values)
 
 
-def ball_arrays(scene: Scene) -> dict[str, NDArray[Any]]:
+def ball_arrays(scene: Scene) -> Arrays:
     """Return radii [m] and masses [kg] of the balls of ``scene``, shape (n,); nothing if it has none."""
     return {} if scene.balls is None else {"radii": scene.balls.radii, "masses": scene.balls.masses}
 
@@ -75,10 +60,11 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
     Raises:
         KeyError, ValueError, ProblemError: if these are no balls of a scene with ``n_coordinates`` and ``n_dofs``.
     """
+    _check_surfaces(record)
     balls = BallSystem(
         arrays["radii"],
         arrays["masses"],
-        [_surface(one, record.dimension) for one in record.surfaces],
+        [*record.planes, *record.segments],
         record.dimension,
         friction=0.0 if record.has_rotation else None,
         inertia_factor=record.inertia_factor,
@@ -90,11 +76,13 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
     return balls
 
 
-def _surface(record: PlaneRecord | SegmentRecord, dimension: int) -> Surface:
-    if isinstance(record, SegmentRecord):
-        if record.lower == record.upper:
-            raise ValueError("this wall has no extent")
-        return Segment(record.lower, record.upper, record.side)
-    if {len(record.point), len(record.normal)} != {dimension} or not any(record.normal):
-        raise ValueError("this is no plane of the scene")
-    return Plane(tuple(record.point), tuple(record.normal))
+def _check_surfaces(record: BallsRecord) -> None:
+    """Raise ``ValueError`` if a surface has no extent, another dimension than the balls, or numbers that are none."""
+    for plane in record.planes:
+        is_of_scene = len(plane.point) == len(plane.normal) == record.dimension
+        if not is_of_scene or not any(plane.normal) or not np.isfinite([plane.point, plane.normal]).all():
+            raise ValueError("this is no plane of the scene")
+    for wall in record.segments:
+        ends = (wall.lower, wall.upper)
+        if wall.lower == wall.upper or wall.side not in (-1, 0, 1) or not np.isfinite(ends).all():
+            raise ValueError("this is no wall of the scene")

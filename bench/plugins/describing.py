@@ -1,6 +1,6 @@
-"""What plugins and solvers of the caller offer, as data: they are imported and made in a process that they may spoil.
+"""Descriptions of plugins and of the caller's solvers, which are imported and made in a process of their own.
 
-What comes back is JSON, and problems as the content of problem files.
+The process returns JSON, and problems as the content of problem files.
 """
 
 import inspect
@@ -40,14 +40,14 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
     if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
-        raise BenchError(f"the solver {solver.__name__} is a class; give one made of it, {solver.__name__}().")
+        raise BenchError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
     if type(solver).__module__.startswith(f"{registry.__package__}."):
         return built_in(solver.name)
     return _described("", carried(solver), BenchError)
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return what plugins offer of every kind, as far as it is known without running them; solvers first."""
+    """Return the offers of plugins of every kind that are known without running them; solvers first."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 

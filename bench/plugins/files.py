@@ -15,7 +15,7 @@ from .describing import all_offers, offered
 
 
 def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECONDS) -> None:
-    """Let names of solvers and problems lead into plugin files, which run in processes of their own only.
+    """Make the solvers, problems and scenes of plugin files available by name; the files run in child processes only.
 
     Args:
         paths: the files.
@@ -47,7 +47,7 @@ def _use(file: PluginFile, seconds: float) -> None:
 
 
 def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[str] = ()) -> list[PluginUse]:
-    """Return what of plugins a run uses, for its record: each name, and the file with its SHA-256 or the package.
+    """Return the names that a run takes from plugins, each with its package, or its file and SHA-256.
 
     Args:
         solvers: names of solvers, with or without options.
@@ -70,23 +70,22 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
 
 
 def check_again(recorded: Iterable[PluginUse]) -> None:
-    """See that the plugin files of a stored run are in use, as they were.
+    """Check that the plugin files of a stored run are in use and unchanged.
 
-    They are not taken into use because a file says so: who resumes a run that comes from elsewhere would run its code.
+    They are not used only because a file names them: resuming a run from elsewhere would execute its code.
 
     Raises:
-        BenchError: if one is not in use, is gone, or has changed since: results of two versions would stand under one
-            name.
+        BenchError: if one is not in use, is gone, or has changed since, so that two versions would share a name.
     """
     used = {str(file.path): file for file, _ in registered()}
     for path, sha256 in sorted({(use.file, use.sha256) for use in recorded if use.file}):
         if path not in used and not Path(path).is_file():
-            raise BenchError(f"the results need the plugin file {path}, which is gone; put it back.")
+            raise BenchError(f"the results need the plugin file {path}, which is missing; restore it.")
         if path not in used:
             raise BenchError(f"the results need the plugin file {path}; name it with `plugins`.")
         if used[path].sha256 != sha256:
             raise BenchError(
-                f"plugin file {path} has changed since the run began; put the old version back to resume, or begin a "
+                f"plugin file {path} has changed since the run began; restore the old version to resume, or start a "
                 "new run."
             )
 

@@ -1,8 +1,8 @@
-"""The problems of a run: which it carries with it, and where each is found when its turn comes.
+"""The problems of a run: those that are stored with it, and where each is found.
 
-What the package itself holds, the hard cases and the frozen library, has the same numbers wherever that version of it
-is installed. All others (of plugins, of the caller, generated ones) are stored with the run, so that it can be resumed,
-judged again and shown without what made them.
+The hard cases and the frozen library have the same numbers wherever that version of the package is installed. All other
+problems (of plugins, of the caller, generated ones) are stored with the run, so that it can be resumed, judged again
+and shown without their source.
 """
 
 from collections.abc import Iterable
@@ -12,6 +12,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
 from ...problems.exchange.catalog import is_available, is_held, load, plugin_problems, problem_names
 from ..errors import BenchError
+from ..store.bundles.bundle import Bundle
 from ..store.records import RunRecord
 from ..store.store import Store
 from .describing import plugin_problem
@@ -42,8 +43,8 @@ def check_numbers(problem: ContactProblem) -> None:
     """Raise ``BenchError`` if a problem has the name of one that the package holds, and other numbers."""
     if is_held(problem.name) and load(problem.name).digest != problem.digest:
         raise BenchError(
-            f"the problem {problem.name!r} has other numbers than the one of that name in the library; give it another "
-            "name, as problem.renamed(NAME) does."
+            f"the problem {problem.name!r} differs from the problem of that name in the library; rename it, as "
+            "problem.renamed(NAME) does."
         )
 
 
@@ -64,7 +65,7 @@ def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, s
     return carried
 
 
-def problem_of(store: Store, run: RunRecord, name: str) -> ContactProblem:
+def problem_of(store: Store | Bundle, run: RunRecord, name: str) -> ContactProblem:
     """Return a problem of a run, as it is stored with it or as the package holds it.
 
     Raises:

@@ -1,23 +1,21 @@
-"""A scene that moves in a process of its own, with the interface of any other.
+"""A scene in a process of its own, with the interface of any other.
 
-Gaps, masses, forces and energies of a plugin's scene are computed there. The steps of a simulation are taken as a whole
-in another process of this kind, see ``simulation.remote_steps``; this one describes the scene, and answers for single
-states where a recording draws them, or where the solver is an object of the caller's. The scene may raise, hang, crash
-or take memory without harm to this process: a request that is not answered is a ``FailedSceneError``, which ends the
-step, and the next request starts a fresh process.
+The process describes the scene, and answers for single states: energies and observables, and the contacts that a
+recording draws. The steps of a simulation are taken as a whole in another process, see ``simulation.remote_steps``. The
+scene may raise, hang, crash or exhaust memory without harm to this process: a request without an answer raises
+``FailedSceneError``, and the next request starts a fresh process.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.factors import InverseMass
+from ...problems.arrays import FloatArray
 from ...problems.exchange.plugin_scenes import plugin_scene
-from ...problems.motion.bodies.system import Overlaps, StepAssembly
+from ...problems.motion.bodies.system import StepAssembly, System
 from ...problems.motion.scenes.registry import make_scene, read_scene
 from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding
 from ...problems.motion.state import State
@@ -29,11 +27,10 @@ from .scene_arrays import (
     UNFIT,
     Arrays,
     checked_array,
-    checked_keys,
     finite_numbers,
     read_contacts,
     read_inverse_mass,
-    read_pieces,
+    read_state,
     unpacked,
 )
 from .scene_task import NUMBER, SAME_FIELDS, ObservableRecord, SceneRecord, SceneTask
@@ -65,7 +62,7 @@ def local_or_remote_scene(
 
 
 class RemoteSystem(RenewedWorker):
-    """A system in a process of its own; see ``System``. The process ends with the object."""
+    """What is asked of the system of a scene between simulations; the process ends with the object."""
 
     def __init__(self, name: str, options: Mapping[str, Any], seconds: float) -> None:
         """Note what to start.
@@ -77,8 +74,6 @@ class RemoteSystem(RenewedWorker):
         """
         super().__init__(SceneTask(name, dict(options)), seconds)
         self._name = read_scene(name)[0]
-        self._inverse_mass: InverseMass | None = None
-        self.is_reversible = False
         self._sizes = (0, 0)
 
     def scene(self) -> Scene:
@@ -93,17 +88,16 @@ class RemoteSystem(RenewedWorker):
         try:
             about, arrays = msgspec.convert(answer["scene"], SceneRecord), unpacked(content)
             self._sizes = (len(arrays["position"]), len(arrays["velocity"]))
-            start = self._state(about.time, arrays)
+            start = read_state(about.time, arrays, *self._sizes)
             if any(index >= len(start.position) for index in about.coordinates.values()):
                 raise ValueError("no coordinate")
             balls = None if about.balls is None else read_balls(about.balls, arrays, *self._sizes)
         except UNFIT:
             raise self.failure(no_answer()) from None
-        self.is_reversible = about.is_reversible
         has = about.functions
         return Scene(
             self._name,
-            system=self,
+            system=cast(System, self),  # all that is asked of it here
             start=start,
             **{name: getattr(about, name) for name in SAME_FIELDS},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
@@ -125,46 +119,16 @@ class RemoteSystem(RenewedWorker):
         """Linearise at q_M."""
 
         def read(arrays: Arrays) -> StepAssembly:
-            if self._inverse_mass is None or "mass_data" in arrays:
-                self._inverse_mass = read_inverse_mass(arrays, len(velocity))
+            free_motion = finite_numbers(arrays["free_motion"], velocity.shape)
             contacts = read_contacts(arrays, len(velocity)) if "keys" in arrays else None
-            return StepAssembly(finite_numbers(arrays["free_motion"], velocity.shape), self._inverse_mass, contacts)
+            return StepAssembly(free_motion, read_inverse_mass(arrays, len(velocity)), contacts)
 
-        return self._arrays(read, "assemble", midpoint, velocity, seconds, self._inverse_mass is not None)
-
-    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
-        """Return keys and gaps [m] of the contacts with g(q) < ``limit``."""
-
-        def read(arrays: Arrays) -> tuple[IntArray, FloatArray]:
-            return checked_keys(arrays["keys"]), finite_numbers(arrays["gap"], arrays["keys"].shape)
-
-        return self._arrays(read, "gaps_below", position, limit)
-
-    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        """Return the contacts with g(q) < 0, or None if none of them is deeper than ``tolerated`` [m]."""
-
-        def read(arrays: Arrays) -> Overlaps | None:
-            if not arrays:
-                return None
-            n_dofs = self._sizes[1]
-            normals = read_pieces(arrays, n_dofs)
-            if normals.width != 1:
-                raise ValueError("no normals")
-            return Overlaps(
-                finite_numbers(arrays["gap"], (normals.n_blocks,)), normals, read_inverse_mass(arrays, n_dofs)
-            )
-
-        return self._arrays(read, "overlaps", position, tolerated)
+        return self._arrays(read, "assemble", midpoint, velocity, seconds)
 
     def failure(self, fault: Fault) -> Exception:
         """Return the error of a request that is not answered."""
         late = f"it took longer than {self.seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
         return FailedSceneError(f"scene {self._name}: {late}.")
-
-    def close(self) -> None:
-        """End the process."""
-        self._inverse_mass = None  # a fresh process does not know what the last one sent
-        super().close()
 
     def _arrays(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
         """Return what ``read`` finds in the arrays of an answer."""
@@ -195,11 +159,4 @@ class RemoteSystem(RenewedWorker):
             raise self.failure(no_answer()) from None
 
     def _exact(self, time: float) -> State:
-        return self._arrays(lambda arrays: self._state(time, arrays), "exact", time)
-
-    def _state(self, time: float, arrays: Arrays) -> State:
-        position, velocity = (
-            finite_numbers(arrays[name], (size,))
-            for name, size in zip(("position", "velocity"), self._sizes, strict=True)
-        )
-        return State(time, position, velocity)
+        return self._arrays(lambda arrays: read_state(time, arrays, *self._sizes), "exact", time)

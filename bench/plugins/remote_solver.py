@@ -1,7 +1,7 @@
-"""A solver that works in a process of its own, with the interface of any other.
+"""A solver in a process of its own, with the interface of any other.
 
-Where one solve is wanted after the other (a matrix, a recording, the steps of a simulation) the solver of a plugin may
-raise, hang, crash or take memory without harm to the process that judges: a request that is not answered is a
+It serves successive solves: of a matrix, a recording, the steps of a simulation. The solver of a plugin may raise,
+hang, crash or exhaust memory without harm to the process that judges: a request without an answer raises
 ``FailedSolveError``, and the next one starts a fresh process.
 """
 
@@ -47,6 +47,7 @@ class RemoteSolver(RenewedWorker):
     """A solver in a process of its own; use it as a context manager, or ``close`` it.
 
     Attributes:
+        spec: the solver as data.
         name: its name, with options.
         model: what it solves.
         has_iterates: whether it shows iterates.
@@ -70,13 +71,13 @@ class RemoteSolver(RenewedWorker):
                 infinite, each is ended after ``seconds`` and the time limit of the solve.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
-        self._limit_seconds = limit_seconds
+        self.spec, self._limit_seconds = solver, limit_seconds
         self.name, self.model, self.has_iterates = solver.name, solver.model, solver.has_iterates
         self._sent: ContactProblem | None = None
         self._ready: ContactProblem | None = None
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Say why ``problem`` cannot be treated, or None.
+        """Return why ``problem`` is not supported, or None.
 
         Raises:
             FailedSolveError: if the solver does not answer.
@@ -170,7 +171,7 @@ class RemotePrepared:
 
 
 def answer_fault(answer: dict[str, Any]) -> str | None:
-    """Say why an answer cannot be that to a solve, or None."""
+    """Return why an answer cannot be that to a solve, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
     is_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):

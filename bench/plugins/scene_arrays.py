@@ -1,4 +1,4 @@
-"""What a system says of one step, as named arrays: written in its process, and checked where they are read."""
+"""States, masses and contacts as named arrays: written in the process of a scene, checked where they are read."""
 
 import io
 from typing import Any
@@ -14,6 +14,7 @@ from ...problems.contact.matrices.pieces import Pieces
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.archive import read_arrays
 from ...problems.motion.bodies.system import ActiveContacts
+from ...problems.motion.state import State
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -24,15 +25,15 @@ LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
 """Arrays that laws are sent as."""
 
 
+def state_arrays(state: State) -> Arrays:
+    """Return a state as arrays, without its time."""
+    own = {"position": np.asarray(state.position, float), "velocity": np.asarray(state.velocity, float)}
+    return {**own, "state_keys": state.keys.astype(np.int64), "state_impulses": state.impulses}
+
+
 def mass_arrays(inverse: InverseMass) -> Arrays:
     """Return M⁻¹ as arrays."""
     return {f"mass_{part}": getattr(inverse.matrix, part) for part in ("data", "indices", "indptr")}
-
-
-def piece_arrays(pieces: Pieces) -> Arrays:
-    """Return pieces as arrays."""
-    starts, chunks = pieces.starts.astype(np.int64), pieces.chunks.astype(np.int64)
-    return {"starts": starts, "chunks": chunks, "values": pieces.values}
 
 
 def contact_arrays(contacts: ActiveContacts) -> Arrays:
@@ -46,7 +47,12 @@ def contact_arrays(contacts: ActiveContacts) -> Arrays:
         **{name: getattr(laws, name) for name in LAW_FIELDS},
     }
     if isinstance(contacts.directions, Pieces):
-        return arrays | piece_arrays(contacts.directions)
+        pieces = contacts.directions
+        return arrays | {
+            "starts": pieces.starts.astype(np.int64),
+            "chunks": pieces.chunks.astype(np.int64),
+            "values": pieces.values,
+        }
     parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
     return {**arrays, "row_counts": contacts.row_counts, **parts}
 
@@ -86,6 +92,14 @@ def checked_keys(values: NDArray[Any]) -> IntArray:
     return values
 
 
+def read_state(time: float, arrays: Arrays, n_coordinates: int, n_dofs: int) -> State:
+    """Return the state at ``time`` [s]; errors are those in ``UNFIT``."""
+    position = finite_numbers(arrays["position"], (n_coordinates,))
+    velocity = finite_numbers(arrays["velocity"], (n_dofs,))
+    keys, impulses = checked_keys(arrays["state_keys"]), arrays["state_impulses"]
+    return State(time, position, velocity, keys, finite_numbers(impulses, (len(keys), *impulses.shape[1:2])))
+
+
 def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
     """Return M⁻¹; errors are those in ``UNFIT``."""
     parts = tuple(arrays[f"mass_{part}"] for part in ("data", "indices", "indptr"))
@@ -94,8 +108,8 @@ def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
     return InverseMass.create(matrix)
 
 
-def read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
-    """Return pieces whose indices compiled code may believe."""
+def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
+    """Return pieces whose indices are in range, as compiled code requires."""
     starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
     if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
         raise ValueError("no pieces")
@@ -107,12 +121,12 @@ def read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
 
 
 def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
-    """Return contacts and joints, whose indices compiled code may believe; errors are those in ``UNFIT``."""
+    """Return contacts and joints with indices in range, as compiled code requires; errors are those in ``UNFIT``."""
     keys, laws = checked_keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
     count, (width,) = len(keys), arrays["width"].tolist()
     gap, restitution = finite_numbers(arrays["gap"], (count,)), finite_numbers(arrays["restitution"], (laws.n_rows,))
     if "row_counts" not in arrays:
-        pieces = read_pieces(arrays, n_dofs)
+        pieces = _read_pieces(arrays, n_dofs)
         if pieces.n_blocks != count or pieces.width != width or laws.n_rows != count * width:
             raise ValueError("no direction for each contact")
         return ActiveContacts(keys, gap, laws, pieces, restitution, width)

@@ -1,21 +1,19 @@
-"""The child's half of a scene of a plugin: it builds the scene, describes it, and answers for its system."""
+"""The child's half of a scene of a plugin: it builds the scene, describes it, and answers for single states."""
 
 import struct
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-import numpy as np
+import msgspec
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.factors import InverseMass
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.plugin_scenes import build_plugin_scene
-from ...problems.motion.scenes.scene import Observable, Scene
+from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
-from ...problems.motion.stepping.sequences import is_reversible
 from ..store.fields import Count, Number, Positive, Record
-from .ball_records import BallsRecord, ball_arrays, described_balls
-from .scene_arrays import Arrays, contact_arrays, mass_arrays, packed, piece_arrays
+from .ball_records import BallsRecord, ball_arrays, describe_balls
+from .scene_arrays import Arrays, contact_arrays, mass_arrays, packed, state_arrays
 
 NUMBER = struct.Struct("d")
 """How a single number is sent."""
@@ -32,12 +30,11 @@ class ObservableRecord(Record, frozen=True, kw_only=True):
 
 
 class SceneRecord(Record, frozen=True, kw_only=True):
-    """What a scene says of itself; see ``Scene`` for the fields that have the same names.
+    """The description of a scene; see ``Scene`` for the fields that have the same names.
 
     Attributes:
         time: when it begins [s].
-        is_reversible: of its system.
-        functions: those that it has of the ones that a scene may lack.
+        functions: the optional functions that it has.
         observables: what is recorded at each step.
         ending_seconds: how far its rule of ending looks back [s], None if it has none.
         balls: what recordings draw, None if there are no balls.
@@ -53,7 +50,6 @@ class SceneRecord(Record, frozen=True, kw_only=True):
     depth: Positive | None
     coordinates: dict[str, Count]
     has_few_contacts: bool
-    is_reversible: bool
     functions: list[Literal["potential_energy", "exact"]]
     observables: list[ObservableRecord]
     ending_seconds: Number | None
@@ -62,8 +58,8 @@ class SceneRecord(Record, frozen=True, kw_only=True):
     balls: BallsRecord | None
 
 
-_FUNCTIONS = ("potential_energy", "exact")
-"""Functions that a scene may lack."""
+_FUNCTIONS: tuple[Literal["potential_energy", "exact"], ...] = ("potential_energy", "exact")
+"""Optional functions of a scene."""
 
 _MADE_APART = {"balls", "observables"}
 
@@ -73,12 +69,11 @@ SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_f
 
 @dataclass
 class SceneTask:
-    """The child's half: answers "describe", "move", "assemble", "gaps_below", "overlaps", "number" and "exact"."""
+    """The child's half: answers "describe", "move", "assemble", "number", "ending" and "exact"."""
 
     name: str
     options: dict[str, Any]
     _scene: Scene | None = None
-    _sent: InverseMass | None = None
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request."""
@@ -89,8 +84,8 @@ class SceneTask:
                 raise
             return {"refused": str(error)}, b""
         if request == "describe":
-            arrays = _state_arrays(self._scene.start) | ball_arrays(self._scene)
-            return {"scene": _described(self._scene)}, packed(arrays)
+            arrays = state_arrays(self._scene.start) | ball_arrays(self._scene)
+            return {"scene": msgspec.to_builtins(_describe(self._scene))}, packed(arrays)
         if request == "number":
             return {}, NUMBER.pack(self._number(self._scene, *arguments))
         if request == "ending":
@@ -99,7 +94,7 @@ class SceneTask:
             return {"ending": None if ending is None else asdict(ending)}, b""
         if request == "exact":
             assert self._scene.exact is not None
-            return {}, packed(_state_arrays(self._scene.exact(*arguments)))
+            return {}, packed(state_arrays(self._scene.exact(*arguments)))
         return {}, packed(getattr(self, f"_{request}")(self._scene.system, *arguments))
 
     def _number(self, scene: Scene, name: str, *arguments: Any) -> float:
@@ -111,47 +106,22 @@ class SceneTask:
     def _move(self, system: Any, position: FloatArray, velocity: FloatArray, seconds: float) -> Arrays:
         return {"position": system.move(position, velocity, seconds)}
 
-    def _gaps_below(self, system: Any, position: FloatArray, limit: float) -> Arrays:
-        keys, gap = system.gaps_below(position, limit)
-        return {"keys": keys.astype(np.int64), "gap": gap}
-
-    def _overlaps(self, system: Any, position: FloatArray, tolerated: float) -> Arrays:
-        found = system.overlaps(position, tolerated)
-        if found is None:
-            return {}
-        return {"gap": found.gap, **piece_arrays(found.normals), **mass_arrays(found.inverse_mass)}
-
-    def _assemble(
-        self, system: Any, midpoint: FloatArray, velocity: FloatArray, seconds: float, mass_is_known: bool
-    ) -> Arrays:
+    def _assemble(self, system: Any, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> Arrays:
         assembly = system.assemble(midpoint, velocity, seconds)
-        arrays: Arrays = {"free_motion": assembly.free_motion}
-        if not mass_is_known or assembly.inverse_mass is not self._sent:
-            arrays |= mass_arrays(assembly.inverse_mass)
-            self._sent = assembly.inverse_mass
+        arrays = {"free_motion": assembly.free_motion, **mass_arrays(assembly.inverse_mass)}
         return arrays if assembly.contacts is None else arrays | contact_arrays(assembly.contacts)
 
 
-def _described(scene: Scene) -> dict[str, Any]:
-    """Return the fields of ``SceneRecord``."""
-    about = {name: getattr(scene, name) for name in SAME_FIELDS}
-    return {
-        **about,
-        "options": dict(scene.options),
-        "coordinates": dict(scene.coordinates),
-        "time": scene.start.time,
-        "is_reversible": is_reversible(scene.system),
-        "balls": None if scene.balls is None else described_balls(scene.balls),
-        "observables": [_observable_fields(one) for one in scene.observables],
-        "ending_seconds": None if scene.ending is None else scene.ending.seconds,
-        "contact_names": list(scene.contact_names),
-        "functions": [name for name in _FUNCTIONS if getattr(scene, name) is not None],
-    }
-
-
-def _observable_fields(observable: Observable) -> dict[str, Any]:
-    return {name: getattr(observable, name) for name in ObservableRecord.__struct_fields__}
-
-
-def _state_arrays(state: State) -> Arrays:
-    return {"position": np.asarray(state.position, float), "velocity": np.asarray(state.velocity, float)}
+def _describe(scene: Scene) -> SceneRecord:
+    """Return the description of a scene."""
+    return SceneRecord(
+        **{name: getattr(scene, name) for name in SAME_FIELDS},
+        time=scene.start.time,
+        balls=None if scene.balls is None else describe_balls(scene.balls),
+        observables=[
+            ObservableRecord(**{name: getattr(one, name) for name in ObservableRecord.__struct_fields__})
+            for one in scene.observables
+        ],
+        ending_seconds=None if scene.ending is None else scene.ending.seconds,
+        functions=[name for name in _FUNCTIONS if getattr(scene, name) is not None],
+    )

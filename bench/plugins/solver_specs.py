@@ -1,7 +1,7 @@
-"""Solvers as a run knows them: data, from which each is made in the process where it works.
+"""Solvers as data, from which each is made in the process where it runs.
 
-Built-in solvers are made wherever they are needed. What comes from elsewhere, from a plugin or from the caller, is
-made and looked at in children only: no code of it runs where results are judged.
+Built-in solvers are made wherever they are needed. Solvers of plugins and of the caller are made and examined in child
+processes only: none of their code runs where results are judged.
 """
 
 import sys
@@ -38,7 +38,7 @@ class SolverSpec:
 
     @property
     def is_built_in(self) -> bool:
-        """Whether no code but that of Proxbench is needed to make it."""
+        """Whether Proxbench itself can make it."""
         return not self.source and not self.carried
 
     def make(self) -> Solver:
@@ -63,7 +63,7 @@ def built_in(name: str) -> SolverSpec:
 
 
 def carried(solver: Any) -> bytes:
-    """Return an object of the caller's as it travels to the processes of its cases.
+    """Return an object of the caller's pickled, to be sent to the processes of its cases.
 
     A class that children cannot import (of a notebook, a script, or standard input) travels with it.
 

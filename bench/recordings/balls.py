@@ -1,7 +1,8 @@
-"""Recordings of ball systems: turning balls among surfaces, and the impulses between them."""
+"""Recordings of balls: turning balls among surfaces, and the impulses between them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -9,15 +10,15 @@ import rerun.blueprint as rrb
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.matrices.pieces import Pieces
-from ...problems.motion.bodies.balls import BallSystem
-from ...problems.motion.scenes.scene import Observable
+from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
 from ...problems.motion.stepping.step import Step
 from ..report.charts.palette import PALETTE, rgb
-from .blueprints import Camera, plot, space_view
+from ..report.layout.text import counted
+from .blueprints import Camera, space_view
 from .contact_states import States
 from .meshes import ball_mesh, in_space, surface_meshes, turned, upright
-from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, StepRecorder, arrows
+from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 
 LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
 """Of groups of balls by their height at the start, so that one sees them mix."""
@@ -32,62 +33,45 @@ ARROW_RADII = 3.0
 REFERENCE_SECONDS = 0.01
 
 
-class BallRecorder(StepRecorder):
-    """Records a system of balls or discs; see ``StepRecorder``.
+class BallRecorder(SceneRecorder):
+    """Records a scene of balls or discs; see ``SceneRecorder``.
 
     A ball is drawn in two shades, so that one sees it turn. Its orientation, which the simulation does not keep, is
-    integrated from the mean angular velocity of each step.
-
-    Args:
-        system: the balls.
-        file: the recording.
-        title: what the viewer calls it.
-        gravity: g along the last axis [m/s²], which sets the length of arrows.
-        force: replace an existing file.
-        every: draw bodies and impulses at each such step.
-        observables: of the scene, for curves of their own.
-        potential_energy: q ↦ V [J]; that of the system if None.
+    integrated from the mean angular velocity between two drawn states.
     """
 
-    def __init__(
-        self,
-        system: BallSystem,
-        file: Path,
-        title: str = "balls",
-        gravity: float = 0.0,
-        force: bool = False,
-        every: int = 1,
-        observables: Sequence[Observable] = (),
-        potential_energy: Callable[[FloatArray], float] | None = None,
-    ) -> None:
-        about = (
-            f"**{title}**\n\n"
-            "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows on the "
-            "first ball of a contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the "
-            "root of its impulse."
-        )
-        super().__init__(file, title, about, force, every)
-        self._system, self._potential_energy = system, potential_energy or system.potential_energy
-        self._observables = [one for one in observables if one.label]
+    bodies = (
+        "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows on the first "
+        "ball of a contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the root of "
+        "its impulse."
+    )
+
+    def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
+        super().__init__(scene, file, force, every)
+        assert scene.balls is not None
+        self._system = system = scene.balls
         self._orientations = upright(system.n_balls)
         self._layers: list[IntArray] = []
         relative = np.repeat(system.radii / system.radii.max(), 3).reshape(-1, 3).astype(np.float32)
         self._scales = None if (relative == 1.0).all() else relative
+        weight: Any = scene.options.get("gravity")
+        gravity = float(weight) if isinstance(weight, int | float) else 0.0
         self._reference = float(np.median(system.masses)) * (abs(gravity) or 9.81) * REFERENCE_SECONDS
 
-    def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
-        camera = self._camera(self._in_space(state))
+    @property
+    def title(self) -> str:
+        """The scene, and how many balls or discs it has."""
+        return f"{self.scene.name}, {counted(self.scene.n_balls, 'disc' if self._system.dimension == 2 else 'ball')}"
+
+    def _views(self) -> Sequence[rrb.Spatial3DView]:
+        camera = self._camera(self._in_space(self.scene.start))
         return [
             space_view(name, camera, [f"/{entity}/**", "/scene/surfaces/**"])
             for name, entity in (("balls", BODIES), ("impulses", IMPULSES))
         ]
 
-    def _plots(self) -> list[rrb.TimeSeriesView]:
-        observed = (plot(one.label, f"/curves/{one.name}", legend=False) for one in self._observables)
-        return [*observed, *super()._plots()]
-
-    def _scenery(self, state: State) -> Entities:
-        system, centres = self._system, self._in_space(state)
+    def _scenery(self) -> Entities:
+        system, centres = self._system, self._in_space(self.scene.start)
         is_planar, radius = system.dimension == 2, float(system.radii.max())
         # groups of similar height and equal number, or fewer of fewer balls
         order = np.argsort(centres[:, 2], kind="stable")
@@ -108,12 +92,9 @@ class BallRecorder(StepRecorder):
             yield f"{BODIES}/{index}", shape
         yield IMPULSES, rr.Arrows3D.from_fields(radii=[0.09 * radius], show_labels=False)
 
-    def _follow(self, step: Step) -> None:
-        """Turn the balls by the mean of the angular velocities at both ends of the step."""
-        spins = 0.5 * (self._spins(self._last.velocity) + self._spins(step.state.velocity))
-        self._orientations = turned(self._orientations, spins, step.state.time - self._last.time)
-
     def _bodies(self, state: State) -> Entities:
+        spins = 0.5 * (self._spins(self._last.velocity) + self._spins(state.velocity))
+        self._orientations = turned(self._orientations, spins, state.time - self._last.time)
         centres = self._in_space(state)
         for index, members in enumerate(self._layers):
             scales = None if self._scales is None else self._scales[members]
@@ -135,13 +116,6 @@ class BallRecorder(StepRecorder):
         shown = vectors.any(axis=1)
         lengths = ARROW_RADII * system.radii[balls[shown]]
         return [(IMPULSES, arrows(vectors[shown], points[shown], states[shown], lengths, self._reference))]
-
-    def _energies(self, state: State) -> tuple[float, float | None]:
-        known = self._potential_energy
-        return self._system.kinetic_energy(state.velocity), None if known is None else known(state.position)
-
-    def _own_curves(self, state: State) -> dict[str, float]:
-        return {one.name: float(one.compute(state)) for one in self._observables}
 
     def _spins(self, velocity: FloatArray) -> FloatArray:
         """Return angular velocities in space [rad/s], shape (n, 3); in the plane (x, z) from x to z, thus about −y."""

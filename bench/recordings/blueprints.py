@@ -1,4 +1,4 @@
-"""Blueprints: how a recording looks when it is opened."""
+"""Blueprints: the layout of a recording when it is opened."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ ITERATION, STEP, TIME = "iteration", "step", "time"
 """Timelines."""
 
 BODIES = "bodies"
-"""Where the bodies stand that all solvers share."""
+"""Entity of the bodies that all solvers share."""
 
 SOLVERS_IN_A_ROW = 4
 SECONDS_TO_PLAY = 12.0

@@ -1,4 +1,4 @@
-"""What a contact does under given impulses, open, stick or slip, and the colours that show it."""
+"""The state of a contact under given impulses: open, stick or slip; and its colour."""
 
 from enum import IntEnum
 
@@ -20,7 +20,7 @@ States = NDArray[np.uint16]
 
 
 class ContactState(IntEnum):
-    """What a contact does; a closed contact without friction slips."""
+    """The state of a contact; a closed contact without friction slips."""
 
     OPEN = 0
     STICK = 1

@@ -1,24 +1,20 @@
-"""What recordings of all simulations share: the timelines ``step`` and ``time``, and the curves of the steps.
+"""Recordings of simulations: the timelines ``step`` and ``time``, the curves of all steps, and what scenes draw.
 
 A scene whose bodies cannot be drawn is recorded by its coordinates.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.residual import Residual
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
 from ...problems.motion.stepping.step import Step
-from ..errors import BenchError
 from ..report.charts.palette import PALETTE, rgb
 from .blueprints import STEP, TIME, plot, set_axis_range, simulation_blueprint
 from .contact_states import STATE_COLOURS, ContactState, States, contact_states, count_states, write_state_colours
@@ -33,7 +29,7 @@ BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 NO_IMPULSES = rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3)))
 
 MAX_COORDINATES = 12
-"""Coordinates that are drawn, the first ones of scenes that name none."""
+"""Number of coordinates that are drawn of a scene that names none."""
 
 COORDINATES = "coordinates"
 """The group of curves of coordinates that have no body to be drawn on."""
@@ -57,186 +53,122 @@ Entities = Iterable[tuple[str, rr.AsComponents]]
 """What is logged, and where."""
 
 
-class StepRecorder(ABC):
-    """Records a simulation: ``start`` once, then a call after each step, in a ``with`` block that ends the file.
+class SceneRecorder:
+    """Records a simulation that is over: curves of all steps, and the bodies and impulses of some.
 
-    Leaving the block with an error keeps what was recorded until then. If nothing was started, or the file cannot be
-    ended, there is none, and a file that was there before stays as it was.
+    Subclasses draw the bodies. A recording that fails leaves no file behind, and one that was there as it was.
 
     Args:
+        scene: what was simulated.
         file: the recording, ending in ``.rrd``.
-        title: what the viewer calls it.
-        about: what is seen, in Markdown.
         force: replace an existing file.
-        every: draw bodies and impulses at each such step; curves hold all steps.
-
-    Raises:
-        BenchError: if the file exists, is no ``.rrd``, or cannot be written; or if ``every`` is not positive.
+        every: number of steps from one drawn step to the next, by which the speed of playing is chosen.
     """
 
-    def __init__(self, file: Path, title: str, about: str, force: bool, every: int) -> None:
-        if every < 1:
-            raise BenchError(f"every must be at least 1, got {every}.")
-        self.file = file
-        self._recording = RecordingFile(file, force)
-        self._title, self._about, self._every = title, about, every
-        self._count = 0
-        self._times: list[float] = []
+    bodies = "The bodies of this scene are not known; its coordinates are drawn over time."
+    """What is seen, in Markdown."""
+
+    def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
+        self.scene, self._file, self._force, self._every = scene, file, force, every
+        self._observables = [one for one in scene.observables if one.label]
         self._curves: dict[str, dict[int, float]] = {}
-        self._stream: rr.RecordingStream | None = None
+        self._last = scene.start
 
-    def __enter__(self) -> Self:
-        return self
+    @property
+    def title(self) -> str:
+        """What the viewer calls the recording."""
+        return self.scene.name
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        with self._recording:
-            if self._stream is not None:
-                self._log(self._summary(), static=True)
-                self._write_curves(self._stream)
-                self._frame_curves(self._stream)
-
-    def start(self, state: State) -> None:
-        """Draw the state before the first step."""
-        blueprint = simulation_blueprint(self._views(state), self._plots(), self._every)
-        self._stream = self._recording.begin("simulation", self._title, blueprint)
-        self._first = self._last = state
-        self._times = [state.time]
-        write_state_colours(self._stream, "scene")
-        about = rr.TextDocument(self._about, media_type="text/markdown")
-        self._log([("about", about), *self._scenery(state)], static=True)
-        self._draw(state)
-        self._note({"iterations": 0.0} | self._energy_curves(state) | _counts(None) | self._own_curves(state))
-
-    def __call__(self, step: Step) -> None:
-        """Record one step.
-
-        Raises:
-            BenchError: if the recorder was not started.
-        """
-        self._started()
-        self._count += 1
-        self._times.append(step.state.time)
-        values = {
-            "step_size": np.log10(step.state.time - self._last.time),
-            "iterations": float(step.iterations),
-            "residual": np.log10(max(_residual(step), MIN_RESIDUAL)),
-        }
-        self._note(values | self._energy_curves(step.state))
-        self._take(step, is_drawn=self._count % self._every == 0)
-
-    def replay(self, times: FloatArray, curves: Mapping[str, FloatArray], drawn: Iterable[tuple[int, Step]]) -> None:
-        """Record a simulation that is over, of which some steps are known as a whole; instead of a call for each.
+    def record(self, steps: NDArray[np.void], drawn: Iterable[tuple[int, Step]]) -> None:
+        """Write the recording.
 
         Args:
-            times: the start and the ends of all steps [s], shape (n_steps + 1,).
-            curves: values at these times by the name of the curve, nan where nothing is drawn.
-            drawn: steps that are drawn in the order of time, with their numbers from 1; what else curves show is known
-                of them alone.
+            steps: one row a step: time, iterations, residual, kinetic_energy, potential_energy, observables.
+            drawn: the steps that are drawn, in order, with their numbers from 1.
 
         Raises:
-            BenchError: if the recorder was not started.
+            BenchError: if the file exists, does not end in ``.rrd``, or cannot be written.
         """
-        self._started()
-        self._times = times.tolist()
-        self._curves |= {name: dict(enumerate(values.tolist())) for name, values in curves.items()}
-        for number, step in drawn:
-            self._count = number
-            self._take(step)
+        start, plots = self.scene.start, self._plots()
+        times = np.array([start.time, *steps["time"]])
+        self._curves = {
+            name: dict(enumerate(values.tolist())) for name, values in step_curves(self.scene, steps, times).items()
+        }
+        with RecordingFile(self._file, self._force) as recording:
+            blueprint = simulation_blueprint(self._views(), plots, self._every)
+            stream = recording.begin("simulation", self.title, blueprint)
+            write_state_colours(stream, "scene")
+            about = rr.TextDocument(f"**{self.title}**\n\n{self.bodies}", media_type="text/markdown")
+            _log(stream, [("about", about), *self._scenery()], static=True)
+            self._take(stream, 0, Step(start, None, np.zeros(0), None, None, 0))
+            for number, step in drawn:
+                self._take(stream, number, step)
+            _log(stream, self._summary(), static=True)
+            self._write_curves(stream, times)
+            if self._frame_curves(plots):
+                stream.send_blueprint(simulation_blueprint(self._views(), plots, self._every), make_active=False)
 
-    def _started(self) -> rr.RecordingStream:
-        if self._stream is None:
-            raise BenchError("the recorder was not started; call its start with the state before the first step.")
-        return self._stream
-
-    def _take(self, step: Step, is_drawn: bool = True) -> None:
-        """Draw a step, or only follow it, and note what is known of its contacts and its state."""
+    def _take(self, stream: rr.RecordingStream, number: int, step: Step) -> None:
+        """Draw a step, and note what is known of its contacts and its state."""
         states = None
         if step.problem is not None:
             states = contact_states(step.problem.layout, step.problem.layout.pad(step.impulses))
-        self._follow(step)
-        if is_drawn:
-            self._draw(step.state)
-            self._log(self._impulses(step, states))
+        stream.set_time(STEP, sequence=number)
+        stream.set_time(TIME, duration=step.state.time)
+        _log(stream, self._bodies(step.state))
+        _log(stream, self._impulses(step, states))
         self._last = step.state
-        self._note(_counts(states) | self._own_curves(step.state))
+        for name, value in (_counts(states) | self._own_curves(step.state)).items():
+            self._curves.setdefault(name, {})[number] = value
 
-    def _draw(self, state: State) -> None:
-        self._started().set_time(STEP, sequence=self._count)
-        self._started().set_time(TIME, duration=state.time)
-        self._log(self._bodies(state))
-
-    def _log(self, entities: Entities, static: bool = False) -> None:
-        for path, shape in entities:
-            self._started().log(path, shape, static=static)
-
-    def _note(self, values: Mapping[str, float]) -> None:
-        """Keep points of curves at the step that was taken last."""
-        for name, value in values.items():
-            self._curves.setdefault(name, {})[self._count] = value
-
-    def _energy_curves(self, state: State) -> dict[str, float]:
-        kinetic, potential = self._energies(state)
-        if potential is None:
-            return {"energy/kinetic": kinetic}
-        return {"energy/kinetic": kinetic, "energy/potential": potential, "energy/total": kinetic + potential}
-
-    def _write_curves(self, stream: rr.RecordingStream) -> None:
-        times = np.array(self._times)
+    def _write_curves(self, stream: rr.RecordingStream, times: FloatArray) -> None:
         for name, points in self._curves.items():
             kept = [step for step, value in points.items() if not np.isnan(value)]
             at = [rr.TimeColumn(STEP, sequence=kept), rr.TimeColumn(TIME, duration=times[kept])]
             label, colour = name.rpartition("/")[2], _colour_of(name)
             write_curve(stream, f"curves/{name}", label, colour, at, [points[step] for step in kept])
 
-    def _frame_curves(self, stream: rr.RecordingStream) -> None:
-        """Widen the axes of level curves, over which the viewer spreads rounding, with labels of 16 digits."""
-        plots, is_framed = self._plots(), False
+    def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
+        """Widen the axes of level curves, over which the viewer spreads rounding; return whether there are any."""
+        is_framed = False
         for view in plots:
             group = str(view.origin).rpartition("/")[2]
             span = MIN_SPANS.get(group)  # counts have none
             if span is not None and (heights := axis_range(self._values(group), span)) is not None:
                 set_axis_range(view, heights)
                 is_framed = True
-        if is_framed:
-            blueprint = simulation_blueprint(self._views(self._first), plots, self._every)
-            stream.send_blueprint(blueprint, make_active=False)
+        return is_framed
 
     def _values(self, group: str) -> list[float]:
         """Return all values of a group of curves that are known."""
         curves = (points for name, points in self._curves.items() if name.partition("/")[0] == group)
         return [value for points in curves for value in points.values() if np.isfinite(value)]
 
-    def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
+    def _views(self) -> Sequence[rrb.Spatial3DView]:
         """Return the views in space."""
         return ()
 
     def _plots(self) -> list[rrb.TimeSeriesView]:
         """Return the plots beside them."""
         return [
+            *(plot(one.label, f"/curves/{one.name}", legend=False) for one in self._observables),
             plot("active contacts", "/curves/contacts"),
             plot("solver iterations", "/curves/iterations", legend=False),
             plot("log₁₀ residual (judge)", "/curves/residual", legend=False),
             plot("energy [J]", "/curves/energy"),
         ]
 
-    def _scenery(self, state: State) -> Entities:
-        """Return what does not change, given the first state."""
+    def _scenery(self) -> Entities:
+        """Return what does not change."""
         return ()
 
-    def _follow(self, step: Step) -> None:  # noqa: B027 - few recordings look at all steps
-        """Take in a step that may not be drawn."""
-
     def _bodies(self, state: State) -> Entities:
-        """Return the bodies."""
+        """Return the bodies; ``_last`` is the state that was drawn before."""
         return ()
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
         """Return the impulses of a step, whose contacts are in ``states``."""
         return ()
-
-    @abstractmethod
-    def _energies(self, state: State) -> tuple[float, float | None]:
-        """Return kinetic and potential energy [J], None for one that is not known."""
 
     def _own_curves(self, state: State) -> dict[str, float]:
         """Return further curves."""
@@ -245,6 +177,29 @@ class StepRecorder(ABC):
     def _summary(self) -> Entities:
         """Return what is known only at the end."""
         return ()
+
+
+def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[str, FloatArray]:
+    """Return what is known of all steps, by the name of the curve; nan where nothing is drawn.
+
+    Args:
+        scene: what was simulated.
+        steps: one row a step.
+        times: the start and the ends of all steps [s], shape (n_steps + 1,).
+    """
+    start = scene.start
+    kinetic = np.array([scene.kinetic_energy(start.velocity), *steps["kinetic_energy"]])
+    energies = {"energy/kinetic": kinetic}
+    if scene.potential_energy is not None:
+        potential = np.array([scene.potential_energy(start.position), *steps["potential_energy"]])
+        energies |= {"energy/potential": potential, "energy/total": kinetic + potential}
+    return {
+        "step_size": np.array([np.nan, *np.log10(np.diff(times))]),
+        "iterations": np.array([0.0, *steps["iterations"]]),
+        "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], MIN_RESIDUAL))]),
+        **energies,
+        **{one.name: np.array([one.compute(start), *steps[one.name]]) for one in scene.observables if one.label},
+    }
 
 
 def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
@@ -279,11 +234,9 @@ def arrows(
     return rr.Arrows3D(vectors=vectors * stretch[:, None], origins=points, class_ids=states)
 
 
-def _residual(step: Step) -> float:
-    """Return the judge's residual of one step, 0 if no contact was active."""
-    if step.problem is None:
-        return 0.0
-    return Residual(step.problem).judged(step.problem, step.impulses)
+def _log(stream: rr.RecordingStream, entities: Entities, static: bool = False) -> None:
+    for path, shape in entities:
+        stream.log(path, shape, static=static)
 
 
 def _counts(states: States | None) -> dict[str, float]:
@@ -299,29 +252,16 @@ def _colour_of(curve: str) -> tuple[int, int, int]:
     return rgb(COLOURS.get(curve, PALETTE[5]))
 
 
-class CoordinateRecorder(StepRecorder):
-    """Records the coordinates of a scene; see ``StepRecorder``.
+class CoordinateRecorder(SceneRecorder):
+    """Records the coordinates of a scene; see ``SceneRecorder``."""
 
-    Args:
-        scene: the scene.
-        file: the recording.
-        force: replace an existing file.
-        every: draw coordinates at each such step.
-    """
-
-    def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
-        about = f"**{scene.name}**\n\nThe bodies of this scene are not known; its coordinates are drawn over time."
-        super().__init__(file, scene.name, about, force, every)
-        count = min(len(scene.start.position), MAX_COORDINATES)
-        self._scene = scene
-        self._names = scene.coordinates or {f"q{index}": index for index in range(count)}
+    @property
+    def _names(self) -> Mapping[str, int]:
+        count = min(len(self.scene.start.position), MAX_COORDINATES)
+        return self.scene.coordinates or {f"q{index}": index for index in range(count)}
 
     def _plots(self) -> list[rrb.TimeSeriesView]:
         return [plot("coordinates", f"/curves/{COORDINATES}"), *super()._plots(), step_size_plot()]
-
-    def _energies(self, state: State) -> tuple[float, float | None]:
-        known = self._scene.potential_energy
-        return self._scene.kinetic_energy(state.velocity), None if known is None else known(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
         return {f"{COORDINATES}/{name}": float(state.position[index]) for name, index in self._names.items()}

@@ -1,4 +1,8 @@
-"""Stills: what a recording shows at the end of its timeline, as a PNG, drawn by the viewer without a screen."""
+"""Stills: what a recording shows at the end of its timeline, as a PNG, drawn by the viewer without a screen.
+
+Each panel of a still keeps its title bar, and in it the viewer's three buttons: a blueprint hides the whole bar or
+nothing of it (``ViewBlueprint.titlebar``), and without their titles curves and solvers could not be told apart.
+"""
 
 import os
 import shutil

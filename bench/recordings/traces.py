@@ -1,4 +1,4 @@
-"""A solve as it is watched: curves over all iterations, and the iterates of some."""
+"""Traces of solves: curves over all iterations, and the iterates of some."""
 
 from dataclasses import dataclass, field
 
@@ -36,7 +36,7 @@ class Thinning:
 
 @dataclass
 class Trace:
-    """What was seen of one solve.
+    """The trace of one solve.
 
     Attributes:
         solver: its name.
@@ -66,7 +66,7 @@ class Trace:
 
     @property
     def sentence(self) -> str:
-        """How far the solve came and how it ended."""
+        """Number of iterations, last residual, and how the solve ended."""
         if not self.iterations:
             return self.ended
         return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ended}"
@@ -117,9 +117,9 @@ class _Watcher:
 
 
 def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
-    """Solve once from zeros and return what was seen; an error of the solver ends its trace, not the recording.
+    """Solve once from zeros and return the trace, which an error of the solver ends.
 
-    A solver without meaningful iterates is seen at its start and at its end.
+    Of a solver without meaningful iterates the trace has the start and the end.
     """
     trace = Trace(solver.name, str(solver.model))
     try:

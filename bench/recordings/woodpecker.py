@@ -1,7 +1,6 @@
 """Recordings of the woodpecker: pole, sleeve and bird as simple shapes, in the plane (x, z) of its motion."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import rerun as rr
@@ -9,14 +8,13 @@ import rerun.blueprint as rrb
 
 from ...problems.arrays import FloatArray
 from ...problems.motion.scenes import woodpecker as toy
-from ...problems.motion.scenes.scene import kinetic_energy
 from ...problems.motion.state import State
 from ...problems.motion.stepping.step import Step
 from ..report.charts.palette import rgb
 from .blueprints import Camera, plot, space_view
 from .contact_states import States
 from .meshes import about_depth
-from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, StepRecorder, arrows, step_size_plot
+from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows, step_size_plot
 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
 CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")
@@ -32,35 +30,26 @@ FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Axes N and T of every contact; without friction there is N alone."""
 
 
-class WoodpeckerRecorder(StepRecorder):
-    """Records the woodpecker; see ``StepRecorder``.
+class WoodpeckerRecorder(SceneRecorder):
+    """Records the woodpecker; see ``SceneRecorder``."""
 
-    Args:
-        file: the recording.
-        force: replace an existing file.
-        every: draw the bird at each such step; five thousand steps a period are more than an eye can use.
-    """
+    bodies = (
+        "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are the impulses of beak "
+        "and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the root of its "
+        "impulse."
+    )
 
-    def __init__(self, file: Path, force: bool = False, every: int = 1) -> None:
-        about = (
-            "**woodpecker**\n\nA bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are "
-            "the impulses of beak and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows "
-            "with the root of its impulse."
-        )
-        super().__init__(file, "woodpecker", about, force, every)
-        self._lowest = self._highest = 0.0
-        self._kinetic_energy = kinetic_energy(toy.woodpecker(), toy.published_start())
+    _lowest, _highest = np.inf, -np.inf
 
-    def _views(self, state: State) -> Sequence[rrb.Spatial3DView]:
-        height = float(state.position[0])
+    def _views(self) -> Sequence[rrb.Spatial3DView]:
+        height = float(self.scene.start.position[0])
         camera = Camera(np.array([0.012, -0.12, height + 0.012]), np.array([0.012, 0.0, height - 0.004]))
         return [space_view("woodpecker", camera, ["/scene/**"], tracking=f"/{BODIES}/sleeve")]
 
     def _plots(self) -> list[rrb.TimeSeriesView]:
         return [plot("angles [rad]", "/curves/angles"), *super()._plots(), step_size_plot()]
 
-    def _scenery(self, state: State) -> Entities:
-        self._lowest = self._highest = float(state.position[0])
+    def _scenery(self) -> Entities:
         return [
             *_sleeve(),
             *_bird(),
@@ -68,12 +57,9 @@ class WoodpeckerRecorder(StepRecorder):
             (f"{BODIES}/spring", rr.LineStrips3D.from_fields(colors=[BRASS], radii=[2.5e-4])),
         ]
 
-    def _follow(self, step: Step) -> None:
-        height = float(step.state.position[0])
-        self._lowest, self._highest = min(self._lowest, height), max(self._highest, height)
-
     def _bodies(self, state: State) -> Entities:
         height, sleeve, bird = state.position
+        self._lowest, self._highest = min(self._lowest, float(height)), max(self._highest, float(height))
         centre = _bird_centre(state.position)
         foot = np.array([toy.SLEEVE_RADIUS, 0.0, height + sleeve * toy.SLEEVE_RADIUS])
         return [
@@ -90,9 +76,6 @@ class WoodpeckerRecorder(StepRecorder):
         weight = (toy.BIRD_MASS + toy.SLEEVE_MASS) * toy.GRAVITY * REFERENCE_SECONDS
         points = _contact_points(step.state.position)[step.contacts.keys]
         return [(IMPULSES, arrows(vectors, points, states, ARROW_LENGTH, weight))]
-
-    def _energies(self, state: State) -> tuple[float, float]:
-        return self._kinetic_energy(state.velocity), toy.potential_energy(state.position)
 
     def _own_curves(self, state: State) -> dict[str, float]:
         return {"angles/sleeve": float(state.position[1]), "angles/bird": float(state.position[2])}

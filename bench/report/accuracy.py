@@ -1,4 +1,4 @@
-"""How soon and how often solvers reach an accuracy, on one problem and over all problems of a run."""
+"""How fast and how often solvers reach an accuracy, on one problem and over all problems of a run."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -90,7 +90,7 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
 
 
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
-    """Return how each solver stands on each problem at each of ``accuracies``, with intervals of the ratios.
+    """Return the standing of each solver on each problem at each of ``accuracies``, with intervals of the ratios.
 
     Columns: problem, accuracy, and those of ``standings``. A run over trajectories has no such table.
     """
@@ -128,16 +128,8 @@ def mean_time(times: FloatArray, limit: float) -> float:
     return float(np.exp(np.mean(np.log(filled + SHIFT_SECONDS))) - SHIFT_SECONDS)
 
 
-def measured_points(frames: RunFrames, case: dict[Any, Any]) -> pd.DataFrame:
-    """Return the points of a case that were attempted."""
-    points = frames.points
-    is_own = (points["problem"] == case["problem"]) & (points["solver"] == case["solver"])
-    chosen: pd.DataFrame = points[is_own & points["total_seconds"].notna()]
-    return chosen
-
-
 def counted_cases(frames: RunFrames) -> pd.DataFrame:
-    """Return the cases that tables count: those that the solver supports, but for what an interrupted run has left."""
+    """Return the cases that tables count: supported ones that were tried to the end of their ladder."""
     cases: pd.DataFrame = frames.cases[(frames.cases["outcome"] != Outcome.UNSUPPORTED) & frames.cases["is_tried"]]
     return cases
 
@@ -159,30 +151,25 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     common = common_problems(cases)
     points = frames.points[frames.points["total_seconds"].notna()]
     limit = frames.info.plan.limits.solve_seconds
-    times = times_to_accuracies(points, levels, limit)
-    excluded = {level: excluded_cases(points, level, limit) for level in levels}
-    compared = {level: common - {problem for problem, _ in excluded[level]} for level in levels}
-    seconds = {level: times[level].to_dict() for level in levels}
-    claimed = {level: claimed_cases(points, level) for level in levels}
-    rows = []
-    for solver in frames.info.plan.solvers:
-        own = cases[cases["solver"] == solver]
-        for problem, model in zip(own["problem"], own["model"], strict=True):
-            case = problem, solver
-            for level in levels:
-                of_level = (
-                    case in claimed[level],
-                    problem in common,
-                    case in excluded[level],
-                    problem in compared[level],
-                )
-                rows.append((solver, model, problem, level, seconds[level].get(case, np.nan), *of_level))
-    columns = ["solver", "model", "problem", "accuracy", "seconds", "claimed", "common", "excluded", "compared"]
-    return pd.DataFrame(rows, columns=columns)
+    times, order = (
+        times_to_accuracies(points, levels, limit),
+        {name: k for k, name in enumerate(frames.info.plan.solvers)},
+    )
+    cases = cases.sort_values("solver", key=lambda names: names.map(order), kind="stable").reset_index(drop=True)
+    names, parts = list(zip(cases["problem"], cases["solver"], strict=True)), []
+    for level in levels:
+        seconds, claimed = times[level].to_dict(), claimed_cases(points, level)
+        excluded = excluded_cases(points, level, limit)
+        of_level: dict[str, Any] = {
+            "seconds": [seconds.get(name, np.nan) for name in names],
+            "claimed": [name in claimed for name in names],
+            "common": cases["problem"].isin(common),
+            "excluded": [name in excluded for name in names],
+            "compared": cases["problem"].isin(common - {problem for problem, _ in excluded}),
+        }
+        parts.append(cases[["solver", "model", "problem"]].assign(accuracy=level, **of_level))
+    return pd.concat(parts).sort_index(kind="stable").reset_index(drop=True)
 
-
-OF_PROBLEM = ("solved", "fastest", "time")
-"""Columns that a table of problems has for each accuracy, whose tag follows."""
 
 OF_ACCURACIES = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
 """Columns that a summary has for each accuracy, whose tag follows."""
@@ -244,32 +231,33 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded), its time [s]
     (``time_1e-04``), and the least judged residual of any, wrong claims left out, with its solver (best).
     """
-    shown = accuracies(frames)
-    tried, counted = attempts(frames, shown), counted_cases(frames)["problem"].value_counts()
-    points = frames.points[frames.points["outcome"] != Outcome.WRONG]
-    rows = []
-    for problem, cases in frames.cases.groupby("problem", sort=False):
-        row = dict(cases.iloc[0][["problem", "family", "n_contacts", "n_rows"]])
-        row["solvers"] = int(counted.get(problem, 0))
-        for accuracy in shown:
-            reached = tried[(tried["problem"] == problem) & (tried["accuracy"] == accuracy)].dropna(subset="seconds")
-            compared = reached.iloc[:0] if reached["excluded"].any() else reached
-            values = (len(reached), *_least(compared, "seconds"))
-            row |= {f"{kind}_{accuracy_tag(accuracy)}": value for kind, value in zip(OF_PROBLEM, values, strict=True)}
-        own = points[points["problem"] == problem].dropna(subset="residual")
-        best, residual = _least(own, "residual")
-        rows.append(row | {"residual": residual, "best": best})
-    of_accuracies = [f"{kind}_{accuracy_tag(accuracy)}" for accuracy in shown for kind in OF_PROBLEM]
-    columns = ["problem", "family", "n_contacts", "n_rows", "solvers", *of_accuracies, "residual", "best"]
-    return pd.DataFrame(rows, columns=columns)
+    table = frames.cases.drop_duplicates("problem")[["problem", "family", "n_contacts", "n_rows"]].reset_index(
+        drop=True
+    )
+    names, shown = table["problem"], accuracies(frames)
+    table["solvers"] = _counts(names, counted_cases(frames)["problem"])
+    tried = attempts(frames, shown).dropna(subset="seconds")
+    for accuracy in shown:
+        tag, reached = accuracy_tag(accuracy), tried[tried["accuracy"] == accuracy]
+        disturbed = reached["problem"][reached["excluded"].astype(bool)]
+        least = _least(reached[~reached["problem"].isin(disturbed)], "seconds")
+        table[f"solved_{tag}"] = _counts(names, reached["problem"])
+        table[f"fastest_{tag}"] = [least["solver"].get(name, "") for name in names]
+        table[f"time_{tag}"] = names.map(least["seconds"])
+    trusted = frames.points[frames.points["outcome"] != Outcome.WRONG].dropna(subset="residual")
+    best = _least(trusted, "residual")
+    solvers = [best["solver"].get(name, "") for name in names]
+    return table.assign(residual=names.map(best["residual"]), best=solvers)
 
 
-def _least(rows: pd.DataFrame, column: str) -> tuple[str, float]:
-    """Return the solver of the row with the least number in a column, and that number; empty and NaN without rows."""
-    if rows.empty:
-        return "", np.nan
-    least = rows.iloc[int(rows[column].argmin())]
-    return str(least["solver"]), float(least[column])
+def _counts(names: "pd.Series[str]", found: "pd.Series[str]") -> "pd.Series[int]":
+    """Return how often each name is found."""
+    return names.map(found.value_counts()).fillna(0).astype(int)
+
+
+def _least(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Return the row of each problem with the least number in a column."""
+    return rows.sort_values(column, kind="stable").drop_duplicates("problem").set_index("problem")
 
 
 def compares_all(summary: pd.DataFrame) -> bool:

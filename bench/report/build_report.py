@@ -1,4 +1,4 @@
-"""What a run has to show, as frames and as files."""
+"""The report of a run: its tables, charts and page."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,15 +17,15 @@ from .tables import results_table, write_tables
 
 @dataclass(frozen=True)
 class Report:
-    """What a run has to show.
+    """The tables, charts and page of a run.
 
     Attributes:
         results: time to accuracy and ending of each case.
         summary: success and mean time of each solver; in a run over trajectories, its points.
         tables: the files that hold both.
-        charts: the files of the charts; none if they were not drawn.
-        page: the page; None if it was not made.
-        unwritten: why files are missing, in one sentence; empty if none is.
+        charts: the files of the charts; empty if none were drawn.
+        page: the page; None if there is none.
+        unwritten: a sentence about files that cannot be written; empty if all are.
     """
 
     results: pd.DataFrame
@@ -63,37 +63,27 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
             such view of profiles.
     """
     check_view(profiles)
-    folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
+    folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
     tables, drawn, written, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
     if baseline and not has_profiles:
         raise BenchError(f"{frames.folder} has no speed-ups; leave `baseline` out.")
     against = baseline_of(frames, baseline) if has_profiles else ""
     for place in ("tables", "charts"):
-        refuse_links_out(folder / place, frames.folder)
+        refuse_links_out(folder / place, frames.output_folder)
     try:
         tables = write_tables(frames, folder / "tables")
         if charts:
-            drawn = _draw(frames, against, folder / "charts", profiles)
+            from .charts.problems import write_charts  # altair takes a second to import
+            from .charts.profiles import write_profiles
+
+            drawn = write_charts(frames, folder / "charts")
+            drawn += write_profiles(frames, against, folder / "charts", profiles) if against else []
         if page and has_profiles:
-            written = _write_page(frames, against)
+            from .page.assembly import write_page
+
+            written = write_page(frames, against)
     except UnwritableError as error:
         unwritten = str(error)
     summary = points_table(frames) if frames.is_study else summary_table(frames)
     return Report(results_table(frames), summary, tables, drawn, written, unwritten)
-
-
-def _draw(frames: RunFrames, against: str, folder: Path, view: str) -> list[Path]:
-    """Draw the charts of a run, with profiles if it has a baseline; altair takes a second to import."""
-    from .charts.problems import write_charts
-    from .charts.profiles import write_profiles
-
-    drawn = write_charts(frames, folder)
-    return [*drawn, *write_profiles(frames, against, folder, view)] if against else drawn
-
-
-def _write_page(frames: RunFrames, against: str) -> Path:
-    """Write the page of a run, whose charts need altair too."""
-    from .page.assembly import write_page
-
-    return write_page(frames, against)

@@ -1,6 +1,6 @@
-"""Numbers of tables as the texts of their cells: times in units, counts of counts, marks of what is fastest."""
+"""Cells of tables as texts: times with units, counts, and marks of the fastest times."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,8 +39,8 @@ def summary_tags(summary: pd.DataFrame) -> list[str]:
     return [key.removeprefix("success_") for key in summary.columns if key.startswith("success_")]
 
 
-def _standings(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
-    """Return how the cells of a table of results stand, by index and head."""
+def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
+    """Return the standing of each time in a table of results, by index and head."""
     columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
     known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
     return {
@@ -50,13 +50,8 @@ def _standings(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, s
     }
 
 
-def fastest_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> set[tuple[Any, str]]:
-    """Return index and head of the cells whose times win."""
-    return {cell for cell, standing in _standings(results, ratios).items() if standing == "fastest"}
-
-
 def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
-    """Return ratios and their intervals in texts."""
+    """Return ratios and their intervals as texts."""
     shown = ratios[["problem", "solver", "standing"]].copy()
     shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
     shown.insert(3, "time", ratios["seconds"].map(duration))
@@ -66,11 +61,10 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_results(
-    results: pd.DataFrame, is_study: bool = False, ratios: pd.DataFrame | None = None, bold: str = "{}"
+    results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results in texts, times that tie with the least marked, and those of winners as ``bold`` has them."""
+    """Return results as texts: times that tie with the least have a mark, and the fastest ones the form ``bold``."""
     times = time_columns(results)
-    standing = {} if ratios is None else _standings(results, ratios)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     both = zip(results["reason"], results["notes"], strict=True)
     shown = results.assign(reason=["; ".join(filter(None, texts)) for texts in both]).drop(columns="notes")
@@ -78,7 +72,7 @@ def shown_results(
     for head in times:
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
         cells = zip(shown.index, shown[head].map(duration), strict=True)
-        shown[head] = [forms.get(standing.get((index, head), ""), "{}").format(text) for index, text in cells]
+        shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
     for head, form in (("residual", ".0e"), ("iter.", ".0f")):
         shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
     if is_study:
@@ -87,7 +81,7 @@ def shown_results(
 
 
 def shown_points(points: pd.DataFrame) -> pd.DataFrame:
-    """Return the points of a study in texts."""
+    """Return the points of a study as texts."""
     shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
     for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
@@ -99,22 +93,21 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(why=points["reason"])
 
 
-def shown_summary(summary: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
-    """Return the summary in texts, of the accuracies with these tags, else of all."""
+def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
+    """Return the summary as texts, of the accuracy with this tag, else of all with their tags in the heads."""
     shown = summary[["solver", "model"]].copy()
-    means = shown_means(summary)
-    for tag in tags or summary_tags(summary):
-        for head, share in (("says", f"success_{tag}"), ("true", f"correct_{tag}")):
+    for one in [tag] if tag else summary_tags(summary):
+        of = "" if tag else f" {one}"
+        for head, share in (("claimed", f"success_{one}"), ("confirmed", f"correct_{one}")):
             pairs = zip(summary[share], summary["problems"], strict=True)
-            shown[f"{head}\n{tag}"] = [f"{round(value * number)}/{number}" for value, number in pairs]
-        for head, key in means.items():
-            lines = [*head.split(" ", 1), tag]
-            shown["\n".join(lines)] = _means(summary, key, tag)
+            shown[head + of] = [f"{round(value * number)}/{number}" for value, number in pairs]
+        for head, key in shown_means(summary).items():
+            shown[head + of] = _means(summary, key, one)
     return shown.assign(wrong=summary["wrong"])
 
 
 def _means(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
-    """Return mean times in texts, each with the number of its problems where excluded times leave fewer."""
+    """Return mean times as texts, each with the number of its problems where excluded times leave fewer."""
     number, most = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
     columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[most]
     return [
@@ -124,7 +117,7 @@ def _means(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
 
 
 def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
-    """Return problems in texts: how many solve each to which accuracy in what least time, and who to the finest."""
+    """Return problems as texts: how many solvers reach each accuracy, the least time, and the fastest solver."""
     shown = problems[["problem", "family"]].assign(contacts=problems["n_contacts"].astype(str))
     fastest = pd.Series("–", index=problems.index)
     for key in problems.columns[problems.columns.str.startswith("solved_")]:
@@ -137,7 +130,7 @@ def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
-    """Return how much of each family a solver solves and its mean time there, solvers down, families across."""
+    """Return the solved problems and mean times of each solver (rows) in each family (columns)."""
     rows: dict[str, dict[str, str]] = {solver: {} for solver in solvers if solver in set(table["solver"])}
     chosen, heads = tags or summary_tags(table), dict[str, None]()
     for row in table.to_dict("records"):

@@ -12,7 +12,7 @@ from ...problems.errors import ProxbenchError
 from ...problems.exchange.catalog import load
 from ...problems.hard import CASE_GROUPS
 from ..store.outcome import BAD_OUTCOMES, Cell, Outcome
-from .layout.text import inline, markdown_table
+from .layout.text import counted, inline, markdown_table
 
 MARKS = {
     Outcome.SOLVED: "✓",
@@ -38,7 +38,7 @@ MAX_REASON_LENGTH = 160
 _PAGE = """\
 # What each solver can solve
 
-{state}{n_problems} problems, {n_solvers} solvers, {n_cells} cells. A cell is solved if the judged residual is at most \
+{state}{counts}. A cell is solved if the judged residual is at most \
 {tolerance:g}. The command `{command}` writes this page; time limits depend on the machine.
 
 {summary}
@@ -86,9 +86,8 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
     grid = _FAMILIES.format(table=table, counts=_family_counts(found)) if table else _GRID.format(cells=_grid(found))
     return _PAGE.format(
         state=state,
-        n_problems=found["problem"].nunique(),
-        n_solvers=found["solver"].nunique(),
-        n_cells=len(found),
+        counts=f"{counted(found['problem'].nunique(), 'problem')}, {counted(found['solver'].nunique(), 'solver')}, "
+        f"{counted(len(found), 'cell')}",
         tolerance=tolerance,
         command=command,
         summary=_summary(found),

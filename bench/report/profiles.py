@@ -12,6 +12,7 @@ evaluations.
 """
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,7 @@ from ..store.ratios import reaching
 from .accuracy import common_problems, counted_cases, excluded_cases, families, summary_accuracies, within
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
-"""Judged residuals that profiles are of, as far as the tolerances of the run reach."""
+"""Judged residuals of profiles, as far as the tolerances of the run reach."""
 
 RESIDUALS = tuple(float(f"1e-{power}") for power in range(2, 13))
 """Judged residuals ε of an accuracy profile."""
@@ -38,7 +39,7 @@ ALL = "all problems"
 """What the column of families has for all of them together."""
 
 COMMON, EVERY = VIEWS = ("common", "all")
-"""Problems that profiles are over: those that all solvers support which support any, or all."""
+"""Problems that profiles cover: those that all solvers support, or all. Solvers that support none do not count."""
 
 
 _LABELS = ["accuracy", "family", "view"]
@@ -50,7 +51,7 @@ _COLUMNS = {
     "accuracy": ["family", "view", "solver", "residual", "share", "problems"],
     "speedup": ["accuracy", "family", "solver", "problem", "speedup", "baseline"],
 }
-"""Columns of profiles, for those without a row."""
+"""Columns of profiles."""
 
 
 def check_view(name: str) -> None:
@@ -195,18 +196,23 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
         for accuracy in profile_accuracies(frames):
             seconds = seconds_matrix(frames, accuracy)
             seconds = seconds[seconds.index.isin(own)]
-            faster = speedups(seconds, baseline).assign(baseline=baseline)
-            parts["speedup"].append(_labelled(faster, accuracy=accuracy, family=family))
+            faster = speedups(seconds, baseline)
+            parts["speedup"].append(faster.assign(accuracy=accuracy, family=family, baseline=baseline))
             for view, shown in _views(frames, seconds):
                 for name, profile in kinds.items():
-                    rows = profile(shown).assign(problems=len(shown))
-                    parts[name].append(_labelled(rows, accuracy=accuracy, family=family, view=view))
+                    labels: dict[str, Any] = {
+                        "accuracy": accuracy,
+                        "family": family,
+                        "view": view,
+                        "problems": len(shown),
+                    }
+                    parts[name].append(profile(shown).assign(**labels))
         for view, shown in _views(frames, residual_matrix(frames).loc[own]):
-            rows = accuracy_profile(shown).assign(problems=len(shown))
-            parts["accuracy"].append(_labelled(rows, family=family, view=view))
+            rows = accuracy_profile(shown)
+            parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(shown)))
     return {
-        name: pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=_COLUMNS[name])
-        for name, found in parts.items()
+        name: pd.concat(found, ignore_index=True)[columns] if (found := parts[name]) else pd.DataFrame(columns=columns)
+        for name, columns in _COLUMNS.items()
     }
 
 
@@ -228,12 +234,6 @@ def _parts(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
     yield ALL, problems.index
     for family in families(frames):
         yield family, problems.index[problems == family]
-
-
-def _labelled(profile: pd.DataFrame, **labels: str | float) -> pd.DataFrame:
-    for place, (name, value) in enumerate(labels.items()):
-        profile.insert(place, name, value)
-    return profile
 
 
 def _largest(values: pd.DataFrame) -> float:

@@ -1,4 +1,4 @@
-"""The points of a run over trajectories: what each step or tolerance costs, and how far off it is in each quantity."""
+"""The points of a run over trajectories: what each step or tolerance costs, and its error in each quantity."""
 
 import numpy as np
 import pandas as pd
@@ -26,22 +26,22 @@ _COSTS = (
 )
 
 STILL = 1e-6
-"""Way of a coordinate, over what errors are related to, below which nothing moves."""
+"""Path of a coordinate, relative to the scale of errors, below which nothing moves."""
 
 WORDS = {
     "limit cycle": "error after one period of the limit cycle, of the range of each coordinate",
     "end position": "error of the last position, over the longest way of a coordinate",
     "aggregates": "deviation of means over the second half from those of the reference, relative",
 }
-"""What the errors of a problem are."""
+"""The meaning of errors, by their kind."""
 
 
 def points_table(frames: RunFrames) -> pd.DataFrame:
-    """Return one row a point and quantity, or a point that came to no end.
+    """Return one row for each point and quantity, or for each point without a result.
 
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
     and its high end, total_seconds (median wall time [s]), is_excluded (whether it is of excluded rounds alone),
-    iterations (median of one-step solves), repeats (members that came to an end), failed_members, unsolved_steps,
+    iterations (median of one-step solves), repeats (members that finished), failed_members, unsolved_steps,
     outcome, reason.
     """
     return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
@@ -50,7 +50,7 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def headline(plan: PlanRecord, problem: str) -> str:
-    """Return what a problem is and how its steps start, in one line."""
+    """Return one line about a trajectory: its duration, how steps start, and what errors mean."""
     trajectory, starts = plan.trajectory(problem), ", ".join(dict.fromkeys(one.start for one in plan.methods))
     return f"{trajectory.name} · {trajectory.duration:g} s · {starts} starts · {WORDS[trajectory.error]}"
 

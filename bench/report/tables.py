@@ -4,17 +4,14 @@ import io
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from ...problems.contact.solver import Status
 from ..store.condition import basis, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
-from ..store.outcome import FAULTS, Cell, Outcome, claim_reason
+from ..store.outcome import FAULTS, Cell, Outcome
 from .accuracy import (
     accuracies,
     accuracy_tag,
@@ -22,7 +19,6 @@ from .accuracy import (
     excluded_times,
     families,
     families_table,
-    measured_points,
     problems_table,
     ratios_table,
     summary_table,
@@ -30,19 +26,20 @@ from .accuracy import (
 )
 from .cells import (
     TIME,
-    fastest_cells,
     shown_families,
     shown_points,
     shown_problems,
     shown_ratios,
     shown_results,
     shown_summary,
+    standings_of_cells,
     summary_tags,
     time_columns,
 )
+from .endings import CASE, attempted_points, case_endings
 from .layout.output_file import write_file
-from .layout.terminal_table import hanging, narrowest, print_table
-from .layout.text import counted, csv_content, inline, latex_table, markdown_table
+from .layout.terminal_table import abreast, hanging, print_table
+from .layout.text import counted, csv_content, inline, latex_table, markdown_frame
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
@@ -70,22 +67,18 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
     outcome, reason, notes (of the finest point that has any).
     """
-    shown = {TIME + accuracy_tag(accuracy): accuracy for accuracy in accuracies(frames)}
-    times = times_to_accuracies(frames.points, list(shown.values()), frames.info.plan.limits.solve_seconds)
-    seconds, rows = {key: times[accuracy].to_dict() for key, accuracy in shown.items()}, []
-    for case in frames.cases.to_dict("records"):
-        measured = measured_points(frames, case)
-        row = {key: case[key] for key in _CASE_COLUMNS}
-        row |= {key: least.get((case["problem"], case["solver"]), np.nan) for key, least in seconds.items()}
-        trusted = measured[measured["outcome"] != Outcome.WRONG]
-        row["residual"], row["iterations"] = np.nan, np.nan
-        if len(trusted):
-            best = trusted.iloc[int(trusted["residual"].argmin())]
-            row["residual"], row["iterations"] = float(best["residual"]), float(best["iterations"])
-        row["outcome"], row["reason"] = ending(case, measured)
-        row["notes"] = case_notes(measured)
-        rows.append(row)
-    return pd.DataFrame(rows, columns=[*_CASE_COLUMNS, *shown, "residual", "iterations", "outcome", "reason", "notes"])
+    times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
+    cases = frames.cases[list(_CASE_COLUMNS)]
+    names = list(zip(cases["problem"], cases["solver"], strict=True))
+    seconds = {
+        TIME + accuracy_tag(accuracy): pd.Series(times[accuracy].to_dict(), dtype=float).reindex(names).to_numpy()
+        for accuracy in accuracies(frames)
+    }
+    trusted = attempted_points(frames)
+    trusted = trusted[trusted["outcome"] != Outcome.WRONG].sort_values("residual", kind="stable")
+    best = trusted.drop_duplicates(CASE)[[*CASE, "residual", "iterations"]]
+    table = cases.assign(**seconds).merge(best, how="left", on=CASE)
+    return table.astype({"residual": float, "iterations": float}).assign(**case_endings(frames).reset_index(drop=True))
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
@@ -102,7 +95,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     for name, frame, shown, note in _tables(frames):
         parquet = io.BytesIO()
         frame.to_parquet(parquet, index=False)
-        page = _markdown_head(frames) + _markdown(shown(frame)) + note
+        page = _markdown_head(frames) + markdown_frame(shown(frame)) + note
         contents = {
             "csv": csv_content(frame),
             "parquet": parquet.getvalue(),
@@ -117,9 +110,10 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 
 def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
     """Return the tables of a run: name, numbers, how they are shown, and a note below."""
-    ratios = _standings(frames)
-    shown = partial(shown_results, is_study=frames.is_study, ratios=ratios, bold="**{}**")
-    results = ("results", results_table(frames), shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
+    ratios, table = _standings(frames), results_table(frames)
+    standings = standings_of_cells(table, ratios)
+    shown = partial(shown_results, standings=standings, is_study=frames.is_study, bold="**{}**")
+    results = ("results", table, shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
     if frames.is_study:
         return [results, ("points", points_table(frames), shown_points, "")]
     summary = summary_table(frames)
@@ -173,12 +167,12 @@ def print_tables(frames: RunFrames, console: Console) -> None:
 
 
 def print_first_look(frames: RunFrames, console: Console) -> None:
-    """Print the tables of the problems of a run that goes on, without notes."""
+    """Print the tables of the problems of an unfinished run, without notes."""
     _print_each_problem(frames, results_table(frames), console, ())
 
 
 def _standings(frames: RunFrames) -> pd.DataFrame:
-    """Return how times stand; in a study, whose times have no ratios, the excluded ones alone."""
+    """Return the standings of times; in a study, whose times have no ratios, only those of excluded times."""
     return excluded_times(frames) if frames.is_study else ratios_table(frames)
 
 
@@ -186,11 +180,13 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
     """Print a table of each problem, and below it the cases that ended as one of ``noted`` and the notes of others."""
     ratios = _standings(frames)
     for problem, rows in results.groupby("problem", sort=False):
-        shown = shown_results(rows, frames.is_study, ratios)
+        standings = standings_of_cells(rows, ratios)
+        shown = shown_results(rows, standings, frames.is_study)
         shown = shown.drop(columns=["problem", "family", "contacts", "why"], errors="ignore")
         console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
         optional = ("iter.", "solves", "residual", "error", "ended")
-        print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest_cells(rows, ratios))
+        fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
+        print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
             ended = f"{row['outcome']}, {row['reason']}" if row["outcome"] in noted else ""
             if ended or row["notes"]:
@@ -204,7 +200,7 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
 
 def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
     """Print one row a problem, by families, and below them the faults."""
-    title = "who solves what: solvers that reach it, of those that support the problem, the least time, and whose it is"
+    title = "problems: how many of the supporting solvers reach each accuracy, the least time, and the fastest solver"
     console.print(Text(title, style="bold"))
     shown = shown_problems(problems_table(frames))
     print_table(console, shown, words=("problem", "family"), optional=("contacts", "residual", "family"))
@@ -223,7 +219,7 @@ def _print_families(frames: RunFrames, console: Console) -> None:
     table = families_table(frames)
     for tag in summary_tags(table):
         cells = shown_families(frames.info.plan.solvers, table, [tag])
-        for names in _abreast(cells, console.width):
+        for names in abreast(cells, console.width):
             console.print(Text(f"by family, to {tag}", style="bold"))
             print_table(console, cells[["solver", *names]])
             console.print()
@@ -231,29 +227,13 @@ def _print_families(frames: RunFrames, console: Console) -> None:
     console.print()
 
 
-def _abreast(cells: pd.DataFrame, width: int) -> list[list[str]]:
-    """Return the columns beside that of the solvers in groups that fit side by side."""
-    room = width - max(map(narrowest, cells["solver"])) - 2
-    groups: list[list[str]] = []
-    left = 0
-    for name in cells.columns.drop("solver"):
-        size = max(len(line) for text in (name, *cells[name]) for line in text.splitlines()) + 2
-        if not groups or size > left:
-            groups.append([])
-            left = room
-        groups[-1].append(name)
-        left -= size
-    return groups
-
-
 def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Console) -> None:
-    """Print the summary over so many problems: one table, or one an accuracy where each solver has two means."""
+    """Print the summary over so many problems, a table for each accuracy."""
     of_suite = f" of {suite}" if suite else ""
-    title, tags = f"all {count} problems{of_suite}" if count > 1 else "summary", summary_tags(summary)
-    for shown in [tags] if compares_all(summary) else [[tag] for tag in tags]:
-        to = "" if shown == tags else f", to {shown[0]}"
-        console.print(Text(title + to, style="bold"))
-        print_table(console, shown_summary(summary, shown), words=("model",), optional=("wrong",))
+    title = f"all {count} problems{of_suite}" if count > 1 else "summary"
+    for tag in summary_tags(summary):
+        console.print(Text(f"{title}, to {tag}", style="bold"))
+        print_table(console, shown_summary(summary, tag), words=("model",), optional=("wrong",))
         console.print()
 
 
@@ -263,36 +243,9 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
     return f"{problem} · {counted(contacts, 'contact')}"
 
 
-def ending(case: dict[Any, Any], measured: pd.DataFrame) -> tuple[str, str]:
-    """Return how a case ended: its fault, else the worst of what its ladder shows, with the reason in words."""
-    if case["outcome"] != Outcome.MEASURED:
-        return str(case["outcome"]), str(case["reason"])
-    for outcome in (Outcome.WRONG, Outcome.RELAXED):
-        if len(claims := measured[measured["outcome"] == outcome]):
-            first = claims.iloc[0]
-            if first["status"] == Status.INFEASIBLE:
-                return outcome.value, str(first["reason"])
-            return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
-    if not case["is_tried"]:
-        reached = f"below {measured['tolerance'].iloc[-1]:.0e}" if len(measured) else "yet"
-        return Outcome.UNFINISHED.value, f"not measured {reached}"
-    if measured.empty:
-        return str(case["outcome"]), str(case["reason"])
-    last = measured.iloc[-1]
-    if last["outcome"] == Outcome.SOLVED:
-        return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"
-    return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
-
-
-def case_notes(measured: pd.DataFrame) -> str:
-    """Return the notes of the finest point of a case that has any; empty if none has."""
-    noted = measured[measured["notes"] != ""]
-    return "" if noted.empty else f"at {noted['tolerance'].iloc[-1]:.0e}: {noted['notes'].iloc[-1]}"
-
-
 def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
     columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
-    least = f", preparing included, to that {frames.residual} residual"
+    least = f", including preparation, to that {frames.residual} residual"
     least = " of a simulation, to that error" if frames.is_study else least
     times = f"{columns} the least median time{least}; – means never reached."
     times += "" if frames.is_study else f" {_MARKS}"
@@ -311,19 +264,14 @@ def _summary_legend(summary: pd.DataFrame) -> str:
     else:
         means = f"no problem is supported by all these solvers, so no means compare; {own}"
     return (
-        "says: how many of the problems that the solver supports it claims to solve; true: how many the judge "
-        f"confirms; {means}{fewer if _has_fewer(summary) else ''}"
+        "claimed: supported problems that the solver claims to solve; confirmed: those that the judge confirms; "
+        f"{means}{fewer if _has_fewer(summary) else ''}"
     )
 
 
 def _markdown_head(frames: RunFrames) -> str:
     """Return the state of a run as paragraphs above a table."""
     return "".join(f"{inline(sentence)}\n\n" for sentence in run_state(frames))
-
-
-def _markdown(shown: pd.DataFrame) -> str:
-    heads = [str(column).replace("\n", " ") for column in shown.columns]
-    return markdown_table(map(inline, heads), shown.map(inline).itertuples(index=False))
 
 
 def _has_fewer(summary: pd.DataFrame) -> bool:

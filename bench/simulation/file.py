@@ -4,9 +4,9 @@ about            JSON: kind and format of the file, and the fields of ``Simulati
 steps            one row an accepted step, see ``step_row.StepRow``
 switches         one row a switching point, see ``trajectory.SWITCH``
 state_…          states, the last of which a resumed simulation starts from, see ``kept_states``
-closed, sticking keys of the contacts that are so after the last step, where the stepper looks at them
+closed, sticking keys of such contacts after the last step, where the stepper determines them
 
-Every write replaces the whole file, so whatever happens, the last complete one is there.
+Every write replaces the whole file at once, so that there is always a complete one.
 """
 
 import json
@@ -44,27 +44,27 @@ ABOUT = "about"
 """The name of the JSON among the arrays."""
 
 KIND = "proxbench simulation"
-"""What a file says it is."""
+"""The kind of file, as stored in it."""
 
 FORMAT = 6
 """Version of the content."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
-"""What content that Proxbench did not write may raise where it is read."""
+"""Exceptions that reading content raises which Proxbench did not write."""
 
 
 class SimulationRecord(Record, frozen=True, kw_only=True):
-    """What a result file says of itself, beside its kind and format.
+    """The description of a simulation in its result file, beside kind and format.
 
     Attributes:
         version: of the framework.
         plan: what is simulated, and how.
         plugins: the names that it has from plugins.
-        segments: which settings made which steps.
-        statuses: what the statuses of steps are indices into.
+        segments: the settings that made the steps.
+        statuses: texts by the stored status of a step.
         wall_seconds: wall time of everything [s].
         failure: why a step failed, None if none did.
-        beside: chart and recording, as seen from the folder of the file.
+        outputs: chart and recording, relative to the folder of the file.
         doublings: of the spacing of states, see ``kept_states``.
     """
 
@@ -173,7 +173,7 @@ def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:
 
 
 def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -> None:
-    """Raise an error if an array has another type than rows of it have, or an index in it leads nowhere."""
+    """Raise an error if an array has the wrong type, or an index in it is out of range."""
     steps = step_columns(simulation.plan.scene)
     for name, dtype in {"steps": steps, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
         if content[name].dtype != dtype or content[name].ndim != 1:
@@ -203,7 +203,7 @@ def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
-    """Return what a file says of itself, if it is of the kind and format that this version reads."""
+    """Return the description in a file, if it is of the kind and format that this version reads."""
     try:
         about = json.loads(content[ABOUT].tobytes().decode())
     except _UNREADABLE:
@@ -211,13 +211,15 @@ def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
     if not isinstance(about, dict) or not str(about.get("kind")).startswith(KIND):
         raise _foreign(path)
     if about["kind"] != KIND or about.get("format") != FORMAT:
-        raise BenchError(f"{path} has format {about.get('format')}, this version reads format {FORMAT}; simulate anew.")
+        raise BenchError(
+            f"{path} has format {about.get('format')}, this version reads format {FORMAT}; simulate again."
+        )
     return about
 
 
 def _foreign(path: Path) -> BenchError:
-    return BenchError(f"{path} is no result file of a simulation; name a file that proxbench simulate wrote.")
+    return BenchError(f"{path} is not a result file of a simulation; name a file that proxbench simulate wrote.")
 
 
 def _damaged(path: Path) -> BenchError:
-    return BenchError(f"{path} is damaged; remove it and simulate anew.")
+    return BenchError(f"{path} is damaged; remove it and simulate again.")

@@ -1,4 +1,4 @@
-"""What is stored of how steps were made: segments of steps under the same settings, and the step that failed."""
+"""Records of how steps were made: segments of steps under the same settings, and the step that failed."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -18,7 +18,7 @@ class Segment(Record, frozen=True, kw_only=True):
         first: index of its first step, from 0; it ends where the next segment begins.
         stepper: the stepper with its step size.
         solver: the solver.
-        tolerance: judged residual that each step shall reach.
+        tolerance: residual, as judged, that each step must reach.
         max_iterations: limit of the solver in one step.
         start: what each solve started from.
     """
@@ -38,14 +38,8 @@ class Segment(Record, frozen=True, kw_only=True):
 
 def planned_segment(plan: SimulationPlan, first: int) -> Segment:
     """Return the segment that begins at index ``first`` under the settings of ``plan``."""
-    return Segment(
-        first=first,
-        stepper=plan.stepper.name,
-        solver=plan.solver.name,
-        tolerance=float(plan.tolerance),
-        max_iterations=int(plan.max_iterations),
-        start=plan.start,
-    )
+    record = structs.asdict(plan.record)
+    return Segment(first=first, **{name: record[name] for name in Segment.__struct_fields__ if name != "first"})
 
 
 def extended(segments: tuple[Segment, ...], plan: SimulationPlan, first: int) -> tuple[Segment, ...]:

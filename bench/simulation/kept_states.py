@@ -1,8 +1,8 @@
-"""Which states of a simulation are kept: evenly over simulated time, while it is not known yet how long it will be.
+"""The states of a simulation that are kept: evenly over simulated time, before its length is known.
 
-Time is divided in cells of 2^k base spacings, and the first state in each cell is kept. Where that would make more than
-2N states, k grows by one: two cells become one, of which the first state stays. What is kept depends on the states
-alone, not on where the simulation was interrupted. Marked states stay beside these.
+Time is divided into cells of 2^k base spacings, and the first state in each cell is kept. When there are more than 2N
+states, k grows by one: two cells become one, of which the first state stays. What is kept depends on the states alone,
+not on where the simulation was interrupted. Marked states are kept in addition.
 
 As arrays of a result file they are
 

@@ -1,4 +1,4 @@
-"""The chart and the recording of a result, which are rewritten while the simulation runs."""
+"""The chart and the recording of a simulation: where they are, and that they can be written."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -51,12 +51,12 @@ def _inside(stored: str | None, result: Path) -> Path | None:
 def choose_outputs(
     own: SimulationOutputs, chart: Path | None, recording: Path | None, force: bool
 ) -> SimulationOutputs:
-    """Return where chart and recording will be: where they are wanted, or else where they were.
+    """Return where chart and recording will be: the requested places, or else the present ones.
 
     Args:
         own: those that the simulation has, which are replaced in any case.
-        chart: the chart that is wanted.
-        recording: the recording that is wanted.
+        chart: the requested chart.
+        recording: the requested recording.
         force: replace others.
 
     Raises:
@@ -76,10 +76,10 @@ def choose_outputs(
 
 
 def write_recording(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
-    """Make the recording of what is stored in ``result``, if it shall have one; return its file.
+    """Make the recording of ``result``, if it has one, and return its file.
 
     Raises:
-        BenchError: if that fails, for whatever reason; it says how to make it later.
+        BenchError: if that fails for any reason, with the command that makes it later.
     """
     if recording is None:
         return []

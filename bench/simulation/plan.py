@@ -1,4 +1,4 @@
-"""What a simulation is: scene, stepper, duration and solver, all checked before anything starts."""
+"""The plan of a simulation: scene, stepper, duration and solver, checked before anything starts."""
 
 import math
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote
 from ..store.fields import Count, Positive, Record, Tolerance
 from .kept_states import STATES
-from .starts.registry import DEFAULT_START, check_start, default_start, make_step_solver
+from .starts import DEFAULT_START, StepSolver, check_start, default_start
 
 
 class _Default(NamedTuple):
@@ -32,19 +32,19 @@ class _Default(NamedTuple):
 
 
 _MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
-"""The fastest way to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
+"""The fastest solver to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
 
 _FEW_CONTACTS = _Default("Fallback(SORprox, Robust)", 1e-10, 5000)
-"""A few contacts afford more accuracy, and need no relaxation above 1; what sweeps leave is solved by other methods."""
+"""A few contacts allow more accuracy and need no relaxation above 1; other methods solve what sweeps cannot."""
 
 _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
-"""Switching points are found from forces, which lose as many digits as a step is shorter than the others."""
+"""Switching points are located from forces, which lose as many digits as a step is shorter than the others."""
 
 _EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
 """The laws at events are solved exactly."""
 
 REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "start", "step_seconds")
-"""What a resumed simulation may take other values of: how steps are taken and solved, not what is simulated."""
+"""Settings that a resumed simulation may change: how steps are taken and solved, not what is simulated."""
 
 
 class PlanRecord(Record, frozen=True, kw_only=True):
@@ -64,19 +64,19 @@ class PlanRecord(Record, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class SimulationPlan:
-    """A simulation as it will be carried out.
+    """A simulation to be carried out.
 
     Attributes:
         scene: the scene with its options.
         stepper: takes the steps.
         duration: simulated time [s].
         solver: solves the contact problem of each one-step inclusion.
-        tolerance: judged residual that each of them shall reach.
-        max_iterations: of the solver, in one of them.
+        tolerance: residual, as judged, that each of these solves must reach.
+        max_iterations: limit of the solver in one of them.
         start: what a solve starts from: "warm", "cold" or "warm-then-cold", see ``starts``.
-        states: how many states are kept at least, where there are more; twice as many at most, those at switching
-            points not counted.
-        step_seconds: wall time that a plugin's scene or solver may take for one step [s].
+        states: least number of states that are kept of a longer simulation, and half the largest; those at switching
+            points are not counted.
+        step_seconds: limit of the wall time that a plugin's scene or solver takes for one step [s].
     """
 
     scene: Scene
@@ -111,23 +111,16 @@ class SimulationPlan:
     @property
     def step_solver(self) -> ContactSolver:
         """The solver as steppers take it."""
-        return make_step_solver(self.start, self.solver)
+        return StepSolver(self.solver, self.start)
 
     @property
     def record(self) -> PlanRecord:
         """The plan as plain values, from which ``make_simulation_plan`` makes it again."""
-        return PlanRecord(
-            scene=self.scene.name,
-            options=dict(self.scene.options),
-            stepper=self.stepper.name,
-            duration=float(self.duration),
-            solver=self.solver.name,
-            tolerance=float(self.tolerance),
-            max_iterations=int(self.max_iterations),
-            start=self.start,
-            states=int(self.states),
-            step_seconds=float(self.step_seconds),
-        )
+        values: dict[str, Any] = {"scene": self.scene.name, "options": dict(self.scene.options), "start": self.start}
+        values |= {name: getattr(self, name).name for name in ("stepper", "solver")}
+        values |= {name: float(getattr(self, name)) for name in ("duration", "tolerance", "step_seconds")}
+        values |= {name: int(getattr(self, name)) for name in ("max_iterations", "states")}
+        return PlanRecord(**values)
 
 
 def make_simulation_plan(
@@ -146,8 +139,8 @@ def make_simulation_plan(
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
     Scene, stepper and solver are named with their options, and ``options`` are further ones of the scene; for the
-    numbers see ``SimulationPlan``. Where nothing is said, stepper and duration are the scene's, and solver, tolerance
-    and iterations suit the two.
+    numbers see ``SimulationPlan``. By default, stepper and duration are the scene's, and solver, tolerance and
+    iterations suit the two.
 
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
@@ -195,12 +188,12 @@ def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
 
 
 def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str) -> None:
-    """Compare what is given with the plan of a simulation that is resumed.
+    """Check that given values agree with the plan of a simulation that is resumed.
 
     Args:
         plan: the plan as it was stored.
-        given: by the names of ``PlanRecord``: a scene, with options or without; a stepper, of which only a variable one
-            may be another; states; the rest may differ.
+        given: values by the names of ``PlanRecord``. A scene, with options or without, and ``states`` must be as
+            stored; a variable stepper may be replaced by another variable one; the rest may differ.
         source: what messages call the stored simulation.
 
     Raises:

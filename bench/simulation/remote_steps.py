@@ -1,6 +1,6 @@
-"""The steps of a scene of a plugin, taken as a whole in one process: one request a step, whatever the step needs.
+"""The steps of a plugin's scene, taken in one process with one request per step.
 
-Scene, stepper and solver work there. What was solved comes back with each step, so that the judge works here.
+Scene, stepper and solver run there. The solved problems come back with each step, so that they are judged here.
 """
 
 import time
@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status, Stop
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.plugin_scenes import build_plugin_scene
@@ -20,33 +21,34 @@ from ...problems.motion.state import State
 from ...problems.motion.stepping.midpoint import step_problem
 from ...problems.motion.stepping.registry import make_stepper
 from ...problems.motion.stepping.step import AcceptedStep, LawStates, Step, SwitchingPoint
-from ...problems.motion.stepping.variable_stepper import VariableStepper
-from ...solvers import registry
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
+from ..plugins.describing import solver_spec
 from ..plugins.remote_scene import RemoteSystem
 from ..plugins.remote_solver import RemoteSolver
 from ..plugins.scene_arrays import (
     UNFIT,
     Arrays,
-    checked_keys,
     contact_arrays,
     finite_numbers,
     mass_arrays,
     packed,
     read_contacts,
     read_inverse_mass,
+    read_state,
+    state_arrays,
     unpacked,
 )
+from ..plugins.solver_specs import SolverSpec
 from ..store.fields import Count, Number, Record
 from .plan import SimulationPlan
-from .starts.registry import make_step_solver
-from .step_clock import WarmClock, warm_up
+from .starts import StepSolver
 from .step_row import SceneValues, scene_values
+from .step_times import without_compilation
 
 
 class SolvedRecord(Record, frozen=True, kw_only=True):
-    """A one-step solve, whose arrays stand beside.
+    """A one-step solve without its arrays.
 
     Attributes:
         length: Δt [s].
@@ -62,7 +64,7 @@ class SolvedRecord(Record, frozen=True, kw_only=True):
 
 
 class StepRecord(Record, frozen=True, kw_only=True):
-    """An accepted step, whose arrays stand beside; see ``AcceptedStep`` and ``SceneValues``."""
+    """An accepted step without its arrays; see ``AcceptedStep`` and ``SceneValues``."""
 
     time: Number
     error: Number
@@ -77,30 +79,18 @@ class StepRecord(Record, frozen=True, kw_only=True):
     observed: tuple[float, ...]
 
 
-def moves_in_child(plan: SimulationPlan) -> bool:
-    """Whether the steps of a plan can be taken as a whole in one process: its solver can be made there by its name."""
-    is_named = type(plan.solver).__module__.startswith(f"{registry.__package__}.")
-    return isinstance(plan.scene.system, RemoteSystem) and (is_named or isinstance(plan.solver, RemoteSolver))
-
-
 class RemoteSteps(RenewedWorker):
     """The steps of a plan, taken in a process of their own, which ends with the object."""
 
     def __init__(self, plan: SimulationPlan) -> None:
-        task = StepsTask(
-            plan.scene.name,
-            dict(plan.scene.options),
-            plan.stepper.name,
-            plan.solver.name,
-            plan.start,
-            plan.stop,
-            plan.until,
-        )
+        solver = plan.solver.spec if isinstance(plan.solver, RemoteSolver) else solver_spec(plan.solver)
+        scene, options = plan.scene.name, dict(plan.scene.options)
+        task = StepsTask(scene, options, plan.stepper.name, solver, plan.start, plan.stop, plan.until)
         super().__init__(task, plan.step_seconds)
         self._scene = plan.scene
 
     def steps(self, start: State, states: LawStates | None) -> Iterator[tuple[AcceptedStep, SceneValues]]:
-        """Yield the accepted steps from ``start``, with what the scene says at their ends.
+        """Yield the accepted steps from ``start``, with energies and observables at their ends.
 
         Raises:
             BenchError: if a step fails, or is not answered.
@@ -140,15 +130,13 @@ class RemoteSteps(RenewedWorker):
 
 
 def _read(about: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tuple[AcceptedStep, SceneValues]:
-    """Return a step, and what the scene says at its end."""
-    sizes = (len(begin.position), len(begin.velocity))
+    """Return a step, with energies and observables at its end."""
     velocity, substeps = begin.velocity, []
     for number, one in enumerate(about.solved):
-        own = _part(arrays, f"solve{number}")
-        step = _read_solve(one, own, velocity, sizes)
+        step = _read_solve(one, _part(arrays, f"solve{number}"), velocity, len(begin.position))
         substeps.append((step, one.length))
         velocity = step.state.velocity
-    end = _read_state(about.time, _part(arrays, "end"), sizes)
+    end = read_state(about.time, _part(arrays, "end"), len(begin.position), len(begin.velocity))
     if len(about.observed) != len(scene.observables) or not end.time > begin.time:
         raise ValueError("no step of this scene")
     taken = AcceptedStep(
@@ -165,26 +153,24 @@ def _read(about: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tupl
     return taken, SceneValues(about.kinetic_energy, about.potential_energy, about.observed)
 
 
-def _read_solve(about: SolvedRecord, arrays: Arrays, begin: Any, sizes: tuple[int, int]) -> Step:
-    """Return a one-step solve, whose problem is made here of the system as it was linearised there."""
-    state = _read_state(about.time, arrays, sizes)
+def _read_solve(about: SolvedRecord, arrays: Arrays, begin: FloatArray, n_coordinates: int) -> Step:
+    """Return a one-step solve, whose problem is made here of the system as it was linearised there.
+
+    Args:
+        about: what is no array of it.
+        arrays: the arrays.
+        begin: velocity at its begin, shape (n_dofs,).
+        n_coordinates: number of coordinates.
+    """
+    n_dofs = len(begin)
+    state = read_state(about.time, arrays, n_coordinates, n_dofs)
     if "free_motion" not in arrays:
         return Step(state, None, np.zeros(0), None, None, 0)
-    contacts = read_contacts(arrays, sizes[1])
-    inverse_mass = read_inverse_mass(arrays, sizes[1])
-    assembly = StepAssembly(finite_numbers(arrays["free_motion"], (sizes[1],)), inverse_mass, contacts)
-    problem = step_problem(assembly, contacts, begin)
+    contacts = read_contacts(arrays, n_dofs)
+    free_motion = finite_numbers(arrays["free_motion"], (n_dofs,))
+    problem = step_problem(StepAssembly(free_motion, read_inverse_mass(arrays, n_dofs), contacts), contacts, begin)
     impulses = finite_numbers(arrays["solution"], (problem.n_rows,))
     return Step(state, problem, impulses, contacts, about.status, about.iterations)
-
-
-def _read_state(at: float, arrays: Arrays, sizes: tuple[int, int]) -> State:
-    position, velocity = (
-        finite_numbers(arrays[name], (size,)) for name, size in zip(("position", "velocity"), sizes, strict=True)
-    )
-    keys = checked_keys(arrays["state_keys"])
-    impulses = arrays["state_impulses"]
-    return State(at, position, velocity, keys, finite_numbers(impulses, (len(keys), *impulses.shape[1:2])))
 
 
 def _part(arrays: Arrays, prefix: str) -> Arrays:
@@ -198,7 +184,7 @@ class StepsTask:
     scene: str
     options: dict[str, Any]
     stepper: str
-    solver: str
+    solver: SolverSpec
     start: str
     stop: Stop
     until: float
@@ -217,47 +203,40 @@ class StepsTask:
         if taken is None:
             return {"has_ended": True}, b""
         assert self._made is not None
-        return _described(self._made, taken)
+        record, arrays = _describe(self._made, taken)
+        return {"step": msgspec.to_builtins(record, str_keys=True)}, packed(arrays)
 
     def _begin(self, start: State, states: LawStates | None) -> None:
         self._made = build_plugin_scene(self.scene, self.options)
-        stepper, solver = make_stepper(self.stepper), make_step_solver(self.start, registry.create(self.solver))
+        stepper, solver = make_stepper(self.stepper), StepSolver(self.solver.make(), self.start)
         motion = (self._made, solver, self.stop, start, self.until)
-        if isinstance(stepper, VariableStepper):
-            warm_up(stepper, *motion, states)
-        self._steps = stepper.steps(*motion, states=states, clock=WarmClock())
+        self._steps = without_compilation(stepper.steps(*motion, states=states))
 
 
-def _described(scene: Scene, taken: AcceptedStep) -> tuple[dict[str, Any], bytes]:
+def _describe(scene: Scene, taken: AcceptedStep) -> tuple[StepRecord, Arrays]:
     """Return an accepted step as a record and its arrays."""
-    values = scene_values(scene, taken.end)
-    arrays = {f"end.{name}": one for name, one in _state_arrays(taken.end).items()}
+    arrays = {f"end.{name}": one for name, one in state_arrays(taken.end).items()}
     solved = []
     for number, (step, length) in enumerate(taken.substeps):
-        status = None if step.status is None else str(step.status)
-        solved.append({"length": length, "time": step.state.time, "status": status, "iterations": int(step.iterations)})
+        iterations = int(step.iterations)
+        solved.append(SolvedRecord(length=length, time=step.state.time, status=step.status, iterations=iterations))
         arrays |= {f"solve{number}.{name}": one for name, one in _solve_arrays(step).items()}
-    step_fields = {
-        "time": taken.end.time,
-        "error": float(taken.error),
-        "solved": solved,
-        "switches": [asdict(switch) for switch in taken.switches],
-        "states": {**asdict(taken.states), "slips": {str(key): slip for key, slip in taken.states.slips.items()}},
-        "solves": taken.solves,
-        "rejected": taken.rejected,
-        "seconds": taken.seconds,
-        **asdict(values),
-    }
-    return {"step": step_fields}, packed(arrays)
-
-
-def _state_arrays(state: State) -> Arrays:
-    own = {"position": state.position, "velocity": state.velocity}
-    return {**own, "state_keys": state.keys.astype(np.int64), "state_impulses": state.impulses}
+    record = StepRecord(
+        time=taken.end.time,
+        error=float(taken.error),
+        solved=solved,
+        switches=list(taken.switches),
+        states=taken.states,
+        solves=taken.solves,
+        rejected=taken.rejected,
+        seconds=taken.seconds,
+        **asdict(scene_values(scene, taken.end)),
+    )
+    return record, arrays
 
 
 def _solve_arrays(step: Step) -> Arrays:
-    arrays = _state_arrays(step.state)
+    arrays = state_arrays(step.state)
     if step.problem is None or step.contacts is None:
         return arrays
     factors = step.problem.factors

@@ -1,23 +1,23 @@
-"""Running a simulation: step, judge, note, store now and then, until the end or until it shall stop."""
+"""Run a simulation: step, judge, record, and store at intervals, until it ends or is stopped."""
 
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
 from ...problems.motion.stepping.step import AcceptedStep
-from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ..errors import BenchError, FailedSimulationError
+from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
 from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
-from .remote_steps import RemoteSteps, moves_in_child
-from .step_clock import WarmClock, warm_up
+from .remote_steps import RemoteSteps
 from .step_row import SceneValues, scene_values, step_row
+from .step_times import without_compilation
 from .trajectory import Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
@@ -30,15 +30,24 @@ CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file."""
 
 
+class Hooks(TypedDict, total=False):
+    """What happens around the steps of a simulation; all of it may be left out.
+
+    Attributes:
+        on_step: called after every step, outside the time charged to it.
+        on_progress: called after every step, to show the progress.
+        should_stop: called after every step; returns whether to end before the duration is over.
+        checkpoint_seconds: wall time between two writes of the result file [s].
+    """
+
+    on_step: Sequence[OnStep]
+    on_progress: OnProgress
+    should_stop: Callable[[], bool]
+    checkpoint_seconds: float
+
+
 def simulate(
-    plan: SimulationPlan,
-    output: Path | None = None,
-    *,
-    force: bool = False,
-    on_step: Sequence[OnStep] = (),
-    on_progress: OnProgress = lambda simulation: None,
-    should_stop: Callable[[], bool] = lambda: False,
-    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+    plan: SimulationPlan, output: Path | None = None, *, force: bool = False, **hooks: Unpack[Hooks]
 ) -> Simulation:
     """Simulate from the start.
 
@@ -46,20 +55,17 @@ def simulate(
         plan: what to simulate; ``make_simulation_plan`` makes it.
         output: the result file if it ends in .npz, else the folder for it; nothing is stored if None.
         force: replace a result file that exists.
-        on_step: called after every step, outside the time charged to it.
-        on_progress: called after every step, to show how far it is.
-        should_stop: called after every step; whether to end before the duration is over.
-        checkpoint_seconds: wall time between two writes of the result file [s].
+        hooks: see ``Hooks``.
 
     Returns:
-        The simulation; ``is_finished`` says whether it was stopped before its end.
+        The simulation; ``is_finished`` tells whether it reached its end.
 
     Raises:
         BenchError: if the output exists or cannot be written.
         FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
-    advance(simulation, on_step, on_progress, should_stop, checkpoint_seconds)
+    advance(simulation, **hooks)
     return simulation
 
 
@@ -69,27 +75,21 @@ def resume_simulation(
     *,
     duration: float | None = None,
     solver: Solver | None = None,
-    on_step: Sequence[OnStep] = (),
-    on_progress: OnProgress = lambda simulation: None,
-    should_stop: Callable[[], bool] = lambda: False,
-    checkpoint_seconds: float = CHECKPOINT_SECONDS,
+    **hooks: Unpack[Hooks],
 ) -> Simulation:
-    """Go on with a stored simulation: with a fixed step in the same bits as if it had never been interrupted.
+    """Continue a stored simulation: with a fixed step in the same bits as if it had never been interrupted.
 
     A variable step begins anew at the last state, so that its steps differ from those of a simulation that was never
     interrupted, within their tolerance.
 
     Args:
-        file: its result file, which is written on.
-        given: what the caller believes of the simulation, see ``plan.check_agreement``; another solver, tolerance,
-            number of iterations, start or variable stepper makes the steps from here on, so that a simulation whose
-            step failed can be resumed.
-        duration: simulated time from the start [s], if it shall be another one than planned.
+        file: its result file, to which steps are added.
+        given: expected values of the plan, see ``plan.check_agreement``. Another solver, tolerance, number of
+            iterations, start or variable stepper makes the steps from here on, so that a simulation whose step failed
+            can be resumed.
+        duration: simulated time from the start [s]; as planned if None.
         solver: the solver, if ``create`` does not know it by its name.
-        on_step: as in ``simulate``.
-        on_progress: as in ``simulate``.
-        should_stop: as in ``simulate``.
-        checkpoint_seconds: as in ``simulate``.
+        hooks: see ``Hooks``.
 
     Raises:
         BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has passed ``duration``
@@ -97,14 +97,14 @@ def resume_simulation(
         FailedSimulationError: as in ``simulate``.
     """
     simulation = resumable_simulation(file, given, duration, solver)
-    advance(simulation, on_step, on_progress, should_stop, checkpoint_seconds)
+    advance(simulation, **hooks)
     return simulation
 
 
 def resumable_simulation(
     file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
 ) -> Simulation:
-    """Return a stored simulation, to be continued; arguments and errors as in ``resume_simulation``."""
+    """Return a stored simulation that can be continued; for arguments and errors see ``resume_simulation``."""
     simulation = read_simulation(file, solver)
     known = dict(given or {})
     check_agreement(simulation.plan, known, str(file))
@@ -114,7 +114,7 @@ def resumable_simulation(
     plan = changed(simulation.plan, **changes)
     if simulation.state.time - plan.until > plan.stepper.shortest_step(plan.scene):
         raise BenchError(
-            f"{file} has come to {simulation.state.time:g} s already, past the duration of {plan.duration:g} s; "
+            f"{file} has already reached {simulation.state.time:g} s, past the duration of {plan.duration:g} s; "
             "name a longer one, or leave it out."
         )
     stored, simulation.plan = simulation.plan, plan
@@ -123,52 +123,47 @@ def resumable_simulation(
     return simulation
 
 
-def advance(
-    simulation: Simulation,
-    on_step: Sequence[OnStep] = (),
-    on_progress: OnProgress = lambda simulation: None,
-    should_stop: Callable[[], bool] = lambda: False,
-    checkpoint_seconds: float = CHECKPOINT_SECONDS,
-) -> None:
-    """Take the steps that are left; whatever ends them, the result file holds all that were completed.
+def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
+    """Take the remaining steps; whatever ends them, the result file holds all that were completed.
 
     Raises:
-        FailedSimulationError: if a step fails; ``failure`` of the simulation says why.
+        FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.
     """
     if simulation.is_finished:
         return
     simulation.failure = None
+    should_stop, on_progress = hooks.get("should_stop"), hooks.get("on_progress")
+    checkpoint_seconds = hooks.get("checkpoint_seconds", CHECKPOINT_SECONDS)
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
     _store(simulation)  # finds out now, not after the first hour, that nothing can be written
     written = clock()
     steps = _steps(simulation)
     try:
-        while not simulation.is_finished and not should_stop():
+        while not simulation.is_finished and not (should_stop and should_stop()):
             taken = _next_step(simulation, steps)
-            for call in on_step:
+            for call in hooks.get("on_step", ()):
                 call(simulation.n_steps, taken)
             now = clock()
             simulation.wall_seconds = now - began
             if now - written >= checkpoint_seconds:
                 _store(simulation)
                 written = clock()
-            on_progress(simulation)
+            if on_progress:
+                on_progress(simulation)
     finally:
         _store(simulation)
 
 
 def _steps(simulation: Simulation) -> Iterator[tuple[AcceptedStep, SceneValues]]:
-    """Yield the steps that are left, with what the scene says at their ends."""
+    """Yield the remaining steps, with energies and observables at their ends."""
     plan, states = simulation.plan, simulation.law_states
-    if moves_in_child(plan):
+    if isinstance(plan.scene.system, RemoteSystem):
         with RemoteSteps(plan) as worker:
             yield from worker.steps(simulation.state, states)
         return
     motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
-    if isinstance(plan.stepper, VariableStepper):
-        warm_up(plan.stepper, *motion, states)
-    for taken in plan.stepper.steps(*motion, states=states, clock=WarmClock()):
+    for taken in without_compilation(plan.stepper.steps(*motion, states=states)):
         yield taken, scene_values(plan.scene, taken.end)
 
 
@@ -178,7 +173,7 @@ def _store(simulation: Simulation) -> None:
 
 
 def _next_step(simulation: Simulation, steps: Iterator[tuple[AcceptedStep, SceneValues]]) -> AcceptedStep:
-    """Take one step and note it."""
+    """Take one step and add it to the simulation."""
     scene = simulation.plan.scene
     try:
         taken, values = next(steps)

@@ -1,4 +1,4 @@
-"""What is stored of each accepted step: one row of numbers, whose columns have the names of the fields here."""
+"""The row of numbers that is stored for each accepted step; its columns have the names of the fields here."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ NO_CONTACT = "no contact"
 """Status of a step without an active contact, in which nothing is solved."""
 
 STATUSES = (NO_CONTACT, *(status.value for status in Status))
-"""What the status of a step is an index into."""
+"""Texts by the stored status of a step."""
 
 
 def _column(kind: str) -> Any:
@@ -96,7 +96,7 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
 
 @dataclass(frozen=True)
 class SceneValues:
-    """What a scene says of a state.
+    """Energies and observables of a state.
 
     Attributes:
         kinetic_energy: [J].
@@ -110,7 +110,7 @@ class SceneValues:
 
 
 def scene_values(scene: Scene, state: State) -> SceneValues:
-    """Return what ``scene`` says of a state."""
+    """Return the energies and observables of a state of ``scene``."""
     potential = math.nan if scene.potential_energy is None else scene.potential_energy(state.position)
     observed = tuple(float(one.compute(state)) for one in scene.observables)
     return SceneValues(scene.kinetic_energy(state.velocity), potential, observed)
@@ -122,8 +122,8 @@ def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: S
     Args:
         scene: what moves.
         taken: the step.
-        values: what the scene says at its end.
-        statuses: what the status of the row is an index into.
+        values: energies and observables at its end.
+        statuses: texts by the stored status.
     """
     state = taken.end
     solved = [step for step, _ in taken.substeps]
@@ -185,7 +185,7 @@ def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
 def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
     """Return the deepest penetration [m] of the states in which one-step solves begin, and that at their midpoints.
 
-    What is in contact at a midpoint came there with the velocity of the begin, g_M = g_B + γ_B Δt/2.
+    A contact reaches the midpoint with its velocity at the begin, g_M = g_B + γ_B Δt/2.
     """
     depth, impact = 0.0, 0.0
     for solve in solves:
@@ -197,7 +197,7 @@ def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
 
 
 def _local_residual(solve: _Solve) -> float:
-    """Return the local residual of a solve; its free fall is what forces add to c, c - (1 + ε) Wᵀu_B."""
+    """Return the local residual of a solve, scaled by what forces add to c, c − (1 + ε) Wᵀu_B."""
     forced = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
     return local_residual(solve.problem, solve.impulses, float(np.abs(forced).max(initial=0.0)))
 

@@ -27,14 +27,14 @@ from .step_row import STATUSES, StepRow, step_columns
 SWITCH = np.dtype(
     [("begin", "<f8"), ("end", "<f8"), ("law", "u1"), ("contact", "<i8"), ("before", "u1"), ("after", "u1")]
 )
-"""One switching point: not before, not after [s]; an index into ``LAWS``; contact; indices into ``LAW_STATES``."""
+"""One switching point: its interval [s]; an index into ``LAWS``; the contact; indices into ``LAW_STATES``."""
 
 LAWS = ("unilateral", "friction")
 
 LAW_STATES = ("open", "closed", "stick", "slip")
 
 SLACK = 1.001
-"""A step counts as solved up to this many tolerances: solver and judge sum relative velocities in different orders."""
+"""A step is solved up to this many tolerances: solver and judge sum relative velocities in different orders."""
 
 
 class Ending(StrEnum):
@@ -46,7 +46,7 @@ class Ending(StrEnum):
 
 
 class GrowingArray:
-    """GrowingArray that are appended one by one, kept in one array that doubles when it is full.
+    """Rows that are appended one by one to an array, which doubles in size when it is full.
 
     Args:
         start: the rows so far, of the shape and type of all.
@@ -75,7 +75,7 @@ class GrowingArray:
 
 @dataclass(frozen=True, eq=False)
 class _Progress:
-    """Where a simulation has come; replaced as a whole, so that an interruption leaves it as it was or as it is."""
+    """How far a simulation is; replaced as a whole, so that an interruption leaves the old or the new one."""
 
     n_steps: int
     n_switches: int
@@ -93,8 +93,8 @@ class Simulation:
         statuses: what ``steps["status"]`` is an index into.
         wall_seconds: wall time of everything: steps, judging, storing, showing.
         file: the result file, None if nothing is stored.
-        failure: why the next step could not be taken, None if nothing failed since the simulation last went on.
-        beside: where its chart and its recording are.
+        failure: why the next step could not be taken, None if nothing has failed since the simulation was resumed.
+        outputs: where its chart and its recording are.
         kept_states: keeps states evenly over simulated time, and those at switching points.
     """
 
@@ -139,7 +139,7 @@ class Simulation:
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """Which settings made which steps, in order; empty without steps."""
+        """The settings that made the steps, in order; empty without steps."""
         return self._progress.segments
 
     @property
@@ -189,7 +189,7 @@ class Simulation:
 
     @property
     def scene_ending(self) -> SceneEnding | None:
-        """How the scene has ended by itself, None if it has not."""
+        """How the scene ended the simulation, None if it has not."""
         rule, steps = self.plan.scene.ending, self.steps
         if rule is None or not self.n_steps:
             return None
@@ -208,7 +208,7 @@ class Simulation:
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:
-        """Which steps the judge does not find solved to the tolerance, shape (n_steps,)."""
+        """Which steps are not solved to the tolerance, as judged, shape (n_steps,)."""
         return self.unsolved_from(0)
 
     def unsolved_from(self, first: int) -> NDArray[np.bool_]:
@@ -219,7 +219,7 @@ class Simulation:
 
     @property
     def refuted(self) -> NDArray[np.bool_]:
-        """Which unsolved steps the solver itself calls solved, shape (n_steps,)."""
+        """Which unsolved steps the solver reports as solved, shape (n_steps,)."""
         claimed: NDArray[np.bool_] = self.steps["status"] == self.statuses.index(Status.SOLVED.value)
         return self.unsolved & claimed
 
@@ -251,7 +251,7 @@ class Simulation:
         states: LawStates | None = None,
         segments: Sequence[Segment] | None = None,
     ) -> None:
-        """Put stored steps in place of all.
+        """Replace all steps by stored ones.
 
         Args:
             steps: the steps.
@@ -268,7 +268,7 @@ class Simulation:
 
 
 def describe_switches(found: Sequence[Incident]) -> str:
-    """Say how many switching points there are, one for each law that switches, and how many instants they share."""
+    """Return in words the number of switching points, one for each law that switches, and of their instants."""
     if not found:
         return "no switching points"
     instants = len({incident.time for incident in found})

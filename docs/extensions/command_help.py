@@ -11,14 +11,15 @@ from proxbench.bench.cli.main import app as command_line
 from sphinx.application import Sphinx
 from typer import Typer
 
-WIDTH = 80
+PLAIN = {"COLUMNS": "80", "NO_COLOR": "1", "_TYPER_FORCE_DISABLE_TERMINAL": "1", "PYTHONIOENCODING": "utf-8"}
+"""Variables that make help plain text: typer draws for a terminal where GITHUB_ACTIONS is set."""
 
 
 def _help(*command: str) -> str:
     program = "import sys; from proxbench.bench.cli.main import main; sys.argv[0] = 'proxbench'; main()"
     done = subprocess.run(
         [sys.executable, "-c", program, *command, "--help"],
-        env={**os.environ, "COLUMNS": str(WIDTH), "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8"},
+        env=os.environ | PLAIN,
         capture_output=True,
         encoding="utf-8",
         check=True,

@@ -10,7 +10,7 @@ either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, 
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -255,19 +255,41 @@ class ContactProblem:
 
     def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
         """Return the same numbers under another name, with ``provenance`` added."""
-        return replace(self, name=name, provenance={**self.provenance, **provenance})
+        return self._described(name=name, provenance={**self.provenance, **provenance})
 
-    def fresh(self) -> "ContactProblem":
-        """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
-        matrix = None if self.matrix is None else self.matrix.copy()
-        factors = None if self.factors is None else self.factors.fresh()
-        return replace(
-            self, free_velocity=self.free_velocity.copy(), laws=replace(self.laws), matrix=matrix, factors=factors
-        )
+    def answered(self, answer: Answer | None, **provenance: str | int | float) -> "ContactProblem":
+        """Return the same numbers with another known answer, and ``provenance`` added."""
+        return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def anonymous(self) -> "ContactProblem":
         """Return the same numbers without what is known about them: name, provenance and answer."""
-        return replace(self, name="problem", provenance={}, answer=None)
+        return self._described(name="problem", provenance={}, answer=None)
+
+    def fresh(self) -> "ContactProblem":
+        """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
+        return self._described(
+            free_velocity=frozen(self.free_velocity, np.float64),
+            laws=replace(self.laws),
+            matrix=None if self.matrix is None else _copied(self.matrix),
+            factors=None if self.factors is None else self.factors.fresh(),
+        )
+
+    def _described(self, **changes: Any) -> "ContactProblem":
+        """Return a problem with other fields, which hold equal numbers, so that they are not checked again."""
+        other = object.__new__(ContactProblem)
+        values = {one.name: getattr(self, one.name) for one in fields(self)} | changes
+        values["provenance"] = MappingProxyType(dict(values["provenance"]))
+        for name, value in values.items():
+            object.__setattr__(other, name, value)
+        if other.answer is not None:
+            other.answer.check(other.n_rows)
+        return other
+
+
+def _copied(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    copy = matrix.copy()
+    read_only(copy.data, copy.indices, copy.indptr)
+    return copy
 
 
 def _as_vector(values: ArrayLike, name: str) -> FloatArray:

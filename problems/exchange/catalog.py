@@ -19,7 +19,7 @@ from ..errors import PROBLEMS_LISTED, PluginError, ProblemError, first_line, sug
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
 from .plugins import Offer, offers
-from .storage import SUFFIX, read_problem
+from .storage import SUFFIX, SUFFIXES, read_problem
 
 FUNNEL_SIZES = (30, 100, 300, 1000)
 PILE_SIZES = (100, 300, 1000)
@@ -116,19 +116,20 @@ def is_available(name: str) -> bool:
 
 
 def is_path(name: str | Path) -> bool:
-    """Whether ``load`` takes ``name`` for the path of a file: a ``Path``, or text that ends in .npz, .hdf5 or .h5."""
-    return isinstance(name, Path) or name.endswith(SUFFIX) or is_fclib_name(name)
+    """Whether ``load`` takes ``name`` for a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
+    return isinstance(name, Path) or name.endswith(SUFFIXES) or is_fclib_name(name)
 
 
 def load(name: str | Path) -> ContactProblem:
     """Return one problem by name or from a file.
 
     A file is of ``save_problem`` or ``proxbench generate``, an FCLIB file, or one of plain arrays, as
-    ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` writes it; see ``problems.exchange.plain_arrays``. A problem that was
+    ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` writes it; see ``problems.exchange.formats``. A problem that was
     saved without a name has that of its file.
 
     Args:
-        name: a name, or the path of a file: a ``Path``, or text that ends in .npz, or in .hdf5 or .h5 for FCLIB.
+        name: a name, or the path of a file: a ``Path``, or text that ends in .npz or .json, or in .hdf5 or .h5 for
+            FCLIB.
 
     Raises:
         ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a file

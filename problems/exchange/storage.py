@@ -1,4 +1,4 @@
-"""Problems as files: compressed arrays without pickle, written atomically, verified by their digest when read."""
+"""Problems as files: arrays without pickle, compressed or as JSON, written atomically, verified by their digest."""
 
 import io
 import json
@@ -19,7 +19,10 @@ from ..contact.problem import ContactProblem
 from ..errors import ProblemError
 from .archive import DAMAGES, ArchiveError, read_arrays
 from .atomic_file import replacing
-from .plain_arrays import is_plain, problem_of_arrays
+from .formats.registry import read_foreign_arrays
+from .json_arrays import SUFFIX as JSON_SUFFIX
+from .json_arrays import json_text, read_json
+from .repair import Repair
 
 FORMAT = 2
 """Newest version of the file format."""
@@ -28,6 +31,9 @@ CONTACTS_ONLY = 1
 """The version that has neither bilateral laws nor rolling friction; problems without are written in it."""
 
 SUFFIX = ".npz"
+
+SUFFIXES = (SUFFIX, JSON_SUFFIX)
+"""Endings of problem files."""
 
 AGAIN = "make it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
 """What helps with a file that is no problem."""
@@ -40,15 +46,18 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
 
     Args:
         problem: the problem, with its name, provenance and known answer.
-        path: the file, ending in .npz; its folder is made.
+        path: the file, ending in .npz or .json; its folder is made.
 
     Raises:
-        ProblemError: if the file cannot be written, or its name does not end in .npz.
+        ProblemError: if the file cannot be written, or its name has another ending.
     """
-    path, content = Path(path), packed_problem(problem)
-    if path.suffix != SUFFIX:
-        raise ProblemError(f"problem files end in {SUFFIX}, and {path} does not; name it {path.stem}{SUFFIX}.")
-    write_whole(path, content)
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise ProblemError(
+            f"problem files end in {' or '.join(SUFFIXES)}, and {path} does not; name it {path.stem}{SUFFIX}."
+        )
+    is_json = path.suffix == JSON_SUFFIX
+    write_whole(path, json_text(*_described(problem)).encode() if is_json else packed_problem(problem))
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -79,22 +88,29 @@ def problem_bytes(problem: ContactProblem) -> bytes:
     return buffer.getvalue()
 
 
-def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
-    """Read one problem, from a file of ``save_problem`` or of plain arrays, see ``plain_arrays``.
+def read_problem(
+    source: Path | IO[bytes],
+    label: str = "",
+    repair: Repair = Repair(),  # noqa: B008  frozen
+    format_name: str = "",
+) -> ContactProblem:
+    """Read one problem, from a file of ``save_problem`` or of one of the formats in ``formats``.
 
     Args:
-        source: path or open binary file.
+        source: path or open binary file; a path that ends in .json is read as JSON.
         label: what messages call the file; its path if empty.
+        repair: how a matrix of a foreign file that is not symmetric or not semidefinite is read.
+        format_name: the foreign format; found by the names of the arrays if empty.
 
     Raises:
         ProblemError: if the file is missing, damaged, of another format, or does not match its own digest.
     """
     name = label or str(source)
     try:
-        arrays = read_arrays(source)
-        if is_plain(arrays):
-            return problem_of_arrays(arrays, name)
-        problem, digest = _problem(arrays, name)
+        about, arrays = _contents(source)
+        if not about and (foreign := read_foreign_arrays(arrays, name, repair, format_name)) is not None:
+            return foreign
+        problem, digest = _problem(about, arrays, name)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
@@ -108,7 +124,25 @@ def read_problem(source: Path | IO[bytes], label: str = "") -> ContactProblem:
     return problem
 
 
+def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the description, empty in a foreign file, and the arrays of a file."""
+    if isinstance(source, Path) and source.suffix == JSON_SUFFIX:
+        return read_json(source)
+    arrays = read_arrays(source)
+    about = json.loads(arrays.pop("about").tobytes().decode()) if "about" in arrays else {}
+    if not isinstance(about, dict):
+        raise ValueError("it does not say what it is")
+    return about, arrays
+
+
 def _arrays(problem: ContactProblem) -> dict[str, Any]:
+    """Return what a .npz file holds."""
+    about, arrays = _described(problem)
+    return {"about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8), **arrays}
+
+
+def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the description and the arrays of a problem."""
     about = {
         "format": CONTACTS_ONLY if problem.layout.has_contacts_only else FORMAT,
         "name": problem.name,
@@ -117,7 +151,6 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
         "allow_asymmetric": problem.allow_asymmetric,
     }
     arrays: dict[str, Any] = {
-        "about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
         "c": problem.free_velocity,
         **{key: _short(getattr(problem.laws, key)) for key in _OF_LAWS},
     }
@@ -132,7 +165,7 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
         arrays |= _compressed("G", problem.delassus())
     known = {} if problem.answer is None else vars(problem.answer)
     is_known = {key: value is not None and (key != "impulses" or value) for key, value in known.items()}
-    return arrays | {f"answer.{key}": np.array(value) for key, value in known.items() if is_known[key]}
+    return about, arrays | {f"answer.{key}": np.array(value) for key, value in known.items() if is_known[key]}
 
 
 def _short(array: NDArray[Any]) -> NDArray[Any]:
@@ -150,11 +183,8 @@ def _compressed(label: str, matrix: Any) -> dict[str, Any]:
     }
 
 
-def _problem(content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
-    about = json.loads(content["about"].tobytes().decode())
-    if not (
-        isinstance(about, dict) and isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)
-    ):
+def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
+    if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
         raise ValueError("it does not say what it is")
     if about["format"] not in (CONTACTS_ONLY, FORMAT):
         raise ProblemError(f"{name} has format {about['format']}, this version reads formats up to {FORMAT}.")

@@ -9,28 +9,27 @@ from .. import options
 
 
 def compare(
-    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder of the run to compare with.")],
-    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder of the run that may be slower.")],
+    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder or bundle of the run to compare with.")],
+    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder or bundle of the run that may be slower.")],
     fail_on: Annotated[
         list[str] | None,
-        options.output(metavar="CONDITION", help='"time>10%" or "solved<": exit code 1 then; repeatable.'),
+        options.output(metavar="CONDITION", help='Exit with 1 on "time>10%" or "solved<"; repeatable.'),
     ] = None,
     markdown: Annotated[
-        Path | None, options.output(metavar="FILE", help="Write it for a pull request; - prints it instead.")
+        Path | None, options.output(metavar="FILE", help="Markdown file for a pull request; - prints it.")
     ] = None,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Say what became faster, slower, solved and unsolved between two runs.
+    """Compare two runs: what became faster, slower, solved or unsolved.
 
-    Times compare on one machine, best measured in turn; problems must have the same numbers.
+    Times compare on one machine only, and problems must have the same digest.
     """
     from rich.console import Console
 
     from ... import runs
     from ...errors import BenchError
-    from ...report.comparison.comparison import SLOWDOWN
-    from ...report.comparison.conditions import read_conditions
+    from ...report.comparison.comparison import SLOWDOWN, read_conditions
     from ...report.comparison.page import document, markdown_page, print_comparison
     from ...report.layout.output_file import refuse_taken, write_file
     from ...report.layout.text import output_width, print_json
@@ -39,7 +38,7 @@ def compare(
     to_print = markdown is not None and str(markdown) == "-"
     if to_print and (quiet or as_json):
         raise BenchError("--markdown - prints a page, --json and --quiet do not; give one of them, or name a file.")
-    slowdowns = [one.slowdown for one in read_conditions(fail_on or ()) if one.slowdown is not None]
+    slowdowns = [slowdown for slowdown in read_conditions(fail_on or ()).values() if slowdown is not None]
     if markdown is not None and not to_print:
         refuse_taken([markdown], force=True)
     made = runs.compare(before, after, min(slowdowns, default=SLOWDOWN))

@@ -12,9 +12,9 @@ def matrix(
     suite: options.Suite = "hard",
     problem: options.Problems = None,
     solver: options.Solvers = None,
-    tolerance: Annotated[float, options.limits(help="Residual to reach.")] = 1e-8,
+    tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
     solve_seconds: options.SolveSeconds = 5.0,
-    max_iterations: Annotated[int, options.limits(help="Iterations of one solve.")] = 200_000,
+    max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iterations of one solve.")] = 200_000,
     output: Annotated[
         Path | None,
         options.output(metavar="FILE", help="Markdown page, beside a CSV file of all cells; printed if left out."),
@@ -24,15 +24,13 @@ def matrix(
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Solve every problem once with every solver; say why where one does not solve. Times are not compared."""
-    from rich.console import Console
-
+    """Show which solver solves which problem, with the reason of every failure. Times are not compared."""
     from ....problems.contact.solver import Stop
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
     from ...report.layout.output_file import refuse_taken, write_file
-    from ...report.layout.text import csv_content, print_json
+    from ...report.layout.text import counted, csv_content, print_json
     from ...report.matrix import count_bad, matrix_page, matrix_table
     from ...store.outcome import Cell
     from ..progress import ProgressBar
@@ -49,12 +47,12 @@ def matrix(
         )
     refuse_taken([path for path in (output, table) if path is not None], force=True)
     chosen, methods = select(problem, suite), list(solver or default_solvers())
-    with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+    with ProgressBar(not progress or quiet or as_json) as shown:
         shown.count(0, len(chosen.problems) * len(methods))
 
         def show(cell: Cell) -> None:
             shown.name(f"{cell.solver} on {cell.problem}", again=True)
-            shown.advance()
+            shown.count_one()
 
         cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
@@ -73,7 +71,7 @@ def matrix(
             print(matrix_page(cells, tolerance, command), end="")  # it took long to measure
             raise
         if not quiet:
-            print(f"{len(cells)} cells, {count_bad(cells)} of them wrong or at fault")
+            print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or at fault")
         print(f"matrix   {output}")
         print(f"table    {table}")
     return int(count_bad(cells) > 0 or bool(chosen.left_out))

@@ -17,7 +17,10 @@ def bundle(
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> None:
-    """Pack a run into one file: plan, machines, cases, impulses, and problems that Proxbench does not ship."""
+    """Pack a run into one file.
+
+    It holds the plan, machines, cases, impulses, and the problems that Proxbench does not ship.
+    """
     from ...report.layout.text import print_json
     from ...runs import bundle as pack
 
@@ -30,23 +33,22 @@ def bundle(
 
 def rejudge(
     file: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to check.")],
-    quiet: Annotated[bool, options.output("--quiet", help="Print disagreements only.")] = False,
+    quiet: Annotated[bool, options.flag("--quiet", help="Print disagreements only.")] = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Recompute the residuals of a bundle from its problems and impulses; the exit code is 1 if one disagrees.
+    """Recompute the residuals of a bundle from its problems and impulses.
 
-    No code in the bundle runs, and nothing is written.
+    No code in the bundle runs, and nothing is written. The exit code is 1 if a residual disagrees.
     """
     from msgspec import to_builtins
-    from rich.console import Console
 
     from ...report.layout.text import print_json
     from ...runs import rejudge as judge_again
     from ..progress import ProgressBar
 
     options.refuse_two_prints(quiet, as_json)
-    with ProgressBar(Console(stderr=True), hidden=not progress or quiet or as_json) as shown:
+    with ProgressBar(not progress or quiet or as_json) as shown:
         found = judge_again(file, shown.count)
     if as_json:
         print_json({"file": str(file), **to_builtins(found)})
@@ -65,18 +67,16 @@ def merge(
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> None:
-    """Combine bundles and runs into one run, after recomputing their residuals.
+    """Combine bundles and runs into one run.
 
-    All cases of a problem must come from one machine.
+    Their residuals are recomputed first. All cases of a problem must come from one machine.
     """
-    from rich.console import Console
-
     from ...report.layout.text import print_json
     from ...runs import merge as joined
     from ..progress import ProgressBar
 
     missing: list[str] = []
-    with ProgressBar(Console(stderr=True), hidden=not progress or as_json) as shown:
+    with ProgressBar(not progress or as_json) as shown:
         made = joined(sources, output, run_id or None, on_case=shown.count, on_missing=missing.append)
     for sentence in missing:
         print(f"proxbench: {sentence}", file=sys.stderr)

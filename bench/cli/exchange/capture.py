@@ -30,7 +30,7 @@ def capture(
     keyframe: Annotated[str, _simulation(metavar="NAME", help="Keyframe to start from.")] = "",
     seed: Annotated[int | None, _simulation(metavar="SEED", help="Random controls with this seed.")] = None,
     output: Annotated[Path, options.output(metavar="FOLDER", help="Folder for the problem files.")] = Path("captured"),
-    judge: Annotated[bool, options.output("--judge", help="Judge the engine's forces in each step.")] = False,
+    judge: Annotated[bool, options.flag("--judge", help="Judge the engine's forces in each step.")] = False,
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a wish to stop after the step in hand, instead of an exception in the middle of it."""
+"""Ctrl-C and SIGTERM as a request to stop after the current step, instead of an exception within it."""
 
 import signal
 import threading
@@ -9,9 +9,9 @@ from types import FrameType
 
 @contextmanager
 def deferred_interrupts() -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether an interruption has come; a second Ctrl-C interrupts at once.
+    """Yield a function that returns whether an interruption was requested; a second Ctrl-C interrupts at once.
 
-    Signals reach the main thread alone; elsewhere nothing is deferred.
+    Signals reach only the main thread; in other threads nothing is deferred.
     """
     interrupted = False
 

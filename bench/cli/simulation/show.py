@@ -1,4 +1,4 @@
-"""A simulation as the command line carries it out, shows it, and makes its files from the result alone."""
+"""Run a simulation, print its tables, and make its files from the stored result."""
 
 import contextlib
 import sys
@@ -25,18 +25,17 @@ from .interrupts import deferred_interrupts
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line wants of a simulation.
+    """Arguments of a simulation on the command line.
 
     Attributes:
         scene: the scene with its options, empty if none is named.
-        numbers: what of a plan was given: stepper, solver, tolerance, max_iterations, start, states,
-            step_seconds.
+        numbers: given arguments of its plan: stepper, solver, tolerance, max_iterations, start, states, step_seconds.
         duration: simulated time [s].
         output: result file, or the folder for it.
         force: replace files that exist.
         resume: result file to resume.
         record: recording to write.
-        chart: chart to write; None for where charts of the kind are written, if they are.
+        chart: chart to write; None for the default of the scene.
     """
 
     scene: str
@@ -53,15 +52,15 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
     """Run the simulation, print its tables, and draw it; return 1 if the judge found a step unsolved.
 
     Raises:
-        BenchError: if the request makes no simulation, or something cannot be written.
-        FailedSimulationError: if a step failed, when everything else is printed and drawn.
+        BenchError: if the arguments contradict each other, or a file cannot be written.
+        FailedSimulationError: if a step failed; everything else is printed and drawn first.
         InterruptedSimulationError: if it was stopped.
     """
     simulation = _begun(request)
     live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
     # a failure is raised again when everything is shown
     with deferred_interrupts() as should_stop, live, contextlib.suppress(FailedSimulationError):
-        advance(simulation, (), live, should_stop)
+        advance(simulation, on_progress=live, should_stop=should_stop)
     code = show_simulation(simulation, as_json, quiet)
     if not simulation.is_finished and simulation.file is not None:
         raise InterruptedSimulationError(simulation.file)
@@ -82,18 +81,14 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     elif not quiet:
         print_simulation(simulation, console)
         console.print()
-    # what takes long to make, or may fail to be made, comes when everything else is printed
+    # files that take long, or may fail, come last
     for what, path in _files(simulation, file):
         console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
     return _outcome(simulation)
 
 
 def _outcome(simulation: Simulation) -> int:
-    """Return 1 if the judge found a step unsolved, else 0.
-
-    Raises:
-        FailedSimulationError: if a step failed.
-    """
+    """Return 1 if the judge found a step unsolved, else 0; raise ``FailedSimulationError`` if a step failed."""
     if simulation.failure is not None:
         raise simulation.failure.error(simulation.file)
     return int(simulation.unsolved.any())
@@ -102,12 +97,12 @@ def _outcome(simulation: Simulation) -> int:
 def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Print the table of a stored simulation, and draw its chart and recording again; return 1 if a step is unsolved.
 
-    Where they cannot be written, the table is printed all the same, and a sentence on standard error says why.
+    If they cannot be written, the table is still printed, and a sentence on standard error gives the reason.
 
     Args:
         file: of the simulation.
         charts: draw the chart.
-        quiet: print the places of the files alone.
+        quiet: print only the paths of the files.
         as_json: print one JSON document instead.
 
     Raises:
@@ -158,7 +153,7 @@ def _begun(request: Request) -> Simulation:
 
 
 def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path]]:
-    """Yield what the files of a simulation are; its chart and its recording are made when everything is printed."""
+    """Yield the kind and path of each file of a simulation; chart and recording are made on the way."""
     yield "result", file
     chart, recording = simulation.outputs.chart, simulation.outputs.recording
     if simulation.n_steps and chart is not None:

@@ -11,7 +11,7 @@ from ....problems.contact.model import Model
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status
 from ...store.impulses import Impulses, number_of, worst
-from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
+from ...store.outcome import ON_COPY, Outcome, claim_reason, point_outcome, verdicts
 from ...store.records import Measured, Point
 from .control import CopySolve, FirstSolve
 from .verdicts import VerdictCache
@@ -129,6 +129,6 @@ def with_copies(model: Model, measured: Measured, point: Point, copies: Sequence
         own, coulomb = verdicts(copy.problem, copy.impulses, model)
         outcome = point_outcome(copy.timed.status, point.tolerance, model, own, coulomb)
         if outcome is Outcome.WRONG:
-            reason = f"on a copy of the problem, {claim_reason(outcome, point.tolerance, model, own.residual)}"
+            reason = f"{ON_COPY}, {claim_reason(outcome, point.tolerance, model, own.residual)}"
             return replace(point, outcome=outcome, reason=reason, measured=measured)
     return replace(point, measured=measured)

@@ -7,11 +7,11 @@ from msgspec.structs import replace
 
 from ....problems.exchange.catalog import is_available
 from ...errors import InterruptedRunError
-from ...generate import generate
 from ...plugins.problems import carry, problem_of
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
+from ..contacts.generate import generate
 from ..trajectories.methods import Method
 from ..trajectories.problems import simulate_references, trajectory_of
 from ..trajectories.workload import compute_workload

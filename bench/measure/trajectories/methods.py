@@ -18,7 +18,7 @@ from ....problems.names import read_name
 from ...errors import BenchError
 from ...plugins.describing import solver_spec
 from ...plugins.solver_specs import SolverSpec
-from ...simulation.starts.registry import DEFAULT_START, check_start, default_start
+from ...simulation.starts import DEFAULT_START, check_start, default_start
 from ...store.plans import MethodRecord
 
 WITH, IN = " with ", " in "

@@ -12,7 +12,7 @@ from ....problems.names import Name
 from ...errors import BenchError
 from ...plugins.describing import solver_spec
 from ...plugins.remote_scene import local_or_remote_scene
-from ...simulation.starts.registry import DEFAULT_START
+from ...simulation.starts import DEFAULT_START
 from ...store.plans import Limits, PlanRecord, TrajectoryRecord
 from ..plan import Plan
 from .defaults import added_methods, default_methods, default_reference

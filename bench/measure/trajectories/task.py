@@ -18,7 +18,7 @@ from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
-from ...simulation.starts.step_solver import UnsupportedStepError
+from ...simulation.starts import UnsupportedStepError
 from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
@@ -96,7 +96,7 @@ class TrajectoryTask:
 
         status, reason = Status.SOLVED, ""
         try:
-            advance(simulation, [note], should_stop=lambda: solves > most or time.monotonic() > end)
+            advance(simulation, on_step=[note], should_stop=lambda: solves > most or time.monotonic() > end)
         except FailedSimulationError as failure:
             status, reason = Status.STALLED, _reason(failure)
         at = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"

@@ -26,7 +26,7 @@ class Workload:
     @property
     def words(self) -> str:
         """The work in one line."""
-        steps = f", {self.fixed_steps} steps in those of a fixed size" if self.fixed_steps else ""
+        steps = f", at least {counted(self.fixed_steps, 'step')}" if self.fixed_steps else ""
         return f"{counted(self.points, 'point')}, {counted(self.simulations, 'simulation')}{steps}"
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import altair as alt
-import numpy as np
+import pandas as pd
 import vl_convert
 
 from ..layout.output_file import picture_files, write_file
@@ -29,6 +29,9 @@ SEPARATE_LEGENDS: dict[str, Literal["independent", "shared"]] = {
     "strokeDash": "independent",
 }
 """Scales that keep the legend of each panel, with colour, shape and dash in one, at that panel."""
+
+TIME_AXIS: dict[str, Any] = {"format": "~g", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.5}
+"""Ticks of axes of times and counts."""
 
 MAX_LEGEND_ROWS = 16
 """Names in one column of a legend."""
@@ -111,19 +114,16 @@ def heading(text: str, notes: Sequence[str], width: float, size: int = 16) -> al
     )
 
 
-def round_values(domain: Sequence[float]) -> list[float]:
-    """Return round values for the ticks of a logarithmic axis with the ends ``domain``, few enough to stand apart."""
-    low, high = min(domain), max(domain)
-    decades = np.log10(high / low)
-    digits = (1, 2, 3, 5, 7) if decades < 1.2 else (1, 2, 5) if decades < 3.0 else (1, 3) if decades < 5.0 else (1,)
-    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    values = [float(f"{digit}e{power}") for power in powers for digit in digits]
-    return [value for value in values if low <= value <= high]
+def log_scale(data: Any, columns: Sequence[str], other: float | None = None, reverse: bool = False) -> alt.Scale:
+    """Return a logarithmic scale a little wider than the values in these columns and another value.
 
-
-def log_axis(channel: Any, field: str, title: str, domain: Sequence[float]) -> Any:
-    """Return an encoding of numbers on a logarithmic axis with the ends ``domain``."""
-    return channel(f"{field}:Q", title=title).scale(type="log", domain=list(domain), nice=False)
+    Where the data come later, the scale follows them.
+    """
+    if not isinstance(data, pd.DataFrame):
+        return alt.Scale(type="log", nice=False, padding=8, reverse=reverse)
+    values = [*data[list(columns)].min(), *data[list(columns)].max(), *([] if other is None else [other])]
+    room = max((max(values) / min(values)) ** 0.03, 1.2)
+    return alt.Scale(type="log", nice=False, domain=[min(values) / room, max(values) * room], reverse=reverse)
 
 
 def by_name(

@@ -7,7 +7,7 @@ PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#8
 """Okabe & Ito's colours, and those that stay farthest from them where one kind of cones is missing."""
 
 SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
-"""Of marks."""
+"""Shapes of marks."""
 
 DASHES = ((1, 0), (6, 3), (2, 2), (8, 3, 2, 3))
 """Strokes and gaps of lines [pixels]."""

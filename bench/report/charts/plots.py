@@ -1,4 +1,4 @@
-"""Charts for a notebook: of one problem, of one kind of profile, and of the convergence on one problem."""
+"""Charts for a notebook: one problem, one kind of profile, or the convergence on one problem."""
 
 import altair as alt
 

@@ -1,12 +1,12 @@
 """Charts of a run's problems, one file a problem: what accuracy costs, and how the iterations converge.
 
-Of a trajectory they show what accuracy costs in wall time and in one-step solves, for each quantity that has an error.
+Those of a trajectory show what accuracy costs in wall time and in one-step solves, for each quantity with an error.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from textwrap import shorten
-from typing import Any
+from typing import Any, Literal
 
 import altair as alt
 import numpy as np
@@ -16,16 +16,15 @@ from ...store.condition import run_state
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
 from ...store.store import plain_name
-from ..accuracy import measured_points
+from ..endings import case_endings
 from ..layout.text import counted
 from ..studies import headline, motion_warning, spreads
-from ..tables import ending
 from .drawing import (
     SEPARATE_LEGENDS,
+    TIME_AXIS,
     by_name,
     heading,
-    log_axis,
-    round_values,
+    log_scale,
     side_by_side,
     solver_legend,
     stacked,
@@ -37,24 +36,22 @@ from .summary import summary_charts
 MIN_RESIDUAL = 1e-16
 """Residuals of zero are drawn here: a logarithmic axis has no place for them."""
 
-POWERS = [10.0**power for power in range(-16, 4)]
-"""Where residual axes have ticks and grid lines."""
+MAX_RESIDUAL = 1e3
+"""Curves of diverging solvers leave the chart here, so that those of the others keep their shape."""
 
-RESIDUAL_AXIS: dict[str, Any] = {"format": ".0e", "values": POWERS, "labelOverlap": True}
+RESIDUAL_AXIS: dict[str, Any] = {
+    "format": ".0e",
+    "values": [10.0**power for power in range(-16, 4)],
+    "labelOverlap": True,
+}
 
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
-
-MAX_RESIDUAL = 1e3
-"""Curves of diverging solvers leave the chart here, so that those of the others keep their shape."""
 
 WIDTH, HEIGHT = 620, 330
 
 MARGIN = 150
 """Room for the legend to the right of a panel [pixels]."""
-
-MARKS = 3
-"""Marks along a curve of iterations, each solver's at places of its own, so that curves that coincide are seen."""
 
 MAX_REASON_LENGTH = 70
 """Characters of the reason why a solver is not shown; the tables have all of it."""
@@ -62,29 +59,19 @@ MAX_REASON_LENGTH = 70
 MIN_SHARE = 0.05
 """A mean deviation that is smaller than this part of the upper end of its bar is noise, and drawn there."""
 
-WORKS = {"wall": "wall time [s]", "iterations": "one-step solves"}
-"""What the errors of trajectories cost, by column."""
+TIME = "time, preparation included [ms]"
+
+WORKS = {"milliseconds": TIME, "wall": "wall time [s]", "iterations": "one-step solves"}
+"""What accuracy costs, by column."""
 
 ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 
-_TIME_TITLE = "time, preparation included [ms] (better below)"
+COST_NOTE = (
+    "Each curve is a solver, each mark a solve: lower is faster, further to the right is more accurate. "
+    "Vertical lines are quartiles, hollow marks stop short of their tolerance, × is a wrong claim."
+)
 
-
-@dataclass(frozen=True)
-class _Curves:
-    """Rows of a chart of a problem, with the columns and ends of its two logarithmic axes."""
-
-    rows: pd.DataFrame
-    x: str
-    y: str
-    across: list[float]
-    up: list[float]
-
-    def panel(self, layers: list[alt.Chart], title: str, notes: list[str]) -> alt.LayerChart:
-        """Return layers as a chart with a title and notes."""
-        head = heading(title, notes, WIDTH + MARGIN, 13)
-        panel: alt.LayerChart = alt.LayerChart(layer=layers, width=WIDTH, height=HEIGHT, title=head)
-        return panel
+CONVERGENCE_NOTE = "Each curve is a solver: the sooner it falls, the fewer iterations it needs."
 
 
 def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
@@ -109,8 +96,8 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
 
 def has_drawable_rows(frames: RunFrames, problem: str) -> bool:
     """Return whether a chart of a problem has anything to show."""
-    costs = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem).rows
-    return len(costs) > 0 or len(_iterations(frames, problem).rows) > 0
+    costs = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem)
+    return len(costs) > 0 or len(_curves(frames, problem)) > 0
 
 
 def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
@@ -119,7 +106,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     Bars go from the least to the largest error of a member, or are a standard error of the mean deviation; a dashed
     line is the standard error, over seeds, of the reference itself.
     """
-    trajectory = frames.info.plan.trajectory(problem)
+    trajectory, named = frames.info.plan.trajectory(problem), looks(frames.info.plan.solvers)
     points = frames.points[frames.points["problem"] == problem].merge(
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
@@ -130,49 +117,17 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     floors = {quantity: floor for quantity, (_, floor) in spreads(trajectory).items() if floor > 0.0}
     rows: list[alt.HConcatChart] = []
     for quantity in points["quantity"].unique():
-        of_one = points[points["quantity"] == quantity]
-        name = "error" if len(points) == len(of_one) else f"error of {quantity}"
-        in_legend = set() if rows else set(points["solver"])
-        panels = [
-            _cost_panel(frames, of_one, work, name, floors.get(quantity), in_legend if work == "iterations" else set())
-            for work in WORKS
-        ]
+        own = points[points["quantity"] == quantity]
+        error = "error" if len(points) == len(own) else f"error of {quantity}"
+        panels = []
+        for work in ("wall", "iterations"):
+            legend = solver_legend(named, points["solver"]) if work == "iterations" and not rows else None
+            panel = cost_panel(named, own, f"{error}, relative", work, legend, floors.get(quantity))
+            panels.append(panel.properties(width=WIDTH, height=HEIGHT))
         rows.append(side_by_side(panels, spacing=40))
-    state = run_state(frames)
-    notes = [*state, _absent(frames, problem, points), motion_warning(trajectory)]
+    notes = [*run_state(frames), _absent(frames, problem, points), motion_warning(trajectory)]
     title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + MARGIN)
     return stacked(rows, title, SEPARATE_LEGENDS, spacing=20)
-
-
-def _cost_panel(
-    frames: RunFrames, points: pd.DataFrame, work: str, title: str, floor: float | None, in_legend: set[str]
-) -> alt.LayerChart:
-    """Return the cost over the error of a quantity, more accurate to the right."""
-    named = _looks(frames)
-    legend = solver_legend(named, in_legend) if in_legend else None
-    ends = [points["low"].min(), points["high"].max(), *([] if floor is None else [floor])]
-    errors, costs = _padded(min(ends), max(ends))[::-1], _padded(points[work].min(), points[work].max())
-    columns = ["solver", "tolerance", "residual", "low", "high", "wall", "iterations", "outcome"]
-    label = f"{title}, relative (better to the right)"
-    across = alt.X("residual:Q", title=label).scale(type="log", domain=errors, nice=False)
-    base = alt.Chart(points[columns], width=WIDTH, height=HEIGHT).encode(
-        x=across.axis(format=".0e", values=POWERS, labelOverlap=True),
-        y=alt.Y(f"{work}:Q", title=f"{WORKS[work]} (better below)")
-        .scale(type="log", domain=costs, nice=False)
-        .axis(format="~g", values=round_values(costs)),
-        color=by_name(alt.Color, "solver", named, "colour", legend),
-    )
-    bars = base.mark_rule(strokeWidth=1, opacity=0.55).encode(x=alt.X("low:Q", title=label), x2="high:Q")
-    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
-    layers = [
-        bars,
-        base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q"),
-        *solve_marks(base, named, "wall", legend),
-    ]
-    if floor is not None:
-        rule = alt.Chart(pd.DataFrame({"floor": [floor]})).mark_rule(strokeDash=[5, 3], color="#666666")
-        layers.append(rule.encode(x=alt.X("floor:Q", title=label)))
-    return alt.LayerChart(layer=layers, width=WIDTH, height=HEIGHT)
 
 
 def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
@@ -182,8 +137,8 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     """
     panels = [
         draw(frames, problem)
-        for curves, draw in ((_costs(frames, problem), work_precision), (_iterations(frames, problem), convergence))
-        if len(curves.rows)
+        for rows, draw in ((_costs(frames, problem), work_precision), (_curves(frames, problem), convergence))
+        if len(rows)
     ]
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
@@ -197,24 +152,10 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     The tolerance of a solve appears nowhere. A filled mark is a solved solve at its judged residual; a hollow one is
     the best iterate of another solve; a cross is a wrong claim.
     """
-    costs, named = _costs(frames, problem), _looks(frames)
-    legend = solver_legend(named, costs.rows["solver"])
-    columns = ["solver", "tolerance", "residual", "milliseconds", "low", "high", "iterations", "outcome"]
-    residual = f"{frames.residual} residual (velocity error, relative; better to the right)"
-    base = alt.Chart(costs.rows[columns], width=WIDTH, height=HEIGHT).encode(
-        x=log_axis(alt.X, "residual", residual, costs.across).axis(**RESIDUAL_AXIS),
-        y=log_axis(alt.Y, "milliseconds", _TIME_TITLE, costs.up).axis(format="~g", values=round_values(costs.up)),
-        color=by_name(alt.Color, "solver", named, "colour", legend),
-    )
-    spread = base.mark_rule(strokeWidth=1).encode(y=alt.Y("low:Q", title=_TIME_TITLE), y2="high:Q")
-    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
-    line = base.mark_line(strokeWidth=2).encode(strokeDash=dash, order="tolerance:Q")
-    note = (
-        "Each curve is a solver, each mark a solve: lower is faster, further to the right is more accurate. "
-        "Vertical lines are quartiles, hollow marks stop short of their tolerance, × is a wrong claim."
-    )
-    layers = [spread, line, *solve_marks(base, named, legend=legend)]
-    return costs.panel(layers, "What accuracy costs", [note, _absent(frames, problem, costs.rows)])
+    rows, named = _costs(frames, problem), looks(frames.info.plan.solvers)
+    residual = f"{frames.residual} residual (velocity error, relative)"
+    panel = cost_panel(named, rows, residual, "milliseconds", solver_legend(named, rows["solver"]))
+    return _titled(panel, "What accuracy costs", [COST_NOTE, _absent(frames, problem, rows)])
 
 
 def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
@@ -222,31 +163,81 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
 
     Curves that grow beyond MAX_RESIDUAL leave the chart there.
     """
-    curves, named = _iterations(frames, problem), _looks(frames)
-    legend = solver_legend(named, curves.rows["solver"])
-    columns = ["solver", "iteration", "residual"]
-    values = round_values(curves.across)
-    residual = "judged residual (velocity error, relative)"
-    base = alt.Chart(curves.rows[columns], width=WIDTH, height=HEIGHT).encode(
-        x=log_axis(alt.X, "iteration", "iteration", curves.across).axis(format="~s", values=values),
-        y=log_axis(alt.Y, "residual", residual, curves.up).axis(**RESIDUAL_AXIS),
+    rows, named = _curves(frames, problem), looks(frames.info.plan.solvers)
+    panel = convergence_panel(named, rows, solver_legend(named, rows["solver"], has_marks=False))
+    return _titled(panel, "Convergence", [CONVERGENCE_NOTE, _absent(frames, problem, rows)])
+
+
+def cost_panel(
+    named: Mapping[str, Look],
+    data: Any,
+    residual: str,
+    work: str,
+    legend: alt.Legend | None = None,
+    floor: float | None = None,
+) -> alt.LayerChart:
+    """Return the cost over the residual, or error, of solves, more accurate to the right.
+
+    Args:
+        named: the look of each solver.
+        data: rows with the columns solver, tolerance, residual, low, high, iterations, outcome and that of the work, or
+            data of altair that are filled in later. Low and high are ends of bars: of times, or of errors.
+        residual: title of the horizontal axis.
+        work: column of the vertical axis, one of ``WORKS``; bars are vertical for "milliseconds" only.
+        legend: legend of solvers.
+        floor: residual at which a dashed line is drawn.
+    """
+    bar: Literal["x", "y"] = "y" if work == "milliseconds" else "x"
+    x_ends, y_ends = (["residual"], ["low", "high"]) if bar == "y" else (["low", "high"], [work])
+    columns = ["solver", "tolerance", "residual", "low", "high", "iterations", "outcome"]
+    data = data if not isinstance(data, pd.DataFrame) else data[list(dict.fromkeys([*columns, work]))]
+    titles = {"x": f"{residual}; better to the right", "y": f"{WORKS[work]}; better below"}
+    base = alt.Chart(data).encode(
+        x=alt.X("residual:Q", title=titles["x"], scale=log_scale(data, x_ends, floor, reverse=True)).axis(
+            **RESIDUAL_AXIS
+        ),
+        y=alt.Y(f"{work}:Q", title=titles["y"], scale=log_scale(data, y_ends)).axis(**TIME_AXIS),
         color=by_name(alt.Color, "solver", named, "colour", legend),
     )
-    line = base.mark_line(strokeWidth=1.8, clip=True)
-    line = line.encode(strokeDash=by_name(alt.StrokeDash, "solver", named, "dash", legend))
-    marks = base.mark_point(filled=True, size=45, opacity=1, clip=True).properties(data=_marked(curves.rows)[columns])
-    marks = marks.encode(shape=by_name(alt.Shape, "solver", named, "shape", legend))
-    note = "Each curve is a solver: the sooner it falls, the fewer iterations it needs."
-    return curves.panel([line, marks], "Convergence", [note, _absent(frames, problem, curves.rows)])
+    channel = {"x": alt.X, "y": alt.Y}[bar]
+    ends = {bar: channel("low:Q", title=titles[bar]), f"{bar}2": "high:Q"}
+    layers = [
+        base.mark_rule(strokeWidth=1).encode(**ends),
+        base.mark_line(strokeWidth=2).encode(
+            strokeDash=by_name(alt.StrokeDash, "solver", named, "dash", legend), order="tolerance:Q"
+        ),
+        *_solve_marks(base, named, work, legend),
+    ]
+    if floor is not None:
+        rule = alt.Chart(pd.DataFrame({"floor": [floor]})).mark_rule(strokeDash=[5, 3], color="#666666")
+        layers.append(rule.encode(x=alt.X("floor:Q", title=titles["x"])))
+    return alt.LayerChart(layer=layers)
 
 
-def solve_marks(
-    base: alt.Chart, named: dict[str, Look], time: str = "milliseconds", legend: alt.Legend | None = None
-) -> list[alt.Chart]:
+def convergence_panel(named: Mapping[str, Look], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
+    """Return judged residual over iterations of rows with the columns solver, iteration and residual."""
+    data = data if not isinstance(data, pd.DataFrame) else data[["solver", "iteration", "residual"]]
+    base = alt.Chart(data).encode(
+        x=alt.X("iteration:Q", title="iteration", scale=log_scale(data, ["iteration"])).axis(
+            **{**TIME_AXIS, "format": "~s"}
+        ),
+        y=alt.Y(
+            "residual:Q",
+            title="judged residual (velocity error, relative)",
+            scale=log_scale(data, ["residual"]),
+        ).axis(**RESIDUAL_AXIS),
+        color=by_name(alt.Color, "solver", named, "colour", legend),
+        tooltip="solver:N",
+    )
+    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
+    return alt.LayerChart(layer=[base.mark_line(strokeWidth=1.8).encode(strokeDash=dash)])
+
+
+def _solve_marks(base: alt.Chart, named: Mapping[str, Look], work: str, legend: alt.Legend | None) -> list[alt.Chart]:
     """Return the marks of solves: filled if solved, hollow if not, crossed if the claim is wrong."""
     shaped = base.encode(
         shape=by_name(alt.Shape, "solver", named, "shape", legend),
-        tooltip=["solver:N", "residual:Q", f"{time}:Q", "iterations:Q", "outcome:N"],
+        tooltip=["solver:N", "residual:Q", f"{work}:Q", "iterations:Q", "outcome:N"],
     )
     ended = alt.FieldOneOfPredicate(field="outcome", oneOf=list(ANSWERED))
     others = [outcome.value for outcome in Outcome if outcome.value not in ANSWERED]
@@ -261,37 +252,24 @@ def solve_marks(
     return [filled, hollow, wrong]
 
 
-def _marked(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of curves that get a mark: some apart on the logarithmic axis, and the ends."""
-    rows = []
-    of_solvers = curves.groupby("solver", sort=False)
-    for rank, (_, curve) in enumerate(of_solvers):
-        iterations = np.log(curve["iteration"].to_numpy(dtype=float))
-        shares = (np.arange(MARKS) + (rank + 0.5) / of_solvers.ngroups) / MARKS
-        at = np.searchsorted(iterations, iterations[0] + shares * (iterations[-1] - iterations[0]))
-        rows.append(curve.iloc[np.unique(np.append(at, len(curve) - 1))])
-    return pd.concat(rows)
+def _titled(panel: alt.LayerChart, title: str, notes: list[str]) -> alt.LayerChart:
+    head = heading(title, notes, WIDTH + MARGIN, 13)
+    titled: alt.LayerChart = panel.properties(width=WIDTH, height=HEIGHT, title=head)
+    return titled
 
 
-def _costs(frames: RunFrames, problem: str) -> _Curves:
-    """Return time [ms] with its quartiles over the residual."""
+def _costs(frames: RunFrames, problem: str) -> pd.DataFrame:
+    """Return the measured points of a problem with their times [ms] and quartiles."""
     points = _drawable(frames.points, problem)
     points = points[points["total_seconds"].notna()].sort_values("tolerance", ascending=False, kind="stable")
     times = {"milliseconds": "total_seconds", "low": "total_seconds_q1", "high": "total_seconds_q3"}
-    points = points.assign(**{name: 1e3 * points[time] for name, time in times.items()})
-    residuals = _padded(points["residual"].min(), points["residual"].max())[::-1]
-    return _Curves(points, "residual", "milliseconds", residuals, _padded(points["low"].min(), points["high"].max()))
+    return points.assign(**{name: 1e3 * points[time] for name, time in times.items()})
 
 
-def _iterations(frames: RunFrames, problem: str) -> _Curves:
-    """Return judged residual over iterations."""
+def _curves(frames: RunFrames, problem: str) -> pd.DataFrame:
+    """Return the iterates of a problem as far as a chart shows them."""
     curves = _drawable(frames.iterations, problem)
-    curves = curves[curves["iteration"] > 0]
-    largest = min(2.0 * float(curves["residual"].max()), MAX_RESIDUAL)
-    smallest = min(float(curves["residual"].min()), MAX_RESIDUAL) / 2.0
-    last = max(float(curves["iteration"].max()), 2.0)
-    # a little before the first one, whose mark would be cut
-    return _Curves(curves, "iteration", "residual", [0.9, 1.05 * last], [smallest, largest])
+    return curves[(curves["iteration"] > 0) & (curves["residual"] <= MAX_RESIDUAL)]
 
 
 def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
@@ -302,20 +280,11 @@ def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
     return drawable
 
 
-def _padded(low: float, high: float) -> list[float]:
-    """Return the ends of a logarithmic axis with a little room beyond the values."""
-    room = max((high / low) ** 0.03, 1.2)
-    return [float(low) / room, float(high) * room]
-
-
-def _looks(frames: RunFrames) -> dict[str, Look]:
-    return looks(frames.info.plan.solvers)
-
-
 def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
     """Return which solvers have no points on a problem, or points and no curve, with the reasons."""
-    with_points = set(_costs(frames, problem).rows["solver"])
-    cases = frames.cases[frames.cases["problem"] == problem].set_index("solver", drop=False)
+    with_points = set(_costs(frames, problem)["solver"])
+    own = frames.only([problem])
+    endings = case_endings(own).set_index(own.cases["solver"])
     reasons: dict[str, list[str]] = {}
     for solver in frames.info.plan.solvers:
         if solver in set(shown["solver"]):
@@ -323,9 +292,8 @@ def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
         reason = "not measured yet"
         if solver in with_points:
             reason = "no iterates"
-        elif solver in cases.index:
-            case = cases.loc[solver].to_dict()
-            reason = ": ".join(ending(case, measured_points(frames, case)))
+        elif solver in endings.index:
+            reason = "{outcome}: {reason}".format(**endings.loc[solver])
         reasons.setdefault(shorten(reason.rstrip("."), MAX_REASON_LENGTH, placeholder=" …"), []).append(solver)
     if not reasons:
         return ""

@@ -83,31 +83,17 @@ def profile_charts(
         baseline: the solver that speed-ups are against.
         view: the one of ``VIEWS`` that is shown; all problems where none is common, which the title says.
     """
-    named = looks(frames.info.plan.solvers)
     shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
     over = _over(frames, shown["accuracy"], view)
     charts = {}
     for name in (*CURVES, "speedup"):
-        table, levels = shown[name], profile_accuracies(frames) if "accuracy" in shown[name] else (None,)
-        panels = [
-            profile_panel(
-                name,
-                named,
-                table if level is None else table[table["accuracy"] == level],
-                set(table["solver"]) if level == levels[-1] else (),
-            )
-            .properties(width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT)
-            .properties(title="" if level is None else f"to a {frames.residual} residual of {exponent(level)}")
-            for level in levels
-        ]
-        row = side_by_side(panels, spacing=30)
-        charts[name] = _page(
-            frames,
-            _TITLES[name],
-            [*([over] if name in CURVES else []), _NOTES[name].format(baseline)],
-            [row],
-            len(panels),
-        )
+        table, parts = shown[name], [(name, "", shown[name])]
+        if "accuracy" in table:
+            levels = [(level, table[table["accuracy"] == level]) for level in profile_accuracies(frames)]
+            parts = [(name, f"to a {frames.residual} residual of {exponent(level)}", own) for level, own in levels]
+        row = _row(frames, parts, set(table["solver"]))
+        notes = [*([over] if name in CURVES else []), _NOTES[name].format(baseline)]
+        charts[name] = _page(frames, _TITLES[name], notes, [row], len(parts))
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
     return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
 
@@ -116,23 +102,31 @@ def _families_chart(
     frames: RunFrames, tables: Mapping[str, pd.DataFrame], families: list[str], view: str
 ) -> alt.VConcatChart:
     """Return the three kinds of curves side by side, one row a family."""
-    level, named = summary_accuracies(frames)[-1], looks(frames.info.plan.solvers)
-    levels = profile_accuracies(frames)
+    levels, level = profile_accuracies(frames), summary_accuracies(frames)[-1]
     level = level if level in levels else levels[-1]
     rows: list[alt.HConcatChart] = []
-    solvers = set(tables["accuracy"]["solver"])
     for family in families:
-        panels = []
+        parts = []
         for name in CURVES:
             own = _of_view(tables[name][tables[name]["family"] == family], view)
             own = own[own["accuracy"] == level] if "accuracy" in own else own
             of_level = f" to {exponent(level)}" if name != "accuracy" else ""
-            title = f"{family}: {_TITLES[name].split()[0].lower()}{of_level}"
-            panel = profile_panel(name, named, own, legend_of=solvers if not rows and name == CURVES[-1] else ())
-            panels.append(panel.properties(width=WIDTH, height=HEIGHT, title=title))
-        rows.append(side_by_side(panels, spacing=30))
+            parts.append((name, f"{family}: {_TITLES[name].split()[0].lower()}{of_level}", own))
+        rows.append(_row(frames, parts, set() if rows else set(tables["accuracy"]["solver"])))
     notes = [_FAMILY_VIEWS[view], "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)]
     return _page(frames, "Profiles by family", notes, rows, len(CURVES))
+
+
+def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legend: set[str]) -> alt.HConcatChart:
+    """Return panels side by side, of kinds of profiles with titles and rows, and a legend at the last one."""
+    named = looks(frames.info.plan.solvers)
+    panels = [
+        profile_panel(name, named, rows, in_legend if place == len(parts) - 1 else ()).properties(
+            width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT, title=title
+        )
+        for place, (name, title, rows) in enumerate(parts)
+    ]
+    return side_by_side(panels, spacing=30)
 
 
 def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:

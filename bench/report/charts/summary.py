@@ -1,5 +1,6 @@
 """Charts of a whole run: the time to accuracy over all problems, and how many problems each solver solves."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import altair as alt
@@ -10,7 +11,7 @@ from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
 from ..cells import duration, exponent
 from ..layout.text import counted
-from .drawing import FONT_SIZE, by_name, heading, log_axis, round_values, stacked
+from .drawing import FONT_SIZE, TIME_AXIS, by_name, heading, log_scale, stacked
 from .palette import PALETTE, looks
 
 WIDTH = 300
@@ -51,11 +52,10 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
         reached = f"{own['seconds'].notna().sum()} of {len(own)}"
         rows.append({"solver": solver, "accuracy": accuracy, "milliseconds": mean, "reached": reached})
     means = pd.DataFrame(rows)
-    both = pd.concat([tried["milliseconds"], means["milliseconds"]]).dropna().to_numpy()
-    least, largest = (both.min(), both.max()) if len(both) else (1e3 * limit, 1e3 * limit)
-    domain = [float(0.7 * least), float(1.4 * largest)]
+    both = pd.concat([tried[["milliseconds"]], means[["milliseconds"]]]).dropna()
+    scale = log_scale(both if len(both) else pd.DataFrame({"milliseconds": [1e3 * limit]}), ["milliseconds"])
     panels = [
-        _time_panel(frames, tried, means, accuracy, domain, first=k == 0)
+        _time_panel(frames, tried, means, accuracy, scale, first=k == 0)
         for k, accuracy in enumerate(means["accuracy"].unique())
     ]
     common = counted(tried["problem"][tried["common"]].nunique(), "problem")
@@ -74,17 +74,25 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
         confirmed=("seconds", "count"), claimed=("claimed", "sum"), n=("problem", "size")
     )
     counts = counts.reset_index().assign(all=[f"of {number}" for number in counts["n"]])
-    panels = [
-        _count_panel(counts, "confirmed", "confirmed by the judge", f"{frames.residual} residual"),
-        _count_panel(counts, "claimed", "claimed by the solver", "tolerance"),
-    ]
+    panels: list[alt.LayerChart] = []
+    for column, who, title in (
+        ("confirmed", "the judge", f"{frames.residual} residual"),
+        ("claimed", "the solver", "tolerance"),
+    ):
+        across = _columns("tolerance", list(counts["tolerance"].unique()), title)
+        cells = counts.assign(share=counts[column] / counts["n"])
+        solvers = _rows(counts["solver"].unique(), named=not panels, grid=False)
+        panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {who}")
+        panel.layer.append(_behind(cells.drop_duplicates("solver")).encode(y=solvers, text="all:N"))
+        panels.append(panel)
     return _of_run("Success", "how many of those that a solver supports it solves", panels, frames, tried)
 
 
 def families_chart(frames: RunFrames) -> alt.VConcatChart:
     """Return how much of each family every solver solves to the accuracies of the summary, and its mean time there."""
-    shown, table = summary_accuracies(frames), families_table(frames)
+    shown, table, names = summary_accuracies(frames), families_table(frames), families(frames)
     tried = attempts(frames, shown)
+    across = _columns("family", names, None, angle=-30)
     panels: list[alt.LayerChart] = []
     for accuracy in shown:
         tag = accuracy_tag(accuracy)
@@ -94,26 +102,11 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
             mean=table[f"mean_time_{tag}"].map(duration),
         )
         title = f"to a {frames.residual} residual of {exponent(accuracy)}"
-        panels.append(_family_panel(frames, cells, title, first=not panels))
+        width = max(WIDTH, FAMILY_COLUMN * len(names))
+        solvers = _rows(tried["solver"].unique(), named=not panels, grid=False)
+        panels.append(_heat_panel(cells, across, solvers, {"solved": -6, "mean": 7}, title, width))
     note = "solved of those of a family that each supports (white: none); mean time over those that all support"
     return _of_run("Success by family", note, panels, frames, tried)
-
-
-def _family_panel(frames: RunFrames, cells: pd.DataFrame, title: str, first: bool) -> alt.LayerChart:
-    names, drawn = families(frames), set(cells["solver"])
-    solvers = [solver for solver in frames.info.plan.solvers if solver in drawn]
-    columns = alt.X("family:N", sort=names, title=None).axis(
-        orient="top", labelAngle=-30, labelAlign="left", ticks=False, domain=False, grid=False, labelLimit=LONGEST_NAME
-    )
-    base = alt.Chart(cells).encode(x=columns, y=_rows(solvers, named=first, grid=False))
-    fill = alt.Color("share:Q", legend=None).scale(domain=[0.0, 1.0], range=[PALE, PALETTE[0]])
-    ink = alt.condition(alt.datum.share > TEXT_TURNS, alt.value("white"), alt.value("#222222"))
-    layers = [base.mark_rect(stroke="white", strokeWidth=2).encode(color=fill)]
-    layers += [
-        base.mark_text(fontSize=size, dy=shift).encode(text=text, color=ink)
-        for text, size, shift in (("solved:N", FONT_SIZE, -6), ("mean:N", FONT_SIZE - 2, 7))
-    ]
-    return _panel(layers, title, row=FAMILY_ROW, width=max(WIDTH, FAMILY_COLUMN * len(names)))
 
 
 def _of_run(
@@ -131,16 +124,14 @@ def _of_run(
 
 
 def _time_panel(
-    frames: RunFrames, tried: pd.DataFrame, means: pd.DataFrame, accuracy: float, domain: list[float], first: bool
+    frames: RunFrames, tried: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, first: bool
 ) -> alt.LayerChart:
     named = looks(frames.info.plan.solvers)
     colour = by_name(alt.Color, "solver", named, "colour")
     columns = ["solver", "accuracy", "problem", "milliseconds"]
     dots, mean = tried[tried["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]
     rows = _rows(means["solver"].unique(), named=first, grid=True)
-    across = log_axis(alt.X, "milliseconds", "time, preparation included [ms]", domain).axis(
-        format="~g", values=round_values(domain)
-    )
+    across = alt.X("milliseconds:Q", title="time, preparation included [ms]", scale=scale).axis(**TIME_AXIS)
     tick = alt.Chart(dots.dropna()).mark_tick(thickness=1.5, height=10, opacity=0.75)
     mark = alt.Chart(mean.dropna()).mark_point(filled=True, size=95, opacity=1)
     layers = [
@@ -151,22 +142,30 @@ def _time_panel(
     return _panel(layers, f"to a {frames.residual} residual of {exponent(accuracy)}")
 
 
-def _count_panel(counts: pd.DataFrame, column: str, title: str, across: str) -> alt.LayerChart:
-    tolerances = list(counts["tolerance"].unique())
-    cells = counts.assign(share=counts[column] / counts["n"])
-    rows = _rows(counts["solver"].unique(), named=column == "confirmed", grid=False)
-    columns = alt.X("tolerance:N", sort=tolerances, title=across).axis(
-        orient="top", labelAngle=0, ticks=False, domain=False, grid=False
-    )
-    base = alt.Chart(cells).encode(x=columns, y=rows)
+def _heat_panel(
+    cells: pd.DataFrame, across: alt.X, solvers: alt.Y, texts: dict[str, int], title: str, width: int = WIDTH
+) -> alt.LayerChart:
+    """Return shares of cells as colours, with texts on them, each shifted to the bottom by a number of pixels."""
+    base = alt.Chart(cells).encode(x=across, y=solvers)
     fill = alt.Color("share:Q", legend=None).scale(domain=[0.0, 1.0], range=[PALE, PALETTE[0]])
     ink = alt.condition(alt.datum.share > TEXT_TURNS, alt.value("white"), alt.value("#222222"))
-    layers = [
-        base.mark_rect(stroke="white", strokeWidth=2).encode(color=fill),
-        base.mark_text(fontSize=FONT_SIZE).encode(text=f"{column}:Q", color=ink),
-        _behind(cells.drop_duplicates("solver")).encode(y=rows, text="all:N"),
-    ]
-    return _panel(layers, title)
+    layers = [base.mark_rect(stroke="white", strokeWidth=2).encode(color=fill)]
+    for text, shift in texts.items():
+        layers.append(base.mark_text(fontSize=FONT_SIZE, dy=shift).encode(text=f"{text}:N", color=ink))
+    return _panel(layers, title, ROW if len(texts) == 1 else FAMILY_ROW, width)
+
+
+def _columns(field: str, names: Sequence[str], title: str | None, angle: int = 0) -> alt.X:
+    """Return columns with their names above them."""
+    return alt.X(f"{field}:N", sort=list(names), title=title).axis(
+        orient="top",
+        labelAngle=angle,
+        labelAlign="left" if angle else "center",
+        labelLimit=LONGEST_NAME,
+        ticks=False,
+        domain=False,
+        grid=False,
+    )
 
 
 def _behind(rows: pd.DataFrame) -> alt.Chart:

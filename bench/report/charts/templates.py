@@ -5,9 +5,9 @@ from typing import Any
 
 import altair as alt
 
-from .drawing import by_name, compiled
+from .drawing import compiled
 from .palette import Look
-from .problems import POWERS, RESIDUAL_AXIS, solve_marks
+from .problems import convergence_panel, cost_panel
 from .profiles import CURVES, ROW, profile_panel
 
 ROWS = "rows"
@@ -31,8 +31,8 @@ def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]
     panels: Mapping[str, Any] = {
         **{name: profile_panel(name, named, rows).properties(height=HEIGHT) for name in CURVES},
         "speedup": profile_panel("speedup", named, rows).properties(height=alt.Step(ROW)),
-        "cost": _cost_panel(named, residual, rows).properties(height=HEIGHT),
-        "convergence": _convergence_panel(named, rows).properties(height=HEIGHT),
+        "cost": cost_panel(named, rows, f"{residual} residual", "milliseconds").properties(height=HEIGHT),
+        "convergence": convergence_panel(named, rows).properties(height=HEIGHT),
     }
     fit = alt.AutoSizeParams(type="fit-x", contains="padding")
     return {
@@ -44,34 +44,3 @@ def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]
         )
         for name, panel in panels.items()
     }
-
-
-def _cost_panel(named: dict[str, Look], residual: str, rows: Any) -> alt.LayerChart:
-    """Return time over residual, as ``work_precision`` has it, of rows that come later."""
-    title = "time, preparation included [ms] (better below)"
-    across = alt.X("residual:Q", title=f"{residual} residual (better to the right)")
-    up = alt.Y("milliseconds:Q", title=title).scale(type="log", nice=False, padding=8)
-    base = alt.Chart(rows).encode(
-        x=across.scale(type="log", nice=False, reverse=True, padding=8).axis(**RESIDUAL_AXIS),
-        y=up.axis(format="~g", labelOverlap=True, tickCount=6),
-        color=by_name(alt.Color, "solver", named, "colour"),
-    )
-    spread = base.mark_rule(strokeWidth=1).encode(y=alt.Y("low:Q", title=title), y2="high:Q")
-    line = base.mark_line(strokeWidth=2).encode(
-        strokeDash=by_name(alt.StrokeDash, "solver", named, "dash"), order="tolerance:Q"
-    )
-    return alt.LayerChart(layer=[spread, line, *solve_marks(base, named)])
-
-
-def _convergence_panel(named: dict[str, Look], rows: Any) -> alt.LayerChart:
-    """Return judged residual over iterations of rows that come later."""
-    across = alt.X("iteration:Q", title="iteration").scale(type="log", nice=False)
-    up = alt.Y("residual:Q", title="judged residual").scale(type="log", nice=False, padding=8)
-    base = alt.Chart(rows).encode(
-        x=across.axis(format="~s", labelOverlap=True, tickCount=6),
-        y=up.axis(format=".0e", values=POWERS, labelOverlap=True),
-        color=by_name(alt.Color, "solver", named, "colour"),
-        tooltip="solver:N",
-    )
-    dash = by_name(alt.StrokeDash, "solver", named, "dash")
-    return alt.LayerChart(layer=[base.mark_line(strokeWidth=1.8).encode(strokeDash=dash)])

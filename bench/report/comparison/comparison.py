@@ -1,5 +1,6 @@
-"""Two runs side by side: what differs, in frames and in one sentence, and what fails."""
+"""The comparison of two runs: what differs, in frames and in one sentence, and which conditions fail."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,9 +8,9 @@ from html import escape
 
 import pandas as pd
 
+from ...errors import BenchError
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
-from .conditions import Condition, read_conditions
 from .pairing import CASE, pair
 from .solved import SOLVED, UNSOLVED, find_solved_changes
 from .times import Times, compare_times
@@ -68,12 +69,12 @@ class Comparison:
         )
 
     def slower(self, slowdown: float | None = None) -> list[str]:
-        """Return what is slower by more than that part with certainty, in words: solvers, then cases of others."""
+        """Return what is certainly slower by more than that part: solvers, then single cases of other solvers."""
         bound = 1.0 + (self.slowdown if slowdown is None else slowdown)
         return self._named(self.solvers[self.solvers["low"] > bound], self.cases[self.cases["low"] > bound])
 
     def faster(self) -> list[str]:
-        """Return what is faster with certainty: what took more than that part longer before."""
+        """Return what is certainly faster: what took longer before by more than that part."""
         bound = 1.0 / (1.0 + self.slowdown)
         return self._named(self.solvers[self.solvers["high"] < bound], self.cases[self.cases["high"] < bound])
 
@@ -120,22 +121,39 @@ class Comparison:
         Raises:
             BenchError: if a text is no condition.
         """
-        return [sentence for one in read_conditions(fail_on) if (sentence := self._failure(one))]
-
-    def _failure(self, condition: Condition) -> str:
-        if condition.slowdown is None:
-            found = _points_in_words(self.changed(UNSOLVED))
-        elif self.obstacle or not self.decides:
-            return f"{condition.text} cannot be decided: {self.obstacle or self._undecided}"
-        else:
-            found = self.slower(condition.slowdown)
-        return f"{condition.text}: {_names(found)}" if found else ""
+        sentences = []
+        for condition, slowdown in read_conditions(fail_on).items():
+            found = _points_in_words(self.changed(UNSOLVED)) if slowdown is None else self.slower(slowdown)
+            if slowdown is not None and (self.obstacle or not self.decides):
+                sentences.append(f"{condition} cannot be decided: {self.obstacle or self._undecided}")
+            elif found:
+                sentences.append(f"{condition}: {_names(found)}")
+        return sentences
 
     def _named(self, solvers: pd.DataFrame, cases: pd.DataFrame) -> list[str]:
         others = cases[~cases["solver"].isin(solvers["solver"])]
         return [f"{row.solver} ({row.ratio:.2f} times)" for row in solvers.itertuples()] + [
             f"{row.solver} on {row.problem} ({row.ratio:.2f} times)" for row in others.itertuples()
         ]
+
+
+def read_conditions(texts: Sequence[str] | str) -> dict[str, float | None]:
+    """Return each condition with the part by which no solver may become slower; None for ``"solved<"``.
+
+    Raises:
+        BenchError: if a text is no condition.
+    """
+    conditions: dict[str, float | None] = {}
+    for text in [texts] if isinstance(texts, str) else texts:
+        plain = re.sub(r"\s", "", text)
+        found = re.fullmatch(r"time>(\d+(?:\.\d+)?)%", plain)
+        if not found and plain != "solved<":
+            raise BenchError(
+                f"`fail_on` {text!r} is no condition; write 'time>10%' (a solver is more than 10 % slower) or "
+                "'solved<' (an accuracy is no longer reached)."
+            )
+        conditions[plain] = float(found[1]) / 100.0 if found else None
+    return conditions
 
 
 def compare_runs(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN) -> Comparison:

@@ -10,7 +10,7 @@ from rich.text import Text
 from ..accuracy import accuracy_tag
 from ..cells import duration
 from ..layout.terminal_table import print_table
-from ..layout.text import inline, json_records, markdown_table
+from ..layout.text import inline, json_records, markdown_frame
 from .comparison import Comparison
 
 
@@ -50,9 +50,9 @@ def markdown_page(comparison: Comparison, failures: list[str]) -> str:
     parts = ["### Proxbench: {} → {}".format(*names), f"**{inline(comparison.verdict)}**"]
     parts += [f"❌ {inline(failure)}" for failure in failures]
     parts += [f"{inline(note)}" for note in comparison.notes]
-    parts += [f"{inline(title)}\n\n{_markdown(table)}" for title, table in _tables(comparison)]
+    parts += [f"{inline(title)}\n\n{markdown_frame(table)}" for title, table in _tables(comparison)]
     if len(comparison.solvers):
-        cases = _markdown(_shown_times(comparison, comparison.cases))
+        cases = markdown_frame(_shown_times(comparison, comparison.cases))
         parts += [_legend(comparison), f"<details><summary>All cases</summary>\n\n{cases}\n</details>"]
     return "\n\n".join(part.rstrip("\n") for part in parts) + "\n"
 
@@ -63,9 +63,7 @@ def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
     cases = comparison.cases
     single = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]
     changes = comparison.changes.assign(to=comparison.changes["accuracy"].map(accuracy_tag))
-    shown = changes.assign(is_=changes["change"]).rename(columns={"is_": "is"})[
-        ["solver", "problem", "to", "is", "reason"]
-    ]
+    shown = changes.rename(columns={"change": "is"})[["solver", "problem", "to", "is", "reason"]]
     tables = [
         ("times of each solver, over its problems", _shown_times(comparison, comparison.solvers)),
         ("cases that are slower or faster by themselves", _shown_times(comparison, single)),
@@ -94,7 +92,3 @@ def _legend(comparison: Comparison) -> str:
         f"ratio: of times after to before, over {comparison.scale:.3f}, by which times of all solvers differ alike. "
         f"slower, faster: by more than {part} with a certainty of 95 %, which is that of all cases together."
     )
-
-
-def _markdown(shown: pd.DataFrame) -> str:
-    return markdown_table(map(inline, shown.columns), shown.map(inline).itertuples(index=False))

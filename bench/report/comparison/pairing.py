@@ -1,4 +1,4 @@
-"""What of two runs compares: the same solvers on problems of the same numbers, and times where they mean the same."""
+"""The comparable part of two runs: the same solvers on problems of equal digests, and whether times compare."""
 
 import re
 from collections.abc import Iterable

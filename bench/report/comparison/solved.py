@@ -1,4 +1,4 @@
-"""Which accuracies a second run reaches that the first did not, and which it no longer reaches."""
+"""Accuracies that only one of two runs reaches."""
 
 import pandas as pd
 

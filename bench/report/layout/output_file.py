@@ -1,4 +1,4 @@
-"""Files that commands write: refused before any work, written as a whole and in their folder, or not at all."""
+"""Files that commands write: checked before any work, and written as a whole or not at all."""
 
 import tempfile
 from collections.abc import Callable, Iterable
@@ -65,7 +65,7 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
 
 
 def refuse_taken(files: Iterable[Path], force: bool) -> None:
-    """Find out whether files can be written later, and leave everything as it is.
+    """Check that files can be written later, without changing anything.
 
     Raises:
         BenchError: if one exists and ``force`` is not given, is a link out of its folder, or cannot be written.
@@ -104,7 +104,7 @@ def picture_files(path: Path) -> tuple[Path, Path]:
 
 
 def refuse_pictures(path: Path, force: bool) -> None:
-    """Find out whether a picture can be written at ``path``, and leave everything as it is.
+    """Check that a picture can be written at ``path``, without changing anything.
 
     Raises:
         BenchError: if it cannot, or if it exists and ``force`` is not given.

@@ -34,6 +34,12 @@ def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> 
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
+def markdown_frame(shown: Any) -> str:
+    """Return a frame of texts as a table in Markdown, none of whose cells is markup of HTML."""
+    heads = [inline(column).replace("\n", " ") for column in shown.columns]
+    return markdown_table(heads, shown.map(inline).itertuples(index=False))
+
+
 def latex_table(shown: Any) -> str:
     """Return a frame of texts as a LaTeX table with rules of ``booktabs``; texts between ``**`` become bold."""
     heads = [str(column).replace("\n", " ") for column in shown.columns]

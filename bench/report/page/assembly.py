@@ -39,7 +39,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
             a link out of its folder.
         UnwritableError: if it cannot be written.
     """
-    folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
+    folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
     return write_file(folder / FILE, page(frames, baseline).encode())
 
 
@@ -60,13 +60,13 @@ def page(frames: RunFrames, baseline: str = "") -> str:
 
 
 def _embedded(document: dict[str, Any]) -> str:
-    """Return JSON in which nothing can end, or comment out, the script element that it stands in."""
+    """Return JSON that can neither end nor comment out its script element."""
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
 
 
 def _in_script(text: str) -> str:
-    """Return a script of our own or of Vega as it can stand in a script element."""
+    """Return a script without what would end a script element."""
     return text.replace("</script", r"<\/script").replace("<!--", r"<\!--")
 
 

@@ -1,22 +1,18 @@
 """Data of a page as one JSON document: tables of problems, solvers, cases, points and curves, in columns with names.
 
-Python computes what no filter of the page changes: the time to each accuracy and the best point of every case. Times
-have seven digits. Residuals have six and are rounded up, so that they compare with every accuracy of at most six digits
-as the exact ones do.
+Python computes what no filter of the page changes: the time to each accuracy and the best point of every case.
+Numbers have as many digits as the page shows; residuals that it compares with accuracies are exact.
 """
 
-import math
 from collections.abc import Iterable
-from decimal import ROUND_CEILING, Context
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from ...store.condition import drift, run_state
 from ...store.frames import JUDGED, RunFrames
 from ...store.ratios import reaching
-from ...store.records import Machine, RunRecord
+from ...store.records import Machine
 from ...store.store import plain_name
 from ..accuracy import (
     SHIFT_SECONDS,
@@ -29,8 +25,8 @@ from ..accuracy import (
 from ..charts.palette import looks, on_dark
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
+from ..endings import CASE, attempted_points, case_endings
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
-from ..tables import case_notes, ending
 from .commands import option, protocol_options, run_command
 
 MAX_TEXT = 4000
@@ -47,13 +43,6 @@ LAWS = {1: "no friction (1 row a contact)", 2: "planar friction (2 rows)", 3: "s
 
 RECORDINGS = "recordings"
 """Folder of the recordings of a run."""
-
-_UP = Context(prec=6, rounding=ROUND_CEILING)
-
-_OF_ENDING = ("tolerance", "outcome", "status", "reason", "model_residual", "notes")
-"""Columns of points that decide how a case ended."""
-
-_IDENTITY = ["problem", "solver"]
 
 
 def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
@@ -121,11 +110,16 @@ def _about(frames: RunFrames) -> dict[str, Any]:
 
 
 def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
-    """Return tables of names and values: the machine, versions, the protocol, sessions and plugins."""
+    """Return tables of names and values: the machines, versions, the protocol, sessions and plugins."""
     info, factor = frames.info, drift(frames)
-    plan = info.plan
-    limits = plan.limits
-    protocol = {
+    plan, limits = info.plan, info.plan.limits
+    machines = {one.host: one.machine for one in info.sessions if one.machine is not None} or {"": info.machine}
+    is_single = len(machines) == 1
+    tables: dict[str, dict[str, Any]] = {
+        "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
+    }
+    tables["Versions"] = dict(info.machine.versions)
+    tables["Protocol"] = {
         "passes": plan.passes,
         "seed": plan.seed,
         "judge": f"version {info.judge}",
@@ -134,28 +128,16 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "memory of a case": f"{limits.memory_bytes / 2**20:.0f} MiB",
         "probes": "unknown" if np.isnan(factor) else f"90 % over 10 % quantile: {factor:.2f}",
     }
-    machines = {one.host for one in info.sessions if one.machine is not None}
-    names = [f"{one.started} on {one.host}" if len(machines) > 1 else one.started for one in info.sessions]
-    ends = [f"to {one.finished}" if one.finished else "interrupted" for one in info.sessions]
-    plugins = {f"{use.kind} {use.name}": f"{use.source} {use.sha256[:16]}".strip() for use in info.plugins}
-    tables = {
-        **_machines(info),
-        "Versions": info.machine.versions.items(),
-        "Protocol": protocol.items(),
-        "Sessions": list(zip(names, ends, strict=True)),
-        "Plugins": plugins.items(),
+    tables["Sessions"] = {
+        one.started + ("" if is_single else f" on {one.host}"): f"to {one.finished}" if one.finished else "interrupted"
+        for one in info.sessions
     }
-    return {name: [(key, str(value)) for key, value in table] for name, table in tables.items() if table}
-
-
-def _machines(info: RunRecord) -> dict[str, list[tuple[str, Any]]]:
-    """Return a table of each machine that measured, called by its name where there are several."""
-    measured = {one.host: one.machine for one in info.sessions if one.machine is not None} or {"": info.machine}
-    names = {host: f"Machine {host}" if len(measured) > 1 else "Machine" for host in measured}
-    return {names[host]: list(_hardware(machine).items()) for host, machine in measured.items()}
+    tables["Plugins"] = {f"{use.kind} {use.name}": f"{use.source} {use.sha256[:16]}".strip() for use in info.plugins}
+    return {name: [(key, str(value)) for key, value in table.items()] for name, table in tables.items() if table}
 
 
 def _hardware(machine: Machine) -> dict[str, Any]:
+    pools = (f"{pool.internal_api or pool.user_api}: {pool.num_threads}" for pool in machine.thread_pools)
     commit = machine.commit or "unknown"
     return {
         "processor": machine.processor,
@@ -163,19 +145,14 @@ def _hardware(machine: Machine) -> dict[str, Any]:
         "memory": f"{machine.memory_bytes / 2**30:.1f} GiB",
         "system": machine.system,
         "Python": machine.python,
-        "threads": ", ".join(
-            f"{pool.internal_api or pool.user_api}: {pool.num_threads}" for pool in machine.thread_pools
-        ),
+        "threads": ", ".join(pools),
         "commit": f"{commit}, with changes that are not committed" if machine.dirty else commit,
         "source": machine.source or "unknown",
     }
 
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
-    named, models = (
-        looks(frames.info.plan.solvers),
-        dict(zip(frames.cases["solver"], frames.cases["model"], strict=True)),
-    )
+    named, models = looks(frames.info.plan.solvers), frames.cases.drop_duplicates("solver").set_index("solver")["model"]
     return [
         {
             "name": name,
@@ -191,7 +168,7 @@ def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
 
 def _problems(frames: RunFrames) -> list[dict[str, Any]]:
     firsts = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
-    folder = frames.folder / RECORDINGS
+    folder = frames.output_folder / RECORDINGS
     return [
         {
             "name": name,
@@ -221,68 +198,67 @@ def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
     ``seconds``, ``excluded`` and ``claimed`` have a value for each accuracy: the time to it (null where it is not
     reached), whether that time is of excluded rounds alone, and whether the solver claims to reach it.
     """
-    points, limit = frames.points, frames.info.plan.limits.solve_seconds
-    attempted = points[points["total_seconds"].notna()]
-    attempts = dict(iter(attempted[[*_IDENTITY, *_OF_ENDING]].groupby(_IDENTITY, sort=False)))
-    counted, times = set(counted_cases(frames).index), times_to_accuracies(points, accuracies, limit)
-    seconds = dict(zip(times.index, times.to_numpy(), strict=True))
-    excluded = [excluded_cases(points, accuracy, limit) for accuracy in accuracies]
+    attempted, limit = attempted_points(frames), frames.info.plan.limits.solve_seconds
+    best = reaching(attempted, np.inf, limit).sort_values("residual", kind="stable").drop_duplicates(CASE)
+    times = times_to_accuracies(frames.points, accuracies, limit)
+    excluded = [excluded_cases(frames.points, accuracy, limit) for accuracy in accuracies]
     claimed = [claimed_cases(attempted, accuracy) for accuracy in accuracies]
-    best = reaching(attempted, np.inf, limit).sort_values("residual", kind="stable").drop_duplicates(_IDENTITY)
-    best_of = best.set_index(_IDENTITY)[["residual", "iterations"]].T.to_dict("list")
-    rows = []
-    for place, case in enumerate(frames.cases.to_dict("records")):
-        name = case["problem"], case["solver"]
-        of_case = attempts.get(name, attempted[list(_OF_ENDING)].iloc[:0])
-        outcome, reason = ending(case, of_case)
-        residual, iterations = best_of.get(name, (np.nan, np.nan))
-        rows.append(
-            {
-                "problem": name[0],
-                "solver": name[1],
-                "supported": int(place in counted),
-                "outcome": outcome,
-                "reason": "; ".join(filter(None, (reason, case_notes(of_case)))),
-                "traceback": case["traceback"][-MAX_TEXT:],
-                "stderr": case["stderr"][-MAX_TEXT:],
-                "wall": _digits([case["wall_seconds"]], 4)[0],
-                "memory": int(case["peak_memory_bytes"]),
-                "residual": _rounded_up(residual),
-                "iterations": None if np.isnan(iterations) else int(iterations),
-                "seconds": _digits(seconds.get(name, [np.nan] * len(accuracies)), 7),
-                "excluded": [int(name in cases) for cases in excluded],
-                "claimed": [int(name in cases) for cases in claimed],
-            }
-        )
-    return {key: [row[key] for row in rows] for key in rows[0]}
+    table = frames.cases[[*CASE, "traceback", "stderr"]].merge(best[[*CASE, "residual", "iterations"]], "left", CASE)
+    endings, names = case_endings(frames), list(zip(table["problem"], table["solver"], strict=True))
+    seconds = dict(zip(times.index, times.to_numpy(), strict=True))
+    return {
+        **{name: table[name].tolist() for name in CASE},
+        "supported": frames.cases.index.isin(counted_cases(frames).index).astype(int).tolist(),
+        "outcome": endings["outcome"].tolist(),
+        "reason": _joined(endings["reason"], endings["notes"]),
+        "traceback": table["traceback"].str[-MAX_TEXT:].tolist(),
+        "stderr": table["stderr"].str[-MAX_TEXT:].tolist(),
+        "wall": _numbers(frames.cases["wall_seconds"], 4),
+        "memory": frames.cases["peak_memory_bytes"].astype(int).tolist(),
+        "residual": _numbers(table["residual"]),
+        "iterations": _numbers(table["iterations"]),
+        "seconds": [_numbers(seconds.get(name, [np.nan] * len(accuracies)), 7) for name in names],
+        "excluded": [[int(name in cases) for cases in excluded] for name in names],
+        "claimed": [[int(name in cases) for cases in claimed] for name in names],
+    }
 
 
 def _points(frames: RunFrames) -> dict[str, list[Any]]:
     """Return the columns of all points, each with the number of its case."""
     points, numbers = frames.points, _case_numbers(frames)
-    reasons = zip(points["reason"], points["notes"], strict=True)
+    digits = {
+        "residual": ("residual", 4),
+        "model_residual": ("model_residual", 3),
+        "prepare": ("prepare_seconds", 4),
+        "seconds": ("total_seconds", 7),
+        "low": ("total_seconds_q1", 4),
+        "high": ("total_seconds_q3", 4),
+    }
     return {
         "case": [numbers[name] for name in zip(points["problem"], points["solver"], strict=True)],
         "tolerance": points["tolerance"].tolist(),
         "outcome": points["outcome"].tolist(),
-        "reason": ["; ".join(filter(None, both)) for both in reasons],
+        "reason": _joined(points["reason"], points["notes"]),
         "excluded": points["is_excluded"].fillna(False).astype(int).tolist(),
-        "iterations": [None if np.isnan(count) else int(count) for count in points["iterations"]],
-        "residual": [_rounded_up(value) for value in points["residual"]],
-        "model_residual": _digits(points["model_residual"], 3),
-        "prepare": _digits(points["prepare_seconds"], 4),
-        "seconds": _digits(points["total_seconds"], 7),
-        "low": _digits(points["total_seconds_q1"], 4),
-        "high": _digits(points["total_seconds_q3"], 4),
+        "iterations": _numbers(points["iterations"]),
+        **{name: _numbers(points[column], number) for name, (column, number) in digits.items()},
     }
 
 
 def _curves(frames: RunFrames) -> dict[str, list[Any]]:
-    """Return the columns of the convergence curves: the number of the case, its iterations and its residuals."""
+    """Return the columns of the convergence curves: the number of the case, its iterations and its residuals.
+
+    Curves are thinned, with their last point kept, to as many points as the page has room for.
+    """
     most, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
-    curves = [(numbers[name], *_curve(curve, most)) for name, curve in frames.iterations.groupby(_IDENTITY, sort=False)]
-    columns = zip(*curves, strict=True) if curves else ((), (), ())
-    return {name: list(column) for name, column in zip(("case", "iteration", "residual"), columns, strict=True)}
+    curves: dict[str, list[Any]] = {"case": [], "iteration": [], "residual": []}
+    drawn = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
+    for name, curve in drawn.groupby(CASE, sort=False):
+        kept = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(most, len(curve))).astype(int))]
+        curves["case"].append(numbers[name])
+        curves["iteration"].append(kept["iteration"].tolist())
+        curves["residual"].append(_numbers(kept["residual"], 4))
+    return curves
 
 
 def _case_numbers(frames: RunFrames) -> dict[Any, int]:
@@ -290,20 +266,10 @@ def _case_numbers(frames: RunFrames) -> dict[Any, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-def _curve(curve: pd.DataFrame, most: int) -> list[list[Any]]:
-    """Return the iterations and residuals of a curve, thinned to at most ``most`` points with the last one."""
-    iterations, residuals = curve["iteration"].to_numpy(), curve["residual"].to_numpy()
-    kept = np.flatnonzero((iterations > 0) & np.isfinite(residuals))
-    if len(kept) > most:
-        kept = kept[np.unique(np.linspace(0, len(kept) - 1, most).astype(int))]
-    return [iterations[kept].tolist(), _digits(residuals[kept], 4)]
+def _joined(reasons: Iterable[str], notes: Iterable[str]) -> list[str]:
+    return ["; ".join(filter(None, both)) for both in zip(reasons, notes, strict=True)]
 
 
-def _rounded_up(residual: float) -> float | None:
-    """Return a residual rounded up to six digits from its shortest decimal form, so that 1e-10 stays 1e-10."""
-    return float(_UP.create_decimal(repr(residual))) if math.isfinite(residual) else None
-
-
-def _digits(values: Iterable[float], digits: int) -> list[float | None]:
+def _numbers(values: Iterable[float], digits: int = 17) -> list[float | None]:
     """Return numbers rounded to significant digits; None for those that are not finite."""
-    return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in values]
+    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values]

@@ -1,8 +1,8 @@
 """The chart of a simulation, as SVG and PNG: the motion with its switching points, what it costs, and its step size.
 
-Coordinates that have names are drawn over the last half second, with switching points as dots (figure 2 of the paper).
-Where they have none, as those of many balls, contacts, iterations, penetration and energy over all the time say what
-happens, and switching points are counted.
+Coordinates with names are drawn over the last half second, with switching points as dots (figure 2 of the paper).
+Scenes without such names, as those of many balls, are drawn as contacts, iterations, penetration and energy over the
+whole time, with counts of switching points.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ from ...report.layout.text import counted
 from ..trajectory import Simulation, describe_switches
 
 POINTS = 500
-"""Intervals of time that curves are gathered in, so that charts of any length stay light."""
+"""Intervals of time over which curves are aggregated, so that charts of any length stay light."""
 
 WIDTH, HEIGHT = 620, 110
 
@@ -37,10 +37,10 @@ BINS = 100
 """Parts of the time in which switching points are counted."""
 
 NOISE = 1e-6
-"""Range of a curve, relative to its largest value, below which it is a straight line and what it does is rounding."""
+"""Range of a curve, relative to its largest value, below which its variation is rounding."""
 
 KINDS = {"unilateral": "contact opens or closes", "friction": "slips or sticks"}
-"""What switching points are called, by law."""
+"""Names of switching points by law."""
 
 Panel = alt.Chart | alt.LayerChart
 

@@ -14,7 +14,7 @@ from ...report.layout.text import counted
 from ..trajectory import Simulation
 
 MAX_ROWS = 30
-"""Switching points that are printed where no period is known; the result file has all."""
+"""Switching points that are printed of a motion without known periods; the result file has all."""
 
 _OF_WORDS = ("law", "contact", "from", "to")
 """Heads of columns of words."""
@@ -52,7 +52,7 @@ def periods_document(simulation: Simulation) -> dict[str, Any] | None:
 
 
 def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield what is reported of the periods, each line with its style."""
+    """Yield the lines about periods, each with its style."""
     motion = _motion(simulation)
     if motion is None:
         return

@@ -18,7 +18,7 @@ from ..trajectory import Ending, Simulation, describe_switches
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 
 WINDOW_SECONDS = 0.1
-"""Simulated time that one row of the table is about."""
+"""Simulated time of one row of the table [s]."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Window:
 
     Attributes:
         time: their end [s].
-        steps: how many they are.
+        steps: number of steps.
         contacts: active contacts, mean.
         iterations: of the solver, mean.
         step_milliseconds: wall time of a step [ms], mean.
-        residual: the judge's, largest.
-        local_residual: the judge's, largest.
-        unsolved: steps that the judge does not find solved to the tolerance.
+        residual: largest judged residual.
+        local_residual: largest local residual.
+        unsolved: number of steps not solved to the tolerance, as judged.
         penetration: deepest of a state, over the length of the scene.
         impact_depth: deepest at a midpoint, where contacts are found, over the same.
         energy: kinetic and potential at their end [J], None where the potential energy is not known.
@@ -147,7 +147,7 @@ def finite(value: Any) -> Any:
 
 
 def print_simulation(simulation: Simulation, console: Console) -> None:
-    """Print the table of windows, that of switching points, the total, and in words what was not solved."""
+    """Print the tables of windows and of switching points, the total, and which steps are unsolved."""
     plan = simulation.plan
     segments = simulation.segments or (planned_segment(plan, 0),)
     if len(segments) == 1:
@@ -164,13 +164,16 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 
 
 def _print_segments(simulation: Simulation, console: Console) -> None:
-    """Print which settings made which steps."""
-    table = plain_table("steps", "stepper", "solver", "tolerance", "start", "missed")
+    """Print which settings made which steps; the limit of iterations has a column where it differs."""
+    has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
+    limit = ["max iter."] if has_limits else []
+    table = plain_table("steps", "stepper", "solver", "tolerance", *limit, "start", "missed")
     for segment, part in _parts(simulation):
         missed = int(simulation.unsolved[part].sum())
+        limits = [str(segment.max_iterations)] if has_limits else []
         table.add_row(
             Text(f"{part.start + 1}–{part.stop}"),
-            *map(Text, (segment.stepper, segment.solver, f"{segment.tolerance:.0e}", segment.start)),
+            *map(Text, (segment.stepper, segment.solver, f"{segment.tolerance:.0e}", *limits, segment.start)),
             Text(str(missed or "–"), style="bold red" if missed else ""),
         )
     console.print(table)
@@ -197,7 +200,7 @@ _COLUMNS: dict[str, Callable[[Window], str]] = {
     "mid/r": lambda window: f"{window.impact_depth:.4f}",
     "E [J]": lambda window: _energy(window.energy),
 }
-"""Heads of columns, and what stands in each."""
+"""Cells of a window by the head of their column."""
 
 
 def _observed_cell(observable: Observable) -> Callable[[Window], str]:
@@ -235,7 +238,7 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
 
 
 def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield the total, and in words what was not solved, each with its style."""
+    """Yield the total and what was not solved, each line with its style."""
     total = summary(simulation)
     ending = _ending(simulation)
     if not total["steps"]:
@@ -275,14 +278,14 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     )
     missed = simulation.steps["status"][simulation.unsolved]
     for status, count in zip(*np.unique(missed, return_counts=True), strict=True):
-        yield f"  the solver says: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
+        yield f"  the solver reports: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
     solver = simulation.plan.solver
     if solver.model != Model.COULOMB and solver.name == simulation.segments[-1].solver:
         yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
 
 
 def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield in how many steps fast contacts hide what others lack, if there are any, with a style."""
+    """Yield the number of steps in which fast contacts hide the errors of others, if any, with a style."""
     hiding = simulation.steps[simulation.hiding]
     if not len(hiding):
         return
@@ -310,17 +313,15 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
     steps = simulation.steps[part]
     last, scene = steps[-1], simulation.plan.scene
     energy = float(last["kinetic_energy"] + last["potential_energy"])
+    largest = ("residual", "local_residual", "penetration", "impact_depth")
     return Window(
         time=float(last["time"]),
         steps=len(steps),
         contacts=float(steps["contacts"].mean()),
         iterations=float(steps["iterations"].mean()),
         step_milliseconds=1e3 * float(steps["seconds"].mean()),
-        residual=float(steps["residual"].max()),
-        local_residual=float(steps["local_residual"].max()),
         unsolved=unsolved,
-        penetration=float(steps["penetration"].max()),
-        impact_depth=float(steps["impact_depth"].max()),
         energy=None if scene.potential_energy is None else energy,
         observed={one.name: last[one.name].item() for one in scene.observables if one.label},
+        **{name: float(steps[name].max()) for name in largest},
     )

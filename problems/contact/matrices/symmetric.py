@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numba import njit, uint64
 
 from ...arrays import FloatArray, read_only
-from ...errors import ProblemError
+from ...errors import IndefiniteError, ProblemError
 from ..blocks import BlockLayout
 from .delassus import blocks_from_matrix, diagonal_of
 from .given import as_matrix, read_matrix
@@ -79,7 +79,7 @@ def _check_diagonal(matrix: sp.csr_array[Any]) -> None:
     diagonal = diagonal_of(matrix)
     if (diagonal < 0).any():
         row = int(np.argmax(diagonal < 0))
-        raise ProblemError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
+        raise IndefiniteError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
 
 
 def _check_symmetry(matrix: sp.csr_array[Any], tolerance: float) -> None:
@@ -97,7 +97,7 @@ def _check_minors(matrix: sp.csr_array[Any], tolerance: float) -> None:
     excess, row, column = _largest_excess(matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal))
     if excess > tolerance * diagonal.max(initial=0.0):
         root = np.sqrt(diagonal[row]) * np.sqrt(diagonal[column])
-        raise ProblemError(
+        raise IndefiniteError(
             f"G[{row}, {column}] = {matrix[row, column]} exceeds the root of G[{row}, {row}] G[{column}, {column}], "
             f"{root}: G must be positive semidefinite."
         )
@@ -109,7 +109,7 @@ def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
     A Ritz value bounds the least eigenvalue from above: what is refused is indefinite, and what passes may be so.
     """
     if len(values) and values[0] < -tolerance * values[-1]:
-        raise ProblemError(
+        raise IndefiniteError(
             f"G has an eigenvalue of {values[0]:.3g} or less beside {values[-1]:.3g}: G must be positive semidefinite."
         )
 

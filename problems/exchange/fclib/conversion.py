@@ -14,30 +14,27 @@ Whatever the contacts' own velocities before the step add, as by Newton's impact
 """
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from ...arrays import FloatArray
-from ...contact.answer import Answer
 from ...contact.factors import Factors, InverseMass
-from ...contact.judge import judge
-from ...contact.matrices.symmetric import SYMMETRY_TOLERANCE
+from ...contact.matrices.block_diagonal import MOST_ENTRIES, inverse_entries
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
+from ..repair import Repair, symmetric
+from ..stored_solution import with_stored_solution
 from .contents import TEXTS, GlobalContents, LocalContents
 from .laws import contacts_of, laws_of, rows_in_order
-from .matrices import asymmetry
 
-Asymmetry = Literal["symmetrise", "keep", "refuse"]
-"""What is done with a W that is not symmetric: it is replaced by (W + Wᵀ)/2, kept as it is, or refused."""
+MOST_COLUMN_ENTRIES = 50_000_000
+"""Entries of M⁻¹ D that are computed at once, 400 MB of numbers."""
 
-LARGEST_ASYMMETRY = 1e-2
-"""max |W − Wᵀ| / max |W| up to which W is made symmetric; beyond that it is no Delassus matrix with errors."""
-
-CONFIRMED = 1e-4
-"""Judged residual up to which a stored solution is taken for one."""
+GUESSES = "stored_guesses"
+"""The entry of the provenance with the number of guesses that a file stores, where it stores any."""
 
 ATTEMPTS = 10
 """Roundings of f that are tried so that c is found again with every bit: one is enough for half of all problems of ten
@@ -45,38 +42,28 @@ rows, ten for nearly all."""
 
 
 def problem_of(
-    contents: LocalContents | GlobalContents, name: str, treatment: Asymmetry = "symmetrise", **provenance: Any
+    contents: LocalContents | GlobalContents,
+    name: str,
+    repair: Repair = Repair(),  # noqa: B008  frozen
+    **provenance: Any,
 ) -> ContactProblem:
     """Return the contact problem of an FCLIB file.
 
     Args:
         contents: what the file holds.
         name: name of the problem.
-        treatment: of a W that is not symmetric.
+        repair: how a W, R or M that is not symmetric, or a W with a negative eigenvalue, is read.
         provenance: where it comes from, as far as the file does not say it.
 
     Raises:
         ProblemError: if it has laws that are not treated, or numbers that make no problem.
     """
-    provenance |= {key: text for key, text in contents.about.items() if text}
-    problem: ContactProblem
+    attributes: dict[str, Any] = {"name": name, "provenance": provenance | _said(contents)}
     if isinstance(contents, LocalContents):
-        problem = _local(contents, treatment, {"name": name, "provenance": provenance})
+        problem = _local(contents, repair, attributes)
     else:
-        inverse, directions, w = InverseMass.of_mass(contents.M), contents.H, contents.w
-        if contents.n_joints:
-            directions, w = sp.hstack([directions, contents.G], format="csc"), np.append(w, contents.b)
-        motion = inverse.times(contents.f)
-        problem = ContactProblem.from_factors(
-            directions,
-            inverse,
-            directions.T @ motion + w,
-            laws=laws_of(contents),
-            free_motion=motion if contents.f.any() else None,  # zeros stand for a motion that is not known
-            name=name,
-            provenance=provenance,
-        )
-    return problem if contents.solution is None else _with_solution(problem, contents.solution)
+        problem = _global(contents, repair, attributes)
+    return problem if contents.solution is None else with_stored_solution(problem, contents.solution)
 
 
 def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
@@ -103,40 +90,82 @@ def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
         f, w = _without_contacts(problem.factors, directions, problem.free_velocity[order], mass)
         parts: dict[str, Any] = {"H": directions[:, :n], "G": directions[:, n:], "w": w[:n], "b": w[n:]}
         contents = GlobalContents(M=mass, f=f, **parts, **common)
-    if problem_of(contents, problem.name, "keep").digest == problem.digest:
+    if problem_of(contents, problem.name, _unchanged(contents)).digest == problem.digest:
         contents = replace(contents, digest=problem.digest)
     return contents
 
 
-def digest_obstacle(
-    contents: LocalContents | GlobalContents, problem: ContactProblem, treatment: Asymmetry
-) -> str | None:
-    """Say why the numbers of a file cannot be those that were written, or None; only files written here say it."""
+def digest_obstacle(contents: LocalContents | GlobalContents, problem: ContactProblem) -> str | None:
+    """Return why the numbers of a file cannot be those that were written, or None; only files written here say it."""
     if contents.digest in ("", problem.digest):
         return None
-    if isinstance(contents, LocalContents) and treatment == "symmetrise":
-        return digest_obstacle(contents, problem_of(contents, problem.name, "keep"), "keep")
+    if problem.provenance.keys() & {"matrix", "eigenvalues"}:  # repaired; the digest is that of the numbers before
+        return digest_obstacle(contents, problem_of(contents, problem.name, _unchanged(contents)))
     return "its numbers are not those of the digest that was written with them"
 
 
-def _local(contents: LocalContents, treatment: Asymmetry, attributes: dict[str, Any]) -> ContactProblem:
-    off, name = max((asymmetry(contents.W), "W"), (asymmetry(contents.R), "R"))
-    matrix, c = contents.W, contents.q
+def _unchanged(contents: LocalContents | GlobalContents) -> Repair:
+    """Return how the matrices of a file written here are read without any change."""
+    return Repair("keep" if isinstance(contents, LocalContents) else "refuse")
+
+
+def _said(contents: LocalContents | GlobalContents) -> dict[str, str | int]:
+    """Return what the file says of its problem."""
+    texts: dict[str, str | int] = {key: text for key, text in contents.about.items() if text}
+    return texts | ({GUESSES: contents.guesses} if contents.guesses else {})
+
+
+def _local(contents: LocalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:
+    joints, said_of_joints = symmetric(contents.R, "R", repair.symmetry)
+    matrix, said = symmetric(contents.W, "W", repair.symmetry)
+    c = contents.q
     if contents.n_joints:
-        matrix = sp.block_array([[matrix, contents.V], [contents.V.T, contents.R]], format="csr")
+        matrix = sp.block_array([[matrix, contents.V], [contents.V.T, joints]], format="csr")
         c = np.append(c, contents.s)
-    if off > SYMMETRY_TOLERANCE:
-        misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
-        if treatment == "refuse" or (treatment == "symmetrise" and not off <= LARGEST_ASYMMETRY):
-            raise ProblemError(f"{misses}; correct it, or keep it with `asymmetry` keep.")
-        attributes["provenance"]["asymmetry"] = off
-        if treatment == "keep":
-            attributes["allow_asymmetric"] = True
-            attributes["provenance"]["matrix"] = f"{misses}, and is kept so"
-        else:
-            matrix = sp.csr_array(0.5 * (matrix + matrix.T))
-            attributes["provenance"]["matrix"] = f"{misses}, and is replaced by ({name} + {name}ᵀ)/2"
-    return ContactProblem(c, laws_of(contents), matrix=matrix, **attributes)
+    matrix, projected, is_asymmetric = repair.delassus(matrix)
+    attributes["provenance"] |= said_of_joints | projected | said
+    return ContactProblem(c, laws_of(contents), matrix=matrix, allow_asymmetric=is_asymmetric, **attributes)
+
+
+def _global(contents: GlobalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:
+    mass, said = repair.mass(contents.M)
+    attributes["provenance"] |= said
+    directions, w = contents.H, contents.w
+    if contents.n_joints:
+        directions, w = sp.hstack([directions, contents.G], format="csc"), np.append(w, contents.b)
+    if inverse_entries(mass) > MOST_ENTRIES:
+        return _condensed(contents, mass, directions, w, attributes)
+    inverse = InverseMass.of_mass(mass)
+    motion = inverse.times(contents.f)
+    return ContactProblem.from_factors(
+        directions,
+        inverse,
+        directions.T @ motion + w,
+        laws=laws_of(contents),
+        free_motion=motion if contents.f.any() else None,  # zeros stand for a motion that is not known
+        **attributes,
+    )
+
+
+def _condensed(
+    contents: GlobalContents,
+    mass: sp.csr_array[Any],
+    directions: sp.csc_array[Any],
+    w: FloatArray,
+    attributes: dict[str, Any],
+) -> ContactProblem:
+    """Return the problem by G = Dᵀ M⁻¹ D and c = Dᵀ M⁻¹ f + w, for an M whose inverse would be too large to store."""
+    n_dofs, n_rows = directions.shape
+    if n_dofs * n_rows > MOST_COLUMN_ENTRIES:
+        raise ProblemError(f"M couples too many of its {n_dofs} degrees of freedom for {n_rows} rows; give W and q.")
+    try:
+        factors = splu(sp.csc_array(mass))
+    except RuntimeError:
+        raise ProblemError("M must be positive definite, and it is singular.") from None
+    delassus = directions.T @ factors.solve(directions.toarray())
+    attributes["provenance"]["condensed"] = "G = Dᵀ M⁻¹ D replaces M and D = (H, G), because M⁻¹ would be too large"
+    c = directions.T @ factors.solve(contents.f) + w
+    return ContactProblem(c, laws_of(contents), matrix=sp.csr_array(0.5 * (delassus + delassus.T)), **attributes)
 
 
 def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> None:
@@ -145,13 +174,6 @@ def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> N
         raise ProblemError(
             f"G of {problem.name!r} is not symmetric between contacts and joints, and FCLIB stores that part once."
         )
-
-
-def _with_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:
-    """Return the problem with stored impulses judged; they are its known solution where the judge agrees."""
-    residual = judge(problem, impulses).residual
-    known = Answer(witness=impulses) if residual <= CONFIRMED else None
-    return replace(problem, answer=known, provenance={**problem.provenance, "stored_solution_residual": residual})
 
 
 def _without_contacts(

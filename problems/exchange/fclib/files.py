@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 from ...arrays import FloatArray, real_numbers
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
+from ..repair import Indefinite, Repair, Symmetry, named_in_errors
 from ..storage import write_whole
 from .container import ContainerError, opened
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
-from .conversion import Asymmetry, contents_of, digest_obstacle, problem_of
+from .conversion import contents_of, digest_obstacle, problem_of
 from .laws import rows_in_order
 
 SUFFIXES = (".hdf5", ".h5")
@@ -23,7 +24,7 @@ def is_fclib_name(name: str) -> bool:
     return name.endswith(SUFFIXES)
 
 
-def read_fclib(path: Path | str, asymmetry: Asymmetry = "symmetrise") -> ContactProblem:
+def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefinite = "refuse") -> ContactProblem:
     """Read the problem of an FCLIB file; its name is that of the file.
 
     Nothing is read from elsewhere, and never more than the file has bytes. FCLIB has no checksums: a number that is
@@ -31,20 +32,23 @@ def read_fclib(path: Path | str, asymmetry: Asymmetry = "symmetrise") -> Contact
 
     Args:
         path: the file.
-        asymmetry: what is done with a Delassus matrix W that is not symmetric: "symmetrise" replaces it by (W + Wᵀ)/2
-            where it misses symmetry by at most 1 % of its largest entry, "keep" leaves it as it is, "refuse" refuses
-            it. How much it misses is in the provenance.
+        symmetry: how a matrix A, W or R of a local problem or M of a global one, is read if it is not symmetric.
+            "mean" takes (A + Aᵀ)/2 if A misses symmetry by at most 1 % of its largest entry; "lower" and "upper" take
+            one triangle, whatever the other holds; "keep" leaves W unchanged; "refuse" raises. The provenance records
+            what A misses and what was done.
+        indefinite: how a W with a negative eigenvalue is read. "refuse" raises; "project" takes the nearest
+            semidefinite matrix, for eigenvalues up to 1e-6 of the largest one.
 
     Raises:
-        ProblemError: if the file is missing, damaged or no FCLIB file, or has numbers that make no problem.
+        ProblemError: if the file is missing, damaged or no FCLIB file, has numbers that make no problem, or an option
+            has an unknown value.
     """
     path = Path(path)
+    repair = Repair(symmetry, indefinite)
     contents = fclib_contents(path)
-    try:
-        problem = problem_of(contents, path.stem, asymmetry, source="FCLIB", file=path.name)
-        obstacle = digest_obstacle(contents, problem, asymmetry)
-    except ProblemError as error:
-        raise ProblemError(f"{path}: {error}") from None
+    with named_in_errors(str(path)):
+        problem = problem_of(contents, path.stem, repair, source="FCLIB", file=path.name)
+        obstacle = digest_obstacle(contents, problem)
     if obstacle:
         raise ProblemError(f"{path} is damaged: {obstacle}; write it again.")
     return problem

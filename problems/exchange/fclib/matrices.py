@@ -100,10 +100,3 @@ def _unpacked(lower: Any, group: Group) -> sp.csr_array[Any]:
         raise ContainerError(f"{group.path} is packed as symmetric, and has more than a lower triangle")
     strict = sp.tril(lower, -1)
     return sp.csr_array(sp.csr_array(lower) + strict.T)
-
-
-def asymmetry(matrix: sp.csr_array[Any]) -> float:
-    """Return max |A − Aᵀ| / max |A|, 0 for a matrix of zeros."""
-    largest = float(np.abs(matrix.data).max(initial=0.0))
-    difference = matrix - matrix.T
-    return float(np.abs(difference.data).max(initial=0.0)) / largest if largest > 0.0 else 0.0

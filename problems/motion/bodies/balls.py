@@ -22,6 +22,7 @@ from ...contact.laws import Laws
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..detection.broad_phase import overlapping_pairs
+from ..detection.contact_keys import ContactKeys
 from .surfaces import Surface
 from .system import ActiveContacts, Overlaps, StepAssembly
 
@@ -34,22 +35,26 @@ DISC_INERTIA = 0.5
 Acceleration = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """(centres, velocities, masses) ↦ acceleration of the centres [m/s²]; shapes (n, d), (n, d), (n,) and (n, d)."""
 
+PairFriction = Callable[[IntArray], FloatArray]
+"""Keys of pairs of bodies ↦ μ of their contacts, both of shape (n_contacts,)."""
+
 Potential = Callable[[FloatArray, FloatArray], float]
 """(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class BallSystem:
-    """Balls, surfaces, and the effects that act; ``scenes.effects`` builds one from a list of effects.
+    """Balls, surfaces, and the effects on them; ``scenes.effects`` builds one from a list of effects.
 
     Attributes:
         radii: r [m], shape (n,).
         masses: m [kg], shape (n,).
         surfaces: fixed surfaces.
         dimension: 2 (planar) or 3 (spatial).
-        accelerations: what acts on the centres beside contacts.
+        accelerations: accelerations of the centres by forces other than contact forces.
         potentials: potential energy of each of ``accelerations``, None where it is not known.
-        friction: μ of all contacts, or None for balls without friction and without rotation.
+        friction: μ of all contacts, or keys of pairs of bodies ↦ μ of each; None for balls without friction and without
+            rotation.
         restitution_normal: ε_N of all contacts.
         restitution_tangential: ε_T of all contacts.
         inertia_factor: J/(m r²).
@@ -64,7 +69,7 @@ class BallSystem:
     dimension: int
     accelerations: Sequence[Acceleration] = ()
     potentials: Sequence[Potential | None] = ()
-    friction: float | None = None
+    friction: float | PairFriction | None = None
     restitution_normal: float = 0.0
     restitution_tangential: float = 0.0
     inertia_factor: float = SPHERE_INERTIA
@@ -77,7 +82,7 @@ class BallSystem:
             object.__setattr__(self, name, values)
         if self.dimension not in (2, 3):
             raise ProblemError(f"dimension must be 2 or 3, got {self.dimension}.")
-        if self.friction is not None and not 0.0 <= self.friction < np.inf:
+        if not (self.friction is None or callable(self.friction) or 0.0 <= self.friction < np.inf):
             raise ProblemError(f"friction must be finite and not negative, got {self.friction}.")
         for name in ("restitution_normal", "restitution_tangential"):
             if not 0.0 <= getattr(self, name) <= 1.0:
@@ -104,6 +109,10 @@ class BallSystem:
     def dofs_per_ball(self) -> int:
         """Degrees of freedom of one ball."""
         return self.dimension + self.spins
+
+    @cached_property
+    def _keys(self) -> ContactKeys:
+        return ContactKeys(self.n_balls + len(self.surfaces))
 
     @cached_property
     def inverse_mass(self) -> InverseMass:
@@ -160,7 +169,8 @@ class BallSystem:
         directions = self._directions(first, second, normal, self.rows_per_contact)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
         restitution[:, 0] = self.restitution_normal
-        laws = Laws.contacts(self.friction or 0.0, self.rows_per_contact, len(keys))
+        friction = self.friction(self._keys.pairs(keys)) if callable(self.friction) else self.friction or 0.0
+        laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
         return ActiveContacts(keys, gap, laws, directions, restitution.ravel(), self.rows_per_contact)
 
     def _directions(self, first: IntArray, second: IntArray, normal: FloatArray, rows: int) -> Pieces:
@@ -170,21 +180,21 @@ class BallSystem:
     def _touching(self, centres: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
         """Return keys, first ball, second ball (−1 for a surface), gaps and normals of all overlaps, ordered by key.
 
-        The key of balls i < j is i · stride + j, that of ball i on surface k is i · stride + n + k.
+        As bodies of keys, surfaces are numbered after the balls.
         """
-        n, stride = self.n_balls, self.n_balls + len(self.surfaces)
+        n = self.n_balls
         pairs = overlapping_pairs(centres, self.radii)
         gap, normal = _pair_geometry(pairs, centres, self.radii)
-        keys, gaps, normals = [pairs[:, 0] * stride + pairs[:, 1]], [gap], [normal]
+        keys, gaps, normals = [self._keys.encode(pairs[:, 0], pairs[:, 1])], [gap], [normal]
         for index, surface in enumerate(self.surfaces):
             touching, gap, normal = surface.touching(centres, self.radii)
-            keys.append(touching * stride + n + index)
+            keys.append(self._keys.encode(touching, np.full(len(touching), n + index)))
             gaps.append(gap)
             normals.append(normal)
         key = np.concatenate(keys)
         order = np.argsort(key, kind="stable")  # merges runs that are sorted already
         key = key[order]
-        first, second = np.divmod(key, stride)
+        first, second, _ = self._keys.decode(key)
         second[second >= n] = -1
         return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
 

@@ -1,7 +1,7 @@
-"""Mechanical systems with unilateral contacts, as time stepping sees them.
+"""Mechanical systems with unilateral contacts and joints, in the form that steppers need.
 
 M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws between λ and the relative velocities Wᵀu
-(Studer & Glocker 2005, [1–6]). A stepper needs of a system one ``StepAssembly`` per step.
+(Studer & Glocker 2005, [1–6]). A step needs one ``StepAssembly`` of a system.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,8 @@ class ActiveContacts:
     which states hold from step to step.
 
     Attributes:
-        keys: identity of each contact, ascending, shape (n_contacts,); a contact keeps its key from step to step.
+        keys: identity of each contact, ascending and distinct, shape (n_contacts,). A contact keeps its key from step
+            to step; two bodies that touch at several features have a key for each, see ``detection.contact_keys``.
         gap: g(q_M) [m], 0 for joints, shape (n_contacts,).
         laws: their force laws.
         directions: W at the midpoint, shape (n_dofs, n_rows): in pieces, one block a contact, where all contacts have
@@ -135,7 +136,7 @@ class Overlaps:
 
 
 class System(Protocol):
-    """What a stepper needs of a system."""
+    """The interface of a system to steppers."""
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q + u · seconds."""

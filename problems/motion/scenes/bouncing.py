@@ -7,7 +7,6 @@ import numpy as np
 
 from ...errors import ProblemError
 from ..bodies.balls import BallSystem
-from ..bodies.system import MechanicalSystem
 from ..state import State
 from .effects import Gravity, Restitution, ball_system
 from .scene import GROUND, ClosedFormScene, check_positive
@@ -44,27 +43,9 @@ class BouncingBall(ClosedFormScene):
         effects = (Gravity(self.gravity), Restitution(self.restitution))
         return ball_system(np.array([self.radius]), np.array([self.mass]), [GROUND], effects)
 
-    def general_system(self) -> MechanicalSystem:
-        """Return the same ball with the height of its centre as the only coordinate, given by functions."""
-        mass, weight = np.array([[self.mass]]), np.array([-self.mass * self.gravity])
-        return MechanicalSystem(
-            mass=lambda position: mass,
-            force=lambda position, velocity: weight,
-            gap=lambda position: position - self.radius,
-            directions=lambda position: np.ones((1, 1)),
-            friction=[0.0],
-            restitution_normal=[self.restitution],
-            restitution_tangential=[0.0],
-            rows_per_contact=1,
-        )
-
     def start(self) -> State:
         """Return the ball at rest above the ground."""
         return State(0.0, np.array([0.0, 0.0, self.radius + self.height]), np.zeros(3))
-
-    def general_start(self) -> State:
-        """Return the start of ``general_system``."""
-        return State(0.0, np.array([self.radius + self.height]), np.zeros(1))
 
     @property
     def fall_time(self) -> float:

@@ -1,6 +1,6 @@
-"""Effects: what a scene includes. What is not listed is not simulated and costs nothing.
+"""Effects of a scene of balls, such as gravity and friction; an effect that is not listed costs nothing.
 
-Each effect is a small class that adds itself to a ``BallSystem``; none of them is known to a stepper or a solver.
+Each effect is a class that adds itself to a ``BallSystem``; steppers and solvers know none of them.
 """
 
 from abc import ABC, abstractmethod
@@ -17,7 +17,7 @@ from ..bodies.surfaces import Surface
 
 
 class Effect(Protocol):
-    """One thing that a scene includes."""
+    """An effect."""
 
     def added_to(self, system: BallSystem) -> BallSystem:
         """Return the system with this effect."""

@@ -23,7 +23,7 @@ STEP_SIZE = 1e-3
 """Δt [s] of a fixed step."""
 
 LENGTH = 0.1
-"""What penetrations are related to [m] where nothing has a radius."""
+"""Length of scenes without a radius [m], over which penetrations are given."""
 
 
 def _kind(made: Any, summary: str, duration: float = 1.0) -> SceneKind:
@@ -58,7 +58,7 @@ def _weight(balls: BallSystem, weight: Gravity, position: FloatArray) -> float:
 
 
 def _option(field: "Field[Any]", meaning: str) -> Option:
-    """Return the option that a field is; its range is looked at by the class."""
+    """Return the option of a field, whose range the class checks."""
     default = field.default
     whole = isinstance(default, int) and not isinstance(default, bool)
     return Option(
@@ -71,7 +71,7 @@ def _option(field: "Field[Any]", meaning: str) -> Option:
 
 
 def _meanings(made: type) -> dict[str, str]:
-    """Return what the docstring of a class says of each of its attributes."""
+    """Return the descriptions of attributes in the docstring of a class."""
     attributes = (inspect.getdoc(made) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
     found = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", attributes, re.MULTILINE)
     return {name: " ".join(text.split()).rstrip(".") for name, text in found}

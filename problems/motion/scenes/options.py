@@ -1,4 +1,4 @@
-"""Options of scenes: what a person may choose, of which type, within which range."""
+"""Options of scenes: types, ranges and defaults."""
 
 import math
 from collections.abc import Mapping

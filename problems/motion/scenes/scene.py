@@ -1,4 +1,4 @@
-"""A scene that is ready to be simulated, and what the registry knows of one that is not built yet."""
+"""Scenes that are ready to be simulated, and the entries of the registry from which they are built."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ from ..trajectories.limit_cycle import KnownCycle
 from .options import Option, OptionValue
 
 LENGTH = 1.0
-"""What penetrations are related to [m] where nothing has a radius."""
+"""Length of scenes without a radius [m], over which penetrations are given."""
 
 STEP_SIZE = 5e-4
 """Δt [s] of a fixed step."""
@@ -36,9 +36,9 @@ class Observable:
         name: of its column.
         compute: state ↦ value.
         is_count: whether it is a whole number, which jumps.
-        label: what charts and recordings call it; empty if it is not shown.
+        label: its name in charts and recordings; empty if it is not shown.
         head: of its column in tables.
-        rate: what studies call its mean rate of change; empty if they do not compare it.
+        rate: name of its mean rate of change in studies; empty if they do not compare it.
     """
 
     name: str
@@ -103,20 +103,20 @@ class Scene:
         options: the value of every option.
         system: what moves.
         start: the first state.
-        length: what penetrations are related to [m], the radius of a ball or of the pole.
+        length: radius of a ball or of the pole [m], over which penetrations are given.
         step_size: Δt [s] of a fixed step that has none of its own.
         duration: how long it is simulated [s] by default.
         kinetic_energy: u ↦ T [J].
         potential_energy: q ↦ V [J], None where it is not known.
         n_balls: number of balls, 0 where there are none.
         depth: penetration [m] to which positions are projected, None where they are not.
-        longest_step: Δt_max [s] of a variable step if it has none of its own: nothing is jumped over in it.
+        longest_step: Δt_max [s] of a variable step if it has none of its own; no contact is missed within it.
         coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
-        has_few_contacts: whether accurate solves and variable steps are affordable, and what people want.
+        has_few_contacts: whether accurate solves and variable steps are affordable, and the default.
         exact: t [s] ↦ the state in closed form, None where there is none.
         balls: sizes and surfaces of the balls, to draw them; None where there are none.
-        observables: what is recorded at each step beside what every simulation records.
-        ending: what may end a simulation before its duration, None if nothing does.
+        observables: numbers recorded at each step, beside those of every simulation.
+        ending: the rule that may end a simulation before its duration, None if there is none.
         contact_names: names of the contacts by their keys, empty if they have none.
         limit_cycle: the known limit cycle, None where there is none.
         view: name of the recording that draws it, None if its balls or its coordinates are drawn.
@@ -219,7 +219,7 @@ def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float
 
 
 def check_positive(scene: ClosedFormScene, what: str, *names: str) -> None:
-    """Look at numbers of a scene, which a sentence calls ``what``, by the ``names`` of its attributes.
+    """Check the attributes ``names`` of a scene, which messages call ``what``.
 
     Raises:
         ProblemError: for the first that is not positive and finite.

@@ -47,7 +47,7 @@ class MidpointRule:
         time_step: Δt [s], positive.
         warm_start: start each solve from the last step's impulses, contact by contact.
         depth: penetration [m] beyond which bodies are moved apart at the end of a step (see ``position_projection``);
-            None for the rule as it stands, in which a penetration lasts as long as its contact.
+            if None, a penetration lasts as long as its contact.
 
     Raises:
         ProblemError: if Δt or the depth is not positive.

@@ -3,15 +3,14 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import ClassVar, Self
 
-from ...contact.solver import Stop
 from ...errors import ProblemError
 from ..scenes.scene import Scene
-from ..state import State
-from .midpoint import ContactSolver, MidpointRule
-from .step import AcceptedStep, LawStates, check_finite
-from .stepper import StepClock, Stepper, WallClock
+from .midpoint import MidpointRule
+from .step import AcceptedStep, check_finite
+from .stepper import MotionSetup, Stepper
 
 
 @dataclass(frozen=True)
@@ -47,22 +46,14 @@ class Moreau(Stepper):
         if length > until - begin:
             raise ProblemError(f"step of Moreau, {length} s, must not be longer than the duration, {until - begin} s.")
 
-    def steps(
-        self,
-        scene: Scene,
-        solver: ContactSolver,
-        stop: Stop,
-        start: State,
-        until: float,
-        *,
-        states: LawStates | None = None,
-        clock: StepClock | None = None,
-    ) -> Iterator[AcceptedStep]:
+    def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
         """Yield the steps."""
-        rule = MidpointRule(scene.system, solver, stop, self.shortest_step(scene), depth=scene.depth)
-        clock, state = clock or WallClock(), start
-        while not self.has_reached(scene, state, until):
-            step, seconds = clock.step(rule, state)
+        scene, state = setup.scene, setup.start
+        rule = MidpointRule(scene.system, setup.solver, setup.stop, self.shortest_step(scene), depth=scene.depth)
+        while not self.has_reached(scene, state, setup.until):
+            began = perf_counter()
+            step = rule.step(state)
+            seconds = perf_counter() - began
             check_finite(state, step.state)
             yield AcceptedStep(state, step.state, ((step, rule.time_step),), seconds=seconds)
             state = step.state

@@ -1,4 +1,4 @@
-"""Projection of positions: what keeps penetrations of Moreau's rule from lasting.
+"""Projection of positions, which ends the penetrations that Moreau's rule leaves.
 
 The rule imposes contact laws on velocities. Bodies that meet within a step penetrate by up to |γ_N| Δt before their
 contact is active, and where they then stay together, ξ_N = 0 keeps them that deep for ever. The projection moves the
@@ -6,8 +6,9 @@ end of a step to the nearest position, in the metric of M, in which no contact i
 
     δq = M⁻¹ W_N p,      0 ≤ g + d + W_Nᵀ δq  ⊥  p ≥ 0,      for the contacts with g(q_E) < 0.
 
-What δq closes, or the curvature of g leaves, is met in another pass at q_E + δq. Contacts are searched at q_E and not
-taken over from the midpoint, because bodies that meet in the second half of a step would be pushed into each other.
+Contacts that δq closes, or that the curvature of g leaves open, are treated in another pass at q_E + δq. Contacts are
+searched at q_E, not taken from the midpoint: else bodies that meet in the second half of a step would be pushed
+into each other.
 Velocities stay as they are, so no kinetic energy is made (Acary, *Projected event-capturing time-stepping schemes for
 nonsmooth mechanical systems*, CMAME 256, 2013). The depth d that stays keeps lasting contacts active.
 """
@@ -19,7 +20,7 @@ from ...arrays import FloatArray
 from ..bodies.system import Overlaps, System
 
 MAX_PASSES = 3
-"""Most searches and moves at the end of one step. What is left over is met again in the next step."""
+"""Most searches and moves at the end of one step. The next step treats what is left."""
 
 MAX_SWEEPS = 50
 """Most sweeps of one pass."""

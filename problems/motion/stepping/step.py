@@ -1,4 +1,4 @@
-"""What a step is: the one-step solve, the states of its force laws, and the step that a stepper accepts.
+"""Steps: the one-step solve, the states of its force laws, and the step that a stepper accepts.
 
 A law projects where its prox argument x = Λ − ξ/α lies outside its set or on its boundary (Studer & Glocker 2005,
 section 6): a unilateral law that projects is open, x_N ≤ 0; a friction law that projects slips, ‖x_T‖ ≥ b. A contact
@@ -155,7 +155,7 @@ class AcceptedStep:
 
 @dataclass(frozen=True, eq=False)
 class ContactLanes:
-    """What a solved step says of its contacts, joints left out; of the lanes N, T1, T2 there are as many as are used.
+    """The contacts of a solved step, without joints, in as many of the lanes N, T1, T2 as are used.
 
     Attributes:
         keys: of the contacts, ascending, shape (n_contacts,).

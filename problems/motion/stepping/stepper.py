@@ -1,4 +1,4 @@
-"""What a stepper is: a named method, with options, that follows a motion from accepted step to accepted step.
+"""Steppers: named methods, with options, that follow a motion from one accepted step to the next.
 
 A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` writes it, ``make_stepper``
 reads it. Every stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no switching point.
@@ -6,43 +6,46 @@ reads it. Every stepper yields ``AcceptedStep``: a fixed step has a single one-s
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from time import perf_counter
-from typing import ClassVar, Protocol, Self
+from dataclasses import dataclass
+from typing import ClassVar, Self
 
 from ...contact.solver import Stop
 from ...names import described
 from ..scenes.scene import Scene
 from ..state import State
-from .midpoint import ContactSolver, MidpointRule
-from .step import AcceptedStep, LawStates, Step
+from .midpoint import ContactSolver
+from .step import AcceptedStep, LawStates
 
 TIME_RESOLUTION = 2.0**-20
-"""Shortest time that a variable step is taken to resolve, over the longest step: any two steps are distinct."""
+"""Shortest time that a variable step resolves, over the longest step; no two steps are closer."""
 
 END_TOLERANCE = 1e-3
 """A motion has reached its end when less than this fraction of its shortest step is left, which may be rounding."""
 
 
-class StepClock(Protocol):
-    """Times single steps of a fixed size."""
+@dataclass(frozen=True, eq=False)
+class MotionSetup:
+    """The motion that a stepper follows.
 
-    def step(self, rule: MidpointRule, state: State) -> tuple[Step, float]:
-        """Take one step from ``state``; return it with its wall time [s]."""
-        ...
+    Attributes:
+        scene: what moves.
+        solver: solves the contact problem of each one-step inclusion.
+        stop: the stopping criterion of each solve.
+        start: where the motion begins.
+        until: when it ends [s].
+        states: states of the laws in the step that led to ``start``, None if there was none.
+    """
 
-
-class WallClock:
-    """Times each step as it is, with whatever it compiles."""
-
-    def step(self, rule: MidpointRule, state: State) -> tuple[Step, float]:
-        """Take one step from ``state``; return it with its wall time [s]."""
-        began = perf_counter()
-        step = rule.step(state)
-        return step, perf_counter() - began
+    scene: Scene
+    solver: ContactSolver
+    stop: Stop
+    start: State
+    until: float
+    states: LawStates | None = None
 
 
 class Stepper(ABC):
-    """A stepper with its options. Subclasses are frozen dataclasses, so that ``described`` writes their names.
+    """A stepper with its options. Subclasses are frozen dataclasses, whose names ``described`` writes.
 
     Attributes:
         locates_switches: whether steps are variable and their switching points known.
@@ -62,12 +65,12 @@ class Stepper(ABC):
         return described(self)
 
     def with_defaults_of(self, scene: Scene) -> Self:
-        """Return the stepper with those options of ``scene`` that its name shall show."""
+        """Return the stepper with those defaults of ``scene`` that its name shows."""
         return self
 
     @abstractmethod
     def shortest_step(self, scene: Scene) -> float:
-        """Return the shortest step that is taken on purpose [s]."""
+        """Return the shortest step that the stepper chooses [s]."""
 
     def resolution(self, scene: Scene) -> float:
         """Return a time [s] within which no two steps end, except at switching points."""
@@ -82,10 +85,9 @@ class Stepper(ABC):
         """Check the options and the times before anything starts.
 
         Raises:
-            ProblemError: if an option is out of range, a time too short, or the scene of a kind that it cannot follow.
+            ProblemError: if an option is out of range, a time is too short, or the kind of scene is not supported.
         """
 
-    @abstractmethod
     def steps(
         self,
         scene: Scene,
@@ -95,21 +97,16 @@ class Stepper(ABC):
         until: float,
         *,
         states: LawStates | None = None,
-        clock: StepClock | None = None,
     ) -> Iterator[AcceptedStep]:
-        """Yield the accepted steps from ``start`` to the time ``until`` [s].
-
-        Args:
-            scene: what moves.
-            solver: solves the contact problem of each one-step inclusion.
-            stop: the stopping criterion of each solve.
-            start: where the motion begins.
-            until: when it ends [s].
-            states: states of the laws in the step that led to ``start``, None if there was none.
-            clock: times steps of a fixed size; ``WallClock`` if None. Variable steps time themselves.
+        """Yield the accepted steps from ``start`` to the time ``until`` [s]; for the arguments see ``MotionSetup``.
 
         Raises:
             ProblemError: as ``check`` does.
             StepError, MotionError: if the motion cannot be continued.
             Exception: whatever the solver or the system raises in a fixed step.
         """
+        return self.follow(MotionSetup(scene, solver, stop, start, until, states))
+
+    @abstractmethod
+    def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
+        """Yield the accepted steps of a motion; ``steps`` lists the exceptions."""

@@ -1,4 +1,4 @@
-"""How switching points are located: the length to try when a law switches, or is about to.
+"""Searches for switching points: the length to try when a law switches, or is about to.
 
 ``NestedIntervals`` is the paper's: the switch lies somewhere in *both* of two successive steps whose laws differ, so
 both are taken back and redone with half the step, down to the minimal one (figure 3). ``LastStepOnly`` redoes the
@@ -53,7 +53,7 @@ Substeps = Sequence[tuple[Step, float]]
 
 
 class Search(ABC):
-    """A search for switching points; what subclasses leave as it is looks at the laws alone.
+    """A search for switching points; the methods given here use the states of the laws alone.
 
     Args:
         system: what moves.
@@ -88,7 +88,7 @@ class Search(ABC):
 
     @abstractmethod
     def note_switch(self, state: State) -> None:
-        """A switching point was passed."""
+        """Note that a switching point was passed."""
 
 
 class NestedIntervals(Search):
@@ -112,12 +112,12 @@ class NestedIntervals(Search):
         return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
 
     def note_switch(self, state: State) -> None:
-        """The switch is located."""
+        """Note that the switch is located."""
         self._seen_before = float("inf")
 
 
 class LastStepOnly(NestedIntervals):
-    """Halve the step, and redo only the step in which the laws differ from those before: this stalls."""
+    """Halve the step, and redo only the step in which the laws differ from those before; the error stalls."""
 
     takes_back = False
 
@@ -146,7 +146,7 @@ class Anticipating(Search):
         return min(length, self._min_step * 2.0 ** min(max(0, self._waited - 4), 60))
 
     def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
-        """Return a part of what was smooth."""
+        """Return a fraction of the smooth part of the attempt."""
         smooth = sum(part for _, part in attempt.substeps)
         factor = APPROACH * smooth / length if smooth < length and smooth > 0.0 else BLIND_CUT
         if attempt.end is not None:
@@ -154,7 +154,7 @@ class Anticipating(Search):
         return max(self._min_step, factor * length)
 
     def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
-        """Whether a gap has closed within the step, or a force has ended after the last look at it."""
+        """Whether a gap has closed within the step, or a force has ended after its last evaluation."""
         return self._margins.penetrates(begin, end) or self._margins.outlasts(attempt.substeps, attempt.states)
 
     def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
@@ -163,7 +163,7 @@ class Anticipating(Search):
             self._margins.note(step, length, states)
 
     def note_switch(self, state: State) -> None:
-        """Begin again behind a switching point."""
+        """Begin again after a switching point."""
         self._margins.forget()
         self._margins.note_gaps(state)
         self._waited = 0
@@ -183,7 +183,7 @@ class Margins:
         self._values: dict[MarginKey, deque[tuple[float, float]]] = {}
 
     def forget(self) -> None:
-        """Forget everything: a switching point was passed."""
+        """Forget all margins, as a switching point was passed."""
         self._values.clear()
 
     def note(self, step: Step, length: float, states: LawStates) -> None:
@@ -208,8 +208,8 @@ class Margins:
     def outlasts(self, substeps: Substeps, states: LawStates) -> bool:
         """Whether a force ends after the middle of the last of some equal steps, and before their end.
 
-        The laws look at the middle of a step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the n values
-        there says what is left of a margin at the end, at 1.
+        Laws are evaluated at the middle of each step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the
+        n values there is the margin at the end, at 1.
         """
         middles = (np.arange(len(substeps)) + 0.5) / len(substeps)
         weights = np.linalg.solve(np.vander(middles, increasing=True).T, np.ones(len(substeps)))

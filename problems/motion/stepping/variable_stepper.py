@@ -19,15 +19,13 @@ from time import perf_counter
 import numpy as np
 
 from ...arrays import FloatArray
-from ...contact.solver import Stop
 from ...errors import ProblemError, error_text, suggestion
 from ..bodies.system import System
 from ..scenes.scene import Scene
 from ..state import State
-from .midpoint import ContactSolver
 from .sequences import Attempt, StepCounter, UnsolvedStepError, take_sequence
 from .step import AcceptedStep, LawStates, Step, StepError, SwitchingPoint, check_finite, law_states
-from .stepper import StepClock, Stepper
+from .stepper import MotionSetup, Stepper
 from .switch_search import SEARCHES
 
 SAFETY = 0.85
@@ -47,7 +45,7 @@ SLACK = 1.0 + 1e-9
 
 
 class VariableStepper(Stepper):
-    """A variable step; subclasses declare the attributes here as options, and say how sequences are compared.
+    """A variable step; subclasses declare the attributes here as options, and compare sequences of steps.
 
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
@@ -113,26 +111,17 @@ class VariableStepper(Stepper):
                 f"{shortest:.1g} s."
             )
 
-    def steps(
-        self,
-        scene: Scene,
-        solver: ContactSolver,
-        stop: Stop,
-        start: State,
-        until: float,
-        *,
-        states: LawStates | None = None,
-        clock: StepClock | None = None,
-    ) -> Iterator[AcceptedStep]:
+    def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
         """Yield the accepted steps.
 
         Raises:
             ProblemError: as ``check`` does.
             StepError: if an inclusion cannot be solved even over the minimal step, or the motion is no longer finite.
         """
-        self.check(scene, start.time, until)
+        start = setup.start
+        self.check(setup.scene, start.time, setup.until)
         try:
-            control = _StepControl(self, scene, StepCounter(scene.system, solver, stop), start, until, states)
+            control = _StepControl(self, setup)
         except Exception as failure:
             what = error_text(failure)
             raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
@@ -176,21 +165,14 @@ class VariableStepper(Stepper):
 class _StepControl:
     """Chooses the steps of one motion."""
 
-    def __init__(
-        self,
-        stepper: VariableStepper,
-        scene: Scene,
-        counter: StepCounter,
-        start: State,
-        until: float,
-        states: LawStates | None,
-    ) -> None:
-        self._stepper, self._counter, self._until = stepper, counter, until
-        self._min_step, self._max_step = stepper.min_step, stepper.longest_step(scene)
-        self._search = SEARCHES[stepper.search](scene.system, self._min_step, self._max_step)
-        self._state = start
-        self._states = self._states_before = states
-        self._scale = _Scale(scene.system, self._max_step, start)
+    def __init__(self, stepper: VariableStepper, setup: MotionSetup) -> None:
+        system = setup.scene.system
+        self._stepper, self._counter = stepper, StepCounter(system, setup.solver, setup.stop)
+        self._min_step, self._max_step = stepper.min_step, stepper.longest_step(setup.scene)
+        self._search = SEARCHES[stepper.search](system, self._min_step, self._max_step)
+        self._state, self._until = setup.start, setup.until
+        self._states = self._states_before = setup.states
+        self._scale = _Scale(system, self._max_step, setup.start)
         self._length = min(self._max_step, max(self._min_step, 1e-3 * self._max_step))
         self._trying = self._length
         self._levels = 2

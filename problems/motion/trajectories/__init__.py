@@ -1,1 +1,1 @@
-"""What a whole motion is measured by: the error of a limit cycle, the flow of a pour, the end that is known."""
+"""Measures of whole motions: the error of a limit cycle, the flow of a pour, the distance from a known end."""

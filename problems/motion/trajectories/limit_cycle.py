@@ -1,4 +1,4 @@
-"""Limit cycles: what a scene knows of its own, and the periods of a motion beside it."""
+"""Limit cycles: the known one of a scene, and the periods of a motion compared with it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Aggregates of a pour, where single trajectories mean nothing: flow rate, mean height, energy.
+"""Aggregates of a pour, whose single trajectories are chaotic: flow rate, mean height, energy.
 
 Two pours that differ in the last bit differ in every ball after some tenths of a second; what they have in common is
 how fast balls leave, how high the others lie on average, and how much energy is lost.

@@ -1,4 +1,4 @@
-"""What a stepper with a solver is measured on: a scene, a duration, members, and how far off the end of a motion is.
+"""Trajectory problems, on which steppers with solvers are measured: a scene, a duration, members, and a measure.
 
 One simulation says little where its error is erratic in the number of steps, or its motion chaotic. A problem therefore
 has members: factors on the steps or tolerances of a stepper, of whose errors the median counts, or seeds of a scene of
@@ -20,10 +20,10 @@ from .limit_cycle import KnownCycle
 from .pour import MotionRecorder
 
 ERROR = "error"
-"""What the error of a single trajectory is called among the quantities of a problem."""
+"""Name of the error of a single trajectory among the quantities of a problem."""
 
 Values = Mapping[str, float]
-"""What one simulation came to, by name."""
+"""Results of one simulation by name."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Measure(ABC):
 
     @abstractmethod
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
-        """Return what a simulation of ``duration`` [s] came to, from what ``recorder`` saw of it."""
+        """Return the results of a simulation of ``duration`` [s], from the states that ``recorder`` noted."""
 
     @abstractmethod
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
@@ -117,7 +117,7 @@ class EndPosition(_OfOneTrajectory):
 
     Attributes:
         known: coordinates of the known position, as q0, q1, …
-        scale: what their differences are related to: the longest way of a coordinate, at least the scene's length [m].
+        scale: length over which differences are given [m]: the longest way of a coordinate, or the scene's length.
     """
 
     known: Values = field(default_factory=dict)

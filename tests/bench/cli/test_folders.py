@@ -98,7 +98,7 @@ def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.Cap
     folder = collection(tmp_path / "mine", 1, 1)
     assert run_command(f"matrix --suite {folder} --solver SORprox --no-progress".split()) == 1
     printed = capsys.readouterr()
-    assert "2 problems, 1 solvers, 2 cells" in printed.out
+    assert "2 problems, 1 solver, 2 cells" in printed.out
     assert printed.err.count("proxbench: ") == 3
 
 
@@ -109,7 +109,7 @@ def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.Cap
         ("run --suite /dev", "there is no problem in /dev"),
         ("run --suite all --sample 0", "a sample must have at least one problem, got 0"),
         ("run --resume here --sample 3", "--sample is stored with the run"),
-        ("report here.npz --problem funnel-30", "leave out --problem, which is for runs"),
+        ("report here.npz --problem funnel-30", "--problem is for runs, and here.npz is a simulation"),
         ("report here --problem funnel-30 --quiet", "--problem and --quiet exclude each other"),
     ],
 )

@@ -15,7 +15,7 @@ from proxbench.bench.measure.execution.events import (
 )
 from rich.console import Console
 
-REFERENCE = Path(__file__).parents[3] / "results" / "reference"
+REFERENCE = Path(__file__).parents[3] / "results" / "reference.bundle"
 
 EVENTS: list[Event] = [
     RunStarted(Path("run"), 2, 0),
@@ -29,7 +29,7 @@ EVENTS: list[Event] = [
 @pytest.mark.parametrize("hidden", [False, True])
 def test_a_run_names_each_problem_in_one_line(hidden: bool) -> None:
     text = io.StringIO()
-    with RunProgress(Console(file=text, width=80), hidden) as shown:
+    with RunProgress(hidden, Console(file=text, width=80)) as shown:
         for event in EVENTS:
             shown(event)
     assert text.getvalue() == ("" if hidden else f"measuring hard[1]-{100 * 'x'}\n")
@@ -37,14 +37,14 @@ def test_a_run_names_each_problem_in_one_line(hidden: bool) -> None:
 
 def test_a_terminal_shows_the_name_of_what_is_measured() -> None:
     text = io.StringIO()
-    with RunProgress(Console(file=text, force_terminal=True, width=200)) as shown:
+    with RunProgress(console=Console(file=text, force_terminal=True, width=200)) as shown:
         shown(ProblemStarted("hard[1]"))
     assert "hard[1]" in text.getvalue()
 
 
 def test_a_terminal_shows_how_many_are_done_and_the_table_of_the_last_problem() -> None:
     text = io.StringIO()
-    with RunProgress(Console(file=text, force_terminal=True, width=120)) as shown:
+    with RunProgress(console=Console(file=text, force_terminal=True, width=120)) as shown:
         shown(RunStarted(REFERENCE, 8, 0))
         shown(CasePassFinished("funnel-100", 1, 8))
     assert "1/8" in text.getvalue()
@@ -55,10 +55,21 @@ def test_a_terminal_shows_how_many_are_done_and_the_table_of_the_last_problem() 
 
 def test_a_study_shows_its_work_and_counts_its_points_from_the_start() -> None:
     text = io.StringIO()
-    with RunProgress(Console(file=text, force_terminal=True, width=120)) as shown:
+    with RunProgress(console=Console(file=text, force_terminal=True, width=120)) as shown:
         shown(RunStarted(Path("run"), 2, 0, points=7, points_done=2, work="7 points, 35 simulations"))
         shown(ProblemStarted("bouncing_ball"))
         shown(PointFinished("bouncing_ball", "Moreau with SORprox", 1e-3))
     assert "to do: 7 points, 35 simulations" in text.getvalue()
     assert "3/7" in text.getvalue()
     assert "/?" not in text.getvalue().split("to do")[1]
+
+
+def test_the_time_left_follows_from_points_that_take_minutes() -> None:
+    now = [0.0]
+    shown = RunProgress(console=Console(file=io.StringIO(), force_terminal=True, width=160))
+    shown.get_time = lambda: now[0]
+    shown(RunStarted(Path("run"), 2, 0, points=5, work="5 points, 5 simulations"))
+    for minutes in (0.0, 5.0, 10.0):
+        now[0] = 60.0 * minutes
+        shown(PointFinished("bouncing_ball", "Moreau with SORprox", 1e-3))
+    assert shown.tasks[0].time_remaining == 600.0

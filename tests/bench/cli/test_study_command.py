@@ -42,14 +42,14 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --recording a.rrd", "--recording"),
         ("funnel --study --chart a", "--chart"),
         ("funnel --study --force", "--force"),
-        ("funnel --study --states 5", "leave --states out"),
-        ("funnel --study --step-seconds 3", "leave --step-seconds out"),
+        ("funnel --study --states 5", "--states is for a single simulation"),
+        ("funnel --study --step-seconds 3", "--step-seconds is for a single simulation"),
         ("funnel --study --output a.json", "name the folder"),
         ("funnel --study --case-seconds 0", "case_seconds must be positive"),
         ("funnel --study --solver SORprx", "'SORprox'"),
         ("funnel --study --start hot", "there is no start 'hot'"),
         ("funnel --solver SORprox --solver Jprox", "one solver"),
-        ("funnel --solve-seconds 3", "leave --solve-seconds out"),
+        ("funnel --solve-seconds 3", "--solve-seconds limits a study"),
         ("--study --resume nowhere.npz", "holds no study"),
         ("--study --quiet --json funnel", "exclude each other"),
     ],
@@ -142,7 +142,7 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize("hidden", [False, True])
 def test_a_study_in_which_nothing_moves_warns_before_anything_is_measured(hidden: bool, tmp_path: Path) -> None:
     text, printed = io.StringIO(), []
-    with RunProgress(Console(file=text, width=80), hidden) as shown:
+    with RunProgress(hidden, Console(file=text, width=80)) as shown:
 
         def on_event(event: Event) -> None:
             shown(event)
@@ -162,4 +162,4 @@ def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) ->
     started = events[0]
     assert isinstance(started, RunStarted)
     assert started.points == sum(isinstance(event, PointFinished) for event in events) == 3
-    assert started.work == "3 points, 6 simulations, 45 steps in those of a fixed size"
+    assert started.work == "3 points, 6 simulations, at least 45 steps"

@@ -268,12 +268,12 @@ def test_resume_requires_the_file_and_refuses_another_version(written: Callable[
     assert len(load(folder).cases) == 2
 
     path.write_text(GOOD + "# edited\n")
-    with pytest.raises(BenchError, match=r"mine\.py has changed since the run began; put the old version back"):
+    with pytest.raises(BenchError, match=r"mine\.py has changed since the run began; restore the old version"):
         resume(folder, plugins=[path])
     for file, _ in registered():
         forget(file)
     path.unlink()
-    with pytest.raises(BenchError, match=r"plugin file .*mine\.py, which is gone; put it back"):
+    with pytest.raises(BenchError, match=r"plugin file .*mine\.py, which is missing; restore it"):
         resume(folder)
 
 

@@ -111,7 +111,7 @@ def test_what_is_named_itself_must_be_sound(tmp_path: Path) -> None:
         select([folder / "boxes-damaged.npz"], "quick")
     with pytest.raises(BenchError, match="'boxes-000' is given more than once"):
         select([folder, box(1.0, "boxes-000")], "quick")
-    with pytest.raises(BenchError, match="other numbers than the one of that name in the library"):
+    with pytest.raises(BenchError, match="differs from the problem of that name in the library"):
         select([box(1.0, "funnel-30")], "quick")
 
 

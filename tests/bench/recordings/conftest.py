@@ -1,10 +1,14 @@
-"""Shared: recordings read back, without the viewer."""
+"""Shared: steps that are recorded, and recordings read back without the viewer."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from proxbench.bench.recordings.simulation import SceneRecorder
+from proxbench.bench.simulation.step_row import STATUSES, scene_values, step_columns, step_row
+from proxbench.problems.motion.stepping.step import AcceptedStep, Step
 from rerun.chunk import RrdReader
 
 
@@ -45,3 +49,20 @@ class ReadBack:
 @pytest.fixture
 def read_back() -> Callable[[Path], ReadBack]:
     return ReadBack
+
+
+def record_steps(recorder: SceneRecorder, steps: Sequence[Step], every: int = 1) -> None:
+    """Record steps that follow each other from the start of a scene, of which each such one is drawn."""
+    scene, begin, rows = recorder.scene, recorder.scene.start, []
+    for step in steps:
+        taken = AcceptedStep(begin, step.state, ((step, step.state.time - begin.time),))
+        rows.append(step_row(scene, taken, scene_values(scene, step.state), STATUSES).values)
+        begin = step.state
+    drawn = list(enumerate(steps, 1))[every - 1 :: every]
+    recorder.record(np.array(rows, dtype=step_columns(scene)), drawn)
+
+
+@pytest.fixture(scope="session")
+def record() -> Callable[..., None]:
+    """Return the function that records steps."""
+    return record_steps

@@ -9,18 +9,24 @@ import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.recordings.balls import BallRecorder
+from proxbench.bench.simulation.step_row import step_columns
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, Planar, ball_system
-from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, TIME_STEP, Funnel
-from proxbench.problems.motion.scenes.scene import Observable
+from proxbench.problems.motion.scenes.funnel import TIME_STEP
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.scene import Observable, Scene, bare_scene
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Stop, create
 from scipy.spatial.transform import Rotation
 
 RADIUS, SPEED, MASS, DT = 0.05, 0.3, 0.2, 1e-3
+
+
+def scene_of(system: BallSystem, start: State, **fields: Any) -> Scene:
+    """The scene of a system, with some fields of its own."""
+    return replace(bare_scene("balls", {"gravity": 9.81}, system, start), **fields)
 
 
 def rolling_ball(dimension: int) -> tuple[BallSystem, State]:
@@ -39,14 +45,11 @@ def rolling_ball(dimension: int) -> tuple[BallSystem, State]:
 @pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_rolling_ball_turns_by_its_path_over_its_radius(
-    dimension: int, tmp_path: Path, read_back: Callable[[Path], Any]
+    dimension: int, tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     system, state = rolling_ball(dimension)
     stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
-    with BallRecorder(system, tmp_path / "a.rrd", gravity=9.81) as recorder:
-        recorder.start(state)
-        for step in stepper.steps(state, 200):
-            recorder(step)
+    record(BallRecorder(scene_of(system, state), tmp_path / "a.rrd"), list(stepper.steps(state, 200)))
     content = read_back(tmp_path / "a.rrd")
     places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")
     turns = content.over_time("/scene/bodies/0", "InstancePoses3D:quaternions")
@@ -57,15 +60,12 @@ def test_a_rolling_ball_turns_by_its_path_over_its_radius(
 
 
 def test_a_ball_at_rest_is_carried_by_an_upward_impulse_below_it(
-    tmp_path: Path, read_back: Callable[[Path], Any]
+    tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     system, state = rolling_ball(3)
     state = State(0.0, state.position, 0.0 * state.velocity)
     stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
-    with BallRecorder(system, tmp_path / "a.rrd", gravity=9.81) as recorder:
-        recorder.start(state)
-        for step in stepper.steps(state, 5):
-            recorder(step)
+    record(BallRecorder(scene_of(system, state), tmp_path / "a.rrd"), list(stepper.steps(state, 5)))
     content = read_back(tmp_path / "a.rrd")
     (arrow,) = content.over_time("/scene/impulses", "Arrows3D:vectors")[5]
     (origin,) = content.over_time("/scene/impulses", "Arrows3D:origins")[5]
@@ -78,14 +78,12 @@ def test_a_ball_at_rest_is_carried_by_an_upward_impulse_below_it(
     assert content.curve("/curves/residual")[5] < -11
 
 
-def test_curves_hold_every_step_and_shapes_every_so_many(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
-    scene = Funnel(30)
-    stepper = MidpointRule(scene.system(), create("SORprox"), Stop(1e-3, 50), TIME_STEP)
-    with BallRecorder(scene.system(), tmp_path / "a.rrd", every=5) as recorder:
-        recorder.start(scene.start())
-        steps = list(stepper.steps(scene.start(), 22))
-        for step in steps:
-            recorder(step)
+def test_curves_hold_every_step_and_shapes_every_so_many(
+    tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
+) -> None:
+    scene = make_scene("funnel(balls=30)")
+    steps = list(MidpointRule(scene.system, create("SORprox"), Stop(1e-3, 50), TIME_STEP).steps(scene.start, 22))
+    record(BallRecorder(scene, tmp_path / "a.rrd", every=5), steps, every=5)
     content = read_back(tmp_path / "a.rrd")
     assert list(content.over_time("/scene/bodies/0", "InstancePoses3D:translations")) == [0, 5, 10, 15, 20]
     assert [content.curve("/curves/iterations")[k + 1] for k in range(22)] == [step.iterations for step in steps]
@@ -98,55 +96,39 @@ def test_curves_hold_every_step_and_shapes_every_so_many(tmp_path: Path, read_ba
 
 
 def test_a_system_that_cannot_turn_and_one_of_two_sizes_are_drawn(
-    tmp_path: Path, read_back: Callable[[Path], Any]
+    tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     system = BallSystem(np.array([0.01, 0.02]), np.ones(2), [], 3)
     start = State(0.0, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.ones(6))
     stepper = MidpointRule(system, create("SORprox"), Stop(), DT)
-    with BallRecorder(system, tmp_path / "a.rrd") as recorder:
-        recorder.start(start)
-        recorder(stepper.step(start))
+    record(BallRecorder(scene_of(system, start), tmp_path / "a.rrd"), [stepper.step(start)])
     content = read_back(tmp_path / "a.rrd")
     sizes = [content.over_time(f"/scene/bodies/{k}", "InstancePoses3D:scales")[1][0][0] for k in range(2)]
     assert sorted(sizes) == [0.5, 1.0]
     assert content.over_time("/scene/bodies/0", "InstancePoses3D:quaternions")[1] == [[0.0, 0.0, 0.0, 1.0]]
 
 
-def simulate_without_state(recorder: BallRecorder, scene: Funnel, step: Step) -> None:
-    recorder.start(scene.start())
-    recorder(step)
-    recorder(replace(step, state=None))  # type: ignore[arg-type]
-
-
-def test_a_simulation_that_fails_keeps_what_was_recorded(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
-    scene = Funnel(30, STANDARD_EFFECTS)
-    broken = MidpointRule(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
-    recorder = BallRecorder(scene.system(), tmp_path / "a.rrd")
-    with pytest.raises(AttributeError), recorder:
-        simulate_without_state(recorder, scene, broken)
-    assert [file.name for file in tmp_path.iterdir()] == ["a.rrd"]
-    assert list(read_back(tmp_path / "a.rrd").curve("/curves/energy/total")) == [0, 1]
-
-
-def test_a_recorder_is_started_before_it_is_called(tmp_path: Path) -> None:
-    scene = Funnel(30)
-    step = MidpointRule(scene.system(), create("SORprox"), Stop(), TIME_STEP).step(scene.start())
-    with pytest.raises(BenchError, match="not started"), BallRecorder(scene.system(), tmp_path / "a.rrd") as recorder:
-        recorder(step)
-    with pytest.raises(BenchError, match="every"):
-        BallRecorder(scene.system(), tmp_path / "a.rrd", every=0)
-    assert list(tmp_path.iterdir()) == []
+def test_a_recording_that_fails_leaves_what_was_there(tmp_path: Path, record: Callable[..., None]) -> None:
+    scene, file = make_scene("funnel(balls=30)"), tmp_path / "a.rrd"
+    file.write_text("before")
+    step = MidpointRule(scene.system, create("SORprox"), Stop(), TIME_STEP).step(scene.start)
+    rows = np.ones(1, dtype=step_columns(scene))
+    with pytest.raises(AttributeError):
+        BallRecorder(scene, file, force=True).record(rows, [(1, replace(step, state=None))])  # type: ignore[arg-type]
+    assert file.read_text() == "before"
+    assert [one.name for one in tmp_path.iterdir()] == ["a.rrd"]
+    with pytest.raises(BenchError, match="exists"):
+        record(BallRecorder(scene, file), [step])
 
 
 def test_balls_through_the_outlet_have_a_curve_where_there_is_one(
-    tmp_path: Path, read_back: Callable[[Path], Any]
+    tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     system, state = rolling_ball(3)
     stepper = MidpointRule(system, create("SORprox"), Stop(1e-12, 1000), DT)
     through = Observable("through", lambda state: 3, label="balls through the outlet")
     for name, observables in (("open", [through]), ("closed", [replace(through, label="")])):
-        with BallRecorder(system, tmp_path / f"{name}.rrd", observables=observables) as recorder:
-            recorder.start(state)
-            recorder(stepper.step(state))
+        scene = scene_of(system, state, observables=observables)
+        record(BallRecorder(scene, tmp_path / f"{name}.rrd"), [stepper.step(state)])
     assert set(read_back(tmp_path / "open.rrd").curve("/curves/through").values()) == {3.0}
     assert not any(entity == "/curves/through" for entity, _ in read_back(tmp_path / "closed.rrd").logged)

@@ -13,16 +13,13 @@ from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
 
-def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path) -> None:
+def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path, record: Callable[..., None]) -> None:
     from rerun.chunk import RrdReader
 
     scene, file = make_scene("block_on_incline(speed=1.0)"), tmp_path / "block.rrd"
-    states = [scene.start]
-    with scene_recorder(scene, file, 10) as recorder:
-        recorder.start(scene.start)
-        for step in MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
-            recorder(step)
-            states.append(step.state)
+    steps = list(MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10))
+    record(scene_recorder(scene, file, 10), steps)
+    states = [scene.start, *(step.state for step in steps)]
     drawn: dict[str, list[float]] = {}
     for chunk in RrdReader(file).stream():
         batch = chunk.to_record_batch().to_pydict()
@@ -49,12 +46,12 @@ def test_curves_that_move_keep_the_axis_that_they_need(values: list[float]) -> N
     assert axis_range(values, 1e-6) is None
 
 
-def test_a_recording_of_a_block_at_rest_opens_with_such_axes(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
+def test_a_recording_of_a_block_at_rest_opens_with_such_axes(
+    tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
+) -> None:
     scene, file = make_scene("block_on_incline(speed=0.0)"), tmp_path / "block.rrd"
-    with scene_recorder(scene, file, 10) as recorder:
-        recorder.start(scene.start)
-        for step in MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10):
-            recorder(step)
+    steps = list(MidpointRule(scene.system, create("SORprox"), Stop(), 1e-3).steps(scene.start, 10))
+    record(scene_recorder(scene, file, 10), steps)
     ranges = [value for value in read_back(file).blueprint if isinstance(value, list) and np.shape(value) == (1, 2)]
     spans = {round(float(high - low), 9) for ((low, high),) in ranges}
     assert {0.4, 2e-6} <= spans  # of the step size, a logarithm, and of the coordinates [m]

@@ -1,12 +1,14 @@
 """A recording of the woodpecker shows sleeve and bird where they are, and pushes where they touch the pole."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.bench.recordings.woodpecker import WoodpeckerRecorder
+from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.woodpecker import (
     BEAK_ARM,
     BEAK_HEIGHT,
@@ -22,15 +24,13 @@ from scipy.spatial.transform import Rotation
 
 
 @pytest.fixture(scope="module")
-def period(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Step]]:
+def period(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., None]) -> tuple[Path, list[Step]]:
     """One period of the limit cycle."""
     file = tmp_path_factory.mktemp("woodpecker") / "a.rrd"
+    scene = replace(make_scene("woodpecker"), start=section_start())
     stepper = MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
     steps = list(stepper.steps(section_start(), 1000))
-    with WoodpeckerRecorder(file) as recorder:
-        recorder.start(section_start())
-        for step in steps:
-            recorder(step)
+    record(WoodpeckerRecorder(scene, file), steps)
     return file, steps
 
 
@@ -76,13 +76,13 @@ def test_energy_is_kept_in_flight_and_lost_at_contacts(
 
 
 @pytest.mark.slow
-def test_without_friction_impulses_are_normal_to_the_pole(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
+def test_without_friction_impulses_are_normal_to_the_pole(
+    tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
+) -> None:
     stepper = MidpointRule(woodpecker(friction=None), create("SORprox"), Stop(1e-12, 10_000), PERIOD / 1000)
     steps = list(stepper.steps(section_start(), 200))
-    with WoodpeckerRecorder(tmp_path / "a.rrd") as recorder:
-        recorder.start(section_start())
-        for step in steps:
-            recorder(step)
+    scene = replace(make_scene("woodpecker", {"friction": None}), start=section_start())
+    record(WoodpeckerRecorder(scene, tmp_path / "a.rrd"), steps)
     drawn = read_back(tmp_path / "a.rrd").over_time("/scene/impulses", "Arrows3D:vectors")
     assert [len(drawn[k]) for k in range(1, 201)] == [len(step.impulses) for step in steps]
     arrows = np.array([arrow for each in drawn.values() for arrow in each])

@@ -118,7 +118,7 @@ def long_simulation(file: Path) -> subprocess.Popen[str]:
     """Start a simulation that takes minutes, and wait until it has taken some steps."""
     code = (
         "import sys, proxbench.bench.simulation.run as running\n"
-        "running.simulate.__kwdefaults__['checkpoint_seconds'] = 0.05\n"
+        "running.CHECKPOINT_SECONDS = 0.05\n"
         "from proxbench.bench.cli.main import run_command\n"
         "sys.exit(run_command(sys.argv[1:]))"
     )

@@ -84,9 +84,9 @@ def test_files_of_other_programs_are_recognised(tmp_path: Path) -> None:
     file = tmp_path / "other.npz"
     for content in (b"", b"hello", b"\x93NUMPY"):
         file.write_bytes(content)
-        assert_refused(file, "no result file of a simulation")
+        assert_refused(file, "not a result file of a simulation")
     save_problem(load("hard-no-motion"), file)
-    assert_refused(file, "no result file of a simulation")
+    assert_refused(file, "not a result file of a simulation")
     assert_refused(tmp_path / "nowhere.npz", "there is no result file")
     assert_refused(tmp_path, "is a folder; name a result file in it")
 
@@ -137,7 +137,7 @@ def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
     ("change", "words"),
     [
         ({"format": 99}, "has format 99"),
-        ({"format": 5}, "has format 5, this version reads format 6; simulate anew"),
+        ({"format": 5}, "has format 5, this version reads format 6; simulate again"),
         (
             {"kind": "proxbench simulation with variable steps", "format": 2},
             "has format 2, this version reads format 6",

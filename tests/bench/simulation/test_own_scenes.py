@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.plugins.ball_records import described_balls
+from proxbench.bench.plugins.ball_records import describe_balls
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.remote_scene import local_or_remote_scene
 from proxbench.bench.simulation.plan import make_simulation_plan
@@ -105,5 +105,6 @@ def test_balls_of_a_remote_scene_have_its_radii_masses_and_surfaces() -> None:
 
 def test_a_surface_of_a_class_of_its_own_is_drawn_as_the_one_it_extends() -> None:
     system = ball_system(np.array([0.1]), np.array([3.0]), [Ground((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))], [])
-    (surface,) = described_balls(system)["surfaces"]
-    assert surface == {"type": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+    (surface,) = describe_balls(system).planes
+    assert type(surface) is Plane
+    assert (list(surface.point), list(surface.normal)) == ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from elsewhere_solver import Elsewhere
 from proxbench.bench.cli.listing import listing_rows
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, FailedSimulationError
@@ -121,6 +122,12 @@ def test_a_simulation_asks_its_process_once_a_step_whatever_the_step_needs(monke
     reached = simulate(plan)
     assert len(reached.switches) == 2  # it hits the ground, and leaves it
     assert asked == ["begin", *["step"] * reached.n_steps]
+
+
+def test_a_solver_object_solves_in_the_process_of_the_scene() -> None:
+    reached = simulate(make_simulation_plan("block", stepper="Moreau(step=1e-3)", duration=0.11, solver=Elsewhere()))
+    assert reached.steps["contacts"].any()
+    assert not reached.unsolved.any()
 
 
 def test_no_code_of_the_scene_runs_here() -> None:

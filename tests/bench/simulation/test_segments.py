@@ -35,6 +35,18 @@ def test_steps_keep_the_solver_that_made_them_when_another_one_goes_on(
     assert [(one["first"], one["last"], one["solver"]) for one in segments] == [(1, 140, "NSGS"), (141, 160, "SORprox")]
 
 
+def test_segments_that_differ_in_their_limit_of_iterations_show_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "a.npz"
+    assert run_command([*LITTLE.split(), *f"--duration 0.01 --solver NSGS --output {file}".split()]) == 0
+    more = f"simulate --resume {file} --duration 0.02 --max-iterations 7 --no-progress"
+    assert run_command(more.split()) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "1–10 Moreau(step=0.001) NSGS 1e-04 20000 warm –" in lines
+    assert "11–20 Moreau(step=0.001) NSGS 1e-04 7 warm –" in lines
+
+
 def test_a_finished_simulation_that_is_resumed_keeps_its_solver_and_says_that_nothing_was_simulated(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

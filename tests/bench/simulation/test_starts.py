@@ -10,7 +10,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.trajectories.methods import make_method
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.simulation.starts.registry import STARTS, make_step_solver
+from proxbench.bench.simulation.starts import STARTS, StepSolver
 from proxbench.problems import load
 from proxbench.problems.contact.model import Model
 from proxbench.problems.contact.problem import ContactProblem
@@ -52,7 +52,7 @@ class Scripted:
 )
 def test_the_named_solver_runs_alone_from_the_named_start(start: str, solves: list[tuple[bool, float]]) -> None:
     problem, solver = load("funnel-30"), Scripted()
-    make_step_solver(start, solver).prepare(problem).solve(Stop(1e-6, 800), np.ones(problem.n_rows))
+    StepSolver(solver, start).prepare(problem).solve(Stop(1e-6, 800), np.ones(problem.n_rows))
     assert solver.solves == solves
 
 
@@ -81,7 +81,7 @@ def test_many_contacts_have_a_composite_that_the_plan_names() -> None:
 
 def test_a_step_that_the_solver_cannot_treat_says_why() -> None:
     with pytest.raises(BenchError, match="it cannot treat this step: it has spatial friction"):
-        make_step_solver("warm", create("Enumeration")).prepare(load("funnel-30"))
+        StepSolver(create("Enumeration"), "warm").prepare(load("funnel-30"))
 
 
 @pytest.mark.slow

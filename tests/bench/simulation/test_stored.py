@@ -10,7 +10,7 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.recordings.replay import step_ending_at
 from proxbench.bench.simulation.file import read_simulation
-from proxbench.bench.simulation.starts.step_solver import StepSolver
+from proxbench.bench.simulation.starts import StepSolver
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Status, Stop, create

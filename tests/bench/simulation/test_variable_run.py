@@ -133,7 +133,7 @@ def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) 
     assert longer.steps["time"][-1] == pytest.approx(0.02)
     with pytest.raises(BenchError, match="scene funnel contradicts"):
         resumable_simulation(file, {"scene": "funnel"})
-    with pytest.raises(BenchError, match="has come to"):
+    with pytest.raises(BenchError, match="has already reached"):
         resumable_simulation(file, duration=0.005)
 
 
@@ -146,7 +146,7 @@ def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
         read_simulation(cut)
     other = tmp_path / "other.npz"
     np.savez(other, about=np.zeros(3, dtype=np.uint8))
-    with pytest.raises(BenchError, match="is no result file of a simulation"):
+    with pytest.raises(BenchError, match="is not a result file of a simulation"):
         read_simulation(other)
     with pytest.raises(BenchError, match="there is no result file"):
         read_simulation(tmp_path / "none.npz")

@@ -205,3 +205,13 @@ def test_padding_and_unpadding_are_inverse_and_padding_is_zero(seed: int, n: int
 def test_a_problem_shows_itself_in_one_line() -> None:
     problem = ContactProblem.from_delassus(np.eye(6), np.zeros(6), 0.3, name="two contacts")
     assert repr(problem) == "<ContactProblem 'two contacts': 2 contacts, 6 rows, holds G>"
+
+
+def test_a_matrix_of_single_precision_stays_a_problem_under_another_name() -> None:
+    """Its rounding passes by the tolerances of single precision, which the copy in doubles must not lose."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(36, 6))
+    problem = ContactProblem.from_delassus((root @ root.T).astype(np.float32), rng.normal(size=36), 0.5)
+    assert np.linalg.eigvalsh(problem.delassus().toarray())[0] < -1e-9 * np.abs(problem.delassus_diagonal).max()
+    for same in (problem.renamed("other"), problem.anonymous(), problem.fresh(), problem.answered(None, source="here")):
+        assert same.digest == problem.digest

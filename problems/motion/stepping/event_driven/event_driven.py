@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import ClassVar
 
@@ -15,8 +15,8 @@ from ...bodies.system import MechanicalSystem
 from ...scenes.scene import Scene
 from ...state import State
 from ..midpoint import ContactSolver
-from ..step import AcceptedStep, LawStates, SwitchingPoint
-from ..stepper import StepClock, Stepper
+from ..step import AcceptedStep, SwitchingPoint
+from ..stepper import MotionSetup, Stepper
 from .integration import Integration
 from .motion import Motion
 
@@ -61,27 +61,17 @@ class EventDriven(Stepper):
         if not begin <= until < np.inf:
             raise ProblemError(f"until must be a time from the start ({begin} s) on, got {until}.")
 
-    def steps(
-        self,
-        scene: Scene,
-        solver: ContactSolver,
-        stop: Stop,
-        start: State,
-        until: float,
-        *,
-        states: LawStates | None = None,
-        clock: StepClock | None = None,
-    ) -> Iterator[AcceptedStep]:
+    def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
         """Yield the motion at the ends of its phases and at times between them.
 
         Raises:
             ProblemError: as ``check`` does.
             AccumulationError, MotionError: as ``simulate`` does.
         """
-        counting, begin, began = _CountingSolver(solver), start, perf_counter()
-        for piece in self.phases(scene, counting, stop, start, until):
+        counting, begin, began = _CountingSolver(setup.solver), setup.start, perf_counter()
+        for piece in self._phases(replace(setup, solver=counting)):
             seconds, solves = perf_counter() - began, counting.pop_count()
-            count = max(1, math.ceil((piece.end.time - begin.time) / self.longest_step(scene)))
+            count = max(1, math.ceil((piece.end.time - begin.time) / self.longest_step(setup.scene)))
             for time in np.linspace(begin.time, piece.end.time, count + 1)[1:-1].tolist():
                 end = piece.at(time)
                 yield AcceptedStep(begin, end, (), solves=0)
@@ -99,29 +89,25 @@ class EventDriven(Stepper):
                 solution, or no mode is consistent; like AccumulationError it holds the motion found so far.
             ProblemError: as ``check`` does, or if W depends on q while the system has no ``direction_rates``.
         """
-        run = self._begin(scene, solver, stop, start, until)
+        run = self._begin(MotionSetup(scene, solver, stop, start, until))
         for _ in run.advance_to(until):
             pass
         return run.motion()
 
-    def phases(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Iterator[Motion]:
-        """Yield the same motion in pieces: one phase, the events at its end, and the state after them.
-
-        Raises:
-            AccumulationError, MotionError, ProblemError: as ``simulate`` does.
-        """
-        run = self._begin(scene, solver, stop, start, until)
+    def _phases(self, setup: MotionSetup) -> Iterator[Motion]:
+        """Yield the motion in pieces: one phase, the events at its end, and the state after them."""
+        run = self._begin(setup)
         n_events = n_phases = 0
-        for _ in run.advance_to(until):
+        for _ in run.advance_to(setup.until):
             if len(run.phases) > n_phases:  # an event that is due at once has none
                 yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
                 n_events, n_phases = len(run.events), len(run.phases)
 
-    def _begin(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Integration:
-        self.check(scene, start.time, until)
-        return Integration(
-            _check_system(scene), solver, stop, start, self.tolerance, self.longest_step(scene), self.flight
-        )
+    def _begin(self, setup: MotionSetup) -> Integration:
+        scene, start = setup.scene, setup.start
+        self.check(scene, start.time, setup.until)
+        options = (self.tolerance, self.longest_step(scene), self.flight)
+        return Integration(_check_system(scene), setup.solver, setup.stop, start, *options)
 
 
 def _check_system(scene: Scene) -> MechanicalSystem:

@@ -1,4 +1,4 @@
-"""What ends a phase of smooth motion: functions of the state that fall through zero at an event."""
+"""Triggers that end a phase of smooth motion: functions of the state that fall through zero at an event."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Trigger:
         kind: "hit" (g of an open contact), "turn" (γ_N of one that has just opened), "open" (λ_N), "slip" (the reserve
             of friction μ λ_N ∓ λ_T), "stick" (|γ_T|).
         contact: whose event it is.
-        function: q and u ↦ what falls through zero.
+        function: (q, u) ↦ the number that falls through zero.
         direction: sign of γ_T that begins with "slip".
     """
 
@@ -64,7 +64,7 @@ class Watch:
     armed: NDArray[np.bool_]
 
     def triggers(self, position: FloatArray, velocity: FloatArray) -> list[Trigger]:
-        """Return the triggers of the phase that begins with q and u, which say how large forces and velocities are."""
+        """Return the triggers of the phase that begins with q and u, which give the scale of forces and velocities."""
         _, forces = self.laws.motion(position, velocity, self.modes)
         contact_velocity = self.laws.system.directions(position).T @ velocity
         tiny = np.finfo(np.float64).tiny  # keeps a force or a velocity that is zero throughout from being an event

@@ -1,4 +1,4 @@
-"""A motion as an event-driven integrator finds it: smooth phases, the events between them, and why it may end early."""
+"""Motions of an event-driven integrator: smooth phases, the events between them, and why a motion may end early."""
 
 from bisect import bisect_right
 from collections.abc import Sequence

@@ -1,16 +1,20 @@
 """What all charts share."""
 
+import altair as alt
+import pandas as pd
 import pytest
-from proxbench.bench.report.charts.drawing import MAX_LEGEND_ROWS, heading, round_values, solver_legend
+from proxbench.bench.report.charts.drawing import MAX_LEGEND_ROWS, heading, log_scale, solver_legend
 from proxbench.bench.report.charts.palette import looks
 
 
-@pytest.mark.parametrize("domain", [(0.2, 0.9), (1.0, 37.0), (0.3, 450.0), (1e-3, 1e3), (5e3, 1.0)])
-def test_ticks_are_round_few_and_inside(domain: tuple[float, float]) -> None:
-    values = round_values(domain)
-    assert 2 <= len(values) <= 12
-    assert min(domain) <= min(values)
-    assert max(values) <= max(domain)
+def test_a_logarithmic_scale_is_a_little_wider_than_the_values() -> None:
+    values = pd.DataFrame({"low": [0.2, 0.5], "high": [0.3, 9.0]})
+    scale = log_scale(values, ["low", "high"], 0.1, reverse=True).to_dict()
+    low, high = scale["domain"]
+    assert 0.05 < low < 0.1
+    assert 9.0 < high < 18.0
+    assert scale["reverse"]
+    assert "domain" not in log_scale(alt.NamedData(name="rows"), ["low"]).to_dict()
 
 
 def test_notes_are_wrapped_and_lose_no_word() -> None:

@@ -77,13 +77,13 @@ def test_every_point_is_marked_as_answered_or_not(finished_run: Path) -> None:
 
 def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished_run: Path) -> None:
     frames = load(finished_run)
-    growing = pd.DataFrame({"problem": "funnel-30", "solver": "SORprox", "iteration": [1, 2], "residual": [0.5, 1e9]})
+    growing = pd.DataFrame(
+        {"problem": "funnel-30", "solver": "SORprox", "iteration": [1, 2, 3], "residual": [0.5, 200.0, 1e9]}
+    )
     chart = json.loads(convergence(replace(frames, iterations=growing), "funnel-30").to_json())
-    drawn = next(rows for rows in chart["datasets"].values() if len(rows) == 2)
-    assert [row["residual"] for row in drawn] == [0.5, 1e9]
-    layer = chart["layer"][0]
-    assert layer["encoding"]["y"]["scale"]["domain"] == [0.25, MAX_RESIDUAL]
-    assert layer["mark"]["clip"]
+    (drawn,) = chart["datasets"].values()
+    assert [row["residual"] for row in drawn] == [0.5, 200.0]
+    assert max(chart["layer"][0]["encoding"]["y"]["scale"]["domain"]) < MAX_RESIDUAL
 
 
 @pytest.mark.slow

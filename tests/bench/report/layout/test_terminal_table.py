@@ -1,51 +1,27 @@
-"""Tables fit their width, and no name is broken but between options."""
+"""Tables fit their width, columns of little value are left out first, and no cell is cut."""
 
 from io import StringIO
 from itertools import pairwise
 
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from proxbench.bench.report.layout.terminal_table import fitted, hanging, narrowest, print_table, wrapped_name
+from proxbench.bench.report.layout.terminal_table import abreast, hanging, print_table
 from rich.console import Console
-
-WORDS = st.text(alphabet="abcdefgh_", min_size=1, max_size=12)
-OPTIONS = st.lists(st.builds("{}={}".format, WORDS, st.one_of(WORDS.map(repr), st.integers().map(str))), max_size=4)
-
-
-def written(word: str, options: list[str]) -> str:
-    return f"{word}({', '.join(options)})" if options else word
-
-
-PLAIN = st.builds(written, WORDS, OPTIONS)
-NAMES = PLAIN | st.builds("{}({})".format, WORDS, PLAIN)
-
-
-@given(NAMES, st.integers(0, 60))
-def test_a_wrapped_name_is_the_name_in_lines_that_end_between_options(name: str, room: int) -> None:
-    width = narrowest(name) + room
-    lines = wrapped_name(name, width).splitlines()
-    assert max(map(len, lines)) <= width
-    assert all(line.endswith(("(", ",")) for line in lines[:-1])
-    assert "".join(line.strip() for line in lines).replace(" ", "") == name.replace(" ", "")
-    assert len(name) > width or lines == [name]
-
-
-@given(NAMES)
-def test_the_narrowest_width_of_a_name_is_the_least_that_holds_it(name: str) -> None:
-    least = narrowest(name)
-    assert max(map(len, wrapped_name(name, least).splitlines())) == least
-    assert max(map(len, wrapped_name(name, least - 1).splitlines())) > least - 1
 
 
 def table(*names: str) -> pd.DataFrame:
     return pd.DataFrame({"solver": names, "model": "coulomb", "1e-04": "1.15 ms", "iter.": "12", "ended": "solved"})
 
 
-def test_columns_go_in_the_order_of_their_value_and_only_as_many_as_must() -> None:
+def printed(shown: pd.DataFrame, width: int) -> str:
+    text = StringIO()
+    print_table(Console(file=text, width=width), shown, words=("model",), optional=("iter.", "ended"))
+    return text.getvalue()
+
+
+def test_columns_are_left_out_in_the_order_of_their_value_and_only_as_many_as_must() -> None:
     full = table("SORprox(relaxation=1.5)")
-    kept = [set(fitted(full, width, ("iter.", "ended")).columns) for width in range(120, 10, -1)]
+    kept = [set(printed(full, width).splitlines()[0].split()) for width in range(120, 41, -1)]
     assert kept[0] == set(full.columns)
     assert kept[-1] == {"solver", "model", "1e-04"}
     for wider, narrower in pairwise(kept):
@@ -53,15 +29,28 @@ def test_columns_go_in_the_order_of_their_value_and_only_as_many_as_must() -> No
         assert not ("iter." in narrower and "ended" not in narrower)
 
 
-@pytest.mark.parametrize("width", [48, 60, 80, 120])
+@pytest.mark.parametrize("width", [43, 60, 80, 120])
 def test_a_printed_table_has_whole_cells_in_its_width(width: int) -> None:
+    text = printed(table("SORprox(relaxation=1.5, form='factors')", "Jprox"), width)
+    assert max(map(len, text.splitlines())) <= width
+    for cell in ("SORprox(relaxation=1.5,", "form='factors')", "Jprox", "coulomb", "1.15 ms"):
+        assert cell in text
+
+
+def test_the_cells_of_winners_alone_are_bold() -> None:
     text = StringIO()
-    shown = table("SORprox(relaxation=1.5, form='factors')", "Jprox")
-    print_table(Console(file=text, width=width), shown, words=("model",), optional=("iter.", "ended"))
-    printed = text.getvalue()
-    assert max(map(len, printed.splitlines())) <= width
-    for cell in ("SORprox(", "relaxation=1.5,", "form='factors')", "Jprox", "coulomb", "1.15 ms"):
-        assert cell in printed
+    console = Console(file=text, width=80, force_terminal=True)
+    print_table(console, table("A", "B"), bold={(1, "1e-04")})
+    rows = text.getvalue().splitlines()[-2:]
+    assert ["\x1b[1;32m1.15 ms" in row for row in rows] == [False, True]
+
+
+@pytest.mark.parametrize("width", [30, 60, 200])
+def test_groups_of_columns_fit_side_by_side_and_lose_none(width: int) -> None:
+    shown = table("SORprox(relaxation=1.5)").assign(more="x" * 25)
+    groups = abreast(shown, width)
+    assert [name for group in groups for name in group] == list(shown.columns.drop("solver"))
+    assert len(groups) == {30: 5, 60: 2, 200: 1}[width]
 
 
 def test_a_note_hangs_below_its_first_line() -> None:

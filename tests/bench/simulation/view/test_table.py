@@ -71,7 +71,7 @@ def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_s
     text = printed(simulation)
     count = int(simulation.unsolved.sum())
     assert f"{count} of 200 steps are not solved to 1e-10" in text
-    assert f"the solver says: iteration limit, {count} times" in text
+    assert f"the solver reports: iteration limit, {count} times" in text
     assert "every step is solved" not in text
     assert "every step is solved to 1e-04, by the judge" in printed(simulate(pour()))
 

@@ -1,16 +1,15 @@
-"""The conventions of FCLIB and ours are the same, its merit is the judge's, and asymmetry is measured and treated."""
+"""The conventions of FCLIB and ours are the same, and its merit is the judge's."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from fclib_merit import natural_map
 from handmade_fclib import MU, Q, W, global_data, local_data, write_data
-from proxbench.problems import ContactProblem, ProblemError, judge, read_fclib, write_fclib
+from proxbench.problems import ContactProblem, judge, read_fclib, write_fclib
 from proxbench.problems.exchange.fclib.contents import GlobalContents
-from proxbench.problems.exchange.fclib.conversion import LARGEST_ASYMMETRY, contents_of, problem_of
+from proxbench.problems.exchange.fclib.conversion import contents_of, problem_of
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -26,53 +25,6 @@ def test_the_merit_of_fclib_from_its_own_arrays_is_the_natural_map_of_the_judge(
     assert verdict.natural_map_q == pytest.approx(merit / np.linalg.norm(Q), rel=1e-12)
     largest = max(np.linalg.norm(vector) for vector in (Q, impulses, velocity))
     assert verdict.natural_map_max == pytest.approx(merit / largest, rel=1e-12)
-
-
-def crooked(by: float) -> dict[str, Any]:
-    """Return the local problem with one entry of W larger by a part of the largest."""
-    matrix = W.copy()
-    matrix[1, 4] += by * np.abs(W).max()
-    return local_data(matrix=matrix)
-
-
-def test_a_small_asymmetry_is_taken_out_and_said(tmp_path: Path) -> None:
-    path = write_data(tmp_path / "p.hdf5", crooked(1e-3))
-    problem = read_fclib(path)
-    matrix = problem.delassus()
-    assert abs(matrix - matrix.T).max() == 0.0
-    assert matrix[1, 4] == pytest.approx(W[1, 4] + 0.5 * 1e-3 * np.abs(W).max(), rel=1e-15)
-    assert problem.provenance["asymmetry"] == pytest.approx(1e-3)
-    said = "W misses symmetry by 1.0e-03 of its largest entry, and is replaced by (W + Wᵀ)/2"
-    assert problem.provenance["matrix"] == said
-    assert not problem.allow_asymmetric
-
-
-def test_an_asymmetry_is_kept_bit_by_bit_where_that_is_wanted(tmp_path: Path) -> None:
-    problem = read_fclib(write_data(tmp_path / "p.hdf5", crooked(0.3)), "keep")
-    assert problem.allow_asymmetric
-    assert problem.delassus()[1, 4] == W[1, 4] + 0.3 * np.abs(W).max()
-    assert "is kept so" in str(problem.provenance["matrix"])
-    write_fclib(problem, tmp_path / "again.hdf5")
-    assert read_fclib(tmp_path / "again.hdf5", "keep").digest == problem.digest
-
-
-def test_a_kept_asymmetry_that_was_written_here_can_be_read_symmetric(tmp_path: Path) -> None:
-    kept = read_fclib(write_data(tmp_path / "p.hdf5", crooked(1e-3)), "keep")
-    write_fclib(kept, tmp_path / "again.hdf5")
-    assert read_fclib(tmp_path / "again.hdf5").digest == read_fclib(tmp_path / "p.hdf5").digest
-
-
-@pytest.mark.parametrize(("by", "treatment"), [(2 * LARGEST_ASYMMETRY, "symmetrise"), (1e-3, "refuse")])
-def test_an_asymmetry_that_is_not_taken_out_is_refused_with_its_size(by: float, treatment: Any, tmp_path: Path) -> None:
-    with pytest.raises(ProblemError, match=rf"W misses symmetry by {by:.1e}") as caught:
-        read_fclib(write_data(tmp_path / "p.hdf5", crooked(by)), treatment)
-    assert "`asymmetry` keep" in str(caught.value)
-
-
-def test_an_asymmetry_of_rounding_is_left_as_it_is(tmp_path: Path) -> None:
-    problem = read_fclib(write_data(tmp_path / "p.hdf5", crooked(1e-13)), "refuse")
-    assert problem.delassus()[1, 4] == W[1, 4] + 1e-13 * np.abs(W).max()
-    assert "asymmetry" not in problem.provenance
 
 
 def test_what_is_said_of_a_problem_survives(tmp_path: Path) -> None:

@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from handmade_fclib import Q, W, local_data, matrix_data, write_data
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from proxbench.problems.exchange.fclib.container import ContainerError, opened
-from proxbench.problems.exchange.fclib.matrices import COLUMNS, ROWS, TRIPLETS, asymmetry, read_matrix, stored_matrix
+from proxbench.problems.exchange.fclib.matrices import COLUMNS, ROWS, TRIPLETS, read_matrix, stored_matrix
 
 KINDS = {"triplets": TRIPLETS, "columns": COLUMNS, "rows": ROWS}
 
@@ -86,14 +85,6 @@ def test_a_matrix_that_contradicts_itself_is_refused(
     numbers = {name: np.array([value]) if isinstance(value, int) else value for name, value in changes.items()}
     with pytest.raises(ContainerError, match=words):
         read(write_matrix(tmp_path / "m.hdf5", {**matrix_data(W, kind), **numbers}), W.shape)
-
-
-def test_asymmetry_is_the_largest_difference_over_the_largest_entry() -> None:
-    crooked = W.copy()
-    crooked[0, 3] += 0.125
-    assert asymmetry(sp.csr_array(W)) == 0.0
-    assert asymmetry(sp.csr_array(crooked)) == 0.125 / np.abs(crooked).max()
-    assert asymmetry(sp.csr_array((3, 3))) == 0.0
 
 
 def test_the_local_problem_of_these_tests_is_the_one_that_is_shipped() -> None:

@@ -9,21 +9,21 @@ from proxbench.problems.motion.bodies.mixed_friction import MixedFriction
 ROW = np.array([[0.0, 0.0, 0.0], [0.19, 0.0, 0.0], [0.38, 0.0, 0.0]])
 
 
-def balls(friction: float | None = 0.3) -> BallSystem:
+def balls(friction: float | MixedFriction = 0.3) -> BallSystem:
     """Three balls that can touch in a row."""
     return BallSystem(np.full(3, 0.1), np.ones(3), (), 3, friction=friction)
 
 
 def test_coefficients_are_spread_evenly_and_differ_from_seed_to_seed() -> None:
     keys = np.arange(100_000)
-    drawn, others = (MixedFriction(balls(), 0.1, 0.9, seed).coefficients(keys) for seed in (1, 2))
+    drawn, others = (MixedFriction(0.1, 0.9, seed)(keys) for seed in (1, 2))
     counts = np.histogram(drawn, bins=10, range=(0.1, 0.9))[0]
     assert np.abs(counts - 10_000).max() < 500  # five standard deviations
     assert abs(np.corrcoef(drawn, others)[0, 1]) < 0.02
 
 
 def test_a_pair_keeps_its_coefficient_while_others_come_and_go() -> None:
-    system, still = MixedFriction(balls(), 0.1, 0.9), np.zeros(18)
+    system, still = balls(MixedFriction(0.1, 0.9)), np.zeros(18)
     both = system.assemble(ROW.ravel(), still, 1e-3).contacts
     parted = ROW.copy()
     parted[0, 0] = -1.0
@@ -37,7 +37,7 @@ def test_a_pair_keeps_its_coefficient_while_others_come_and_go() -> None:
 
 def test_all_but_the_laws_is_that_of_the_balls() -> None:
     velocity = np.random.default_rng(0).normal(size=18)
-    mixed = MixedFriction(balls(), 0.1, 0.9).assemble(ROW.ravel(), velocity, 1e-3)
+    mixed = balls(MixedFriction(0.1, 0.9)).assemble(ROW.ravel(), velocity, 1e-3)
     plain = balls().assemble(ROW.ravel(), velocity, 1e-3)
     assert mixed.contacts is not None
     assert plain.contacts is not None
@@ -47,8 +47,6 @@ def test_all_but_the_laws_is_that_of_the_balls() -> None:
     assert np.array_equal(mixed.contacts.directions.values, plain.contacts.directions.values)
 
 
-def test_balls_without_friction_and_a_range_upside_down_are_refused() -> None:
-    with pytest.raises(ProblemError, match="without friction"):
-        MixedFriction(balls(None), 0.1, 0.9)
+def test_a_range_upside_down_is_refused() -> None:
     with pytest.raises(ProblemError, match="upwards"):
-        MixedFriction(balls(), 0.9, 0.1)
+        MixedFriction(0.9, 0.1)

@@ -10,6 +10,8 @@ from proxbench.problems.motion.scenes.bouncing import BouncingBall
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 
+from ..general_ball import general_start, general_system
+
 StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
 Order = Callable[[list[float], list[float]], float]
 
@@ -61,10 +63,10 @@ def test_the_ball_comes_to_rest_at_the_accumulation_point() -> None:
 
 def test_the_general_system_is_the_same_ball() -> None:
     ball = BouncingBall()
-    state, general = ball.start(), ball.general_start()
+    state, general = ball.start(), general_start(ball)
     for _ in range(700):
         state = MidpointRule(ball.system(), create("SORprox"), Stop(1e-12), 1e-3).step(state).state
-        general = MidpointRule(ball.general_system(), create("SORprox"), Stop(1e-12), 1e-3).step(general).state
+        general = MidpointRule(general_system(ball), create("SORprox"), Stop(1e-12), 1e-3).step(general).state
     assert general.position[0] == pytest.approx(state.position[2], abs=1e-12)
     assert general.velocity[0] == pytest.approx(state.velocity[2], abs=1e-12)
 

@@ -1,0 +1,37 @@
+"""``proxbench check``."""
+
+from typing import Annotated
+
+import typer
+
+from .. import options
+
+
+def check(
+    target: Annotated[str, typer.Argument(metavar="NAME|FILE", help="Solver, problem, or plugin file.")],
+    check_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time limit of one check.")] = 60.0,
+    plugin: options.PluginFiles = None,
+    quiet: Annotated[bool, options.flag("--quiet", help="Print failed checks only.")] = False,
+    as_json: options.Json = False,
+) -> int:
+    """Test a solver or problem for conformance.
+
+    The exit code is 1 if a check fails.
+    """
+    from ...conformance.run import checked, print_checks
+    from ...report.layout.text import print_json
+    from ..progress import ProgressBar
+
+    options.refuse_two_prints(quiet, as_json)
+    with ProgressBar(quiet or as_json) as shown:
+
+        def show(check: str, done: int, total: int) -> None:
+            shown.name(check, again=True)
+            shown.count(done, total)
+
+        subjects = checked(target, check_seconds, show)
+    if as_json:
+        print_json(subjects)
+    else:
+        print_checks(subjects, failed_only=quiet)
+    return int(not all(subject["passed"] for subject in subjects))

@@ -1,0 +1,281 @@
+"""``proxbench info | import | export``: inspect, read and write files of problems in any format."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from .. import options
+
+if TYPE_CHECKING:
+    from ....problems.contact.problem import ContactProblem
+    from ....problems.exchange.repair import Indefinite, Symmetry
+    from ....problems.exchange.survey import Survey
+
+PROBLEM_SUFFIX = ".npz"
+
+EXPORTED = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
+"""Ending of the files of each format that is written."""
+
+_reading = partial(typer.Option, rich_help_panel="Reading")
+
+Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Files of problems, or folders of them.")]
+"""Files and folders to read."""
+
+
+def info(sources: Sources, as_json: options.Json = False) -> int:
+    """Show sizes, ranks, friction and conditioning of problem files.
+
+    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
+    """
+    from dataclasses import asdict
+
+    from ....problems.exchange.survey import problem_files, survey
+    from ...report.layout.text import print_json
+
+    found, broken = _apply(sources, problem_files, lambda file, _: survey(file))
+    if as_json:
+        # JSON has no infinity, which a condition number can be
+        rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
+        print_json({"files": rows, "broken": broken})
+    else:
+        _print_surveys(found)
+        _print_broken(broken)
+    return int(bool(broken))
+
+
+def import_files(
+    file_format: Annotated[
+        Literal["fclib", "contactbench", "kamino", "bodies", "plain"],
+        typer.Argument(metavar="FORMAT", help="fclib, contactbench, kamino, bodies or plain."),
+    ],
+    sources: Sources,
+    output: Annotated[
+        Path, options.output(metavar="FILE|FOLDER", help="Problem file (.npz), or folder for several.")
+    ] = Path(),
+    symmetry: Annotated[
+        str,
+        _reading(metavar="HOW", help="Matrix that is not symmetric: mean (up to 1 %), lower, upper, keep or refuse."),
+    ] = "mean",
+    indefinite: Annotated[
+        str, _reading(metavar="HOW", help="Matrix with a negative eigenvalue: refuse or project (up to 1e-6).")
+    ] = "refuse",
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> int:
+    """Read files of other programs into problem files (.npz).
+
+    Each file is printed with the digest of its problem. The exit code is 1 if a file in a folder cannot be read;
+    standard error gives the reason.
+    """
+    from ....problems import save_problem
+    from ....problems.exchange.survey import problem_files
+
+    read, suffixes = _reader(file_format, symmetry, indefinite)
+    files_of = partial(problem_files, suffixes=suffixes)
+    targets = _import_targets(sources, files_of, output, force)
+
+    def convert(file: Path, source: Path) -> tuple[str, str]:
+        problem = read(file)
+        save_problem(problem, targets[file])
+        return str(targets[file]), problem.digest
+
+    found, broken = _apply(sources, files_of, convert)
+    _print_written(dict(found), broken, as_json)
+    return int(bool(broken))
+
+
+def export_files(
+    file_format: Annotated[
+        Literal["fclib", "npz", "json"], typer.Argument(metavar="FORMAT", help="fclib, npz or json.")
+    ],
+    names: Annotated[list[str], typer.Argument(metavar="PROBLEM", help="Names of problems, or problem files.")],
+    output: Annotated[Path, options.output(metavar="FILE|FOLDER", help="File, or folder for several.")] = Path(),
+    plugin: options.PluginFiles = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> int:
+    """Write problems as files for other programs.
+
+    Each file is printed with the digest of its problem.
+    """
+    from ....problems import save_problem, write_fclib
+    from ....problems.exchange.catalog import is_path
+    from ....problems.exchange.fclib.conversion import contents_of
+    from ...plugins.problems import resolved
+    from ...report.layout.output_file import refuse_taken
+
+    problems = [resolved(name) for name in names]
+    write: Callable[[ContactProblem, Path], None] = save_problem
+    if file_format == "fclib":
+        write = write_fclib
+        for problem in problems:
+            contents_of(problem)  # raises before any file is written
+    suffix = EXPORTED[file_format]
+    is_file = output.suffix == suffix and not output.is_dir()
+    stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file may be anything
+    targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]
+    _refuse_one_for_several(targets, list(names), is_file)
+    refuse_taken(targets, force)
+    for problem, target in zip(problems, targets, strict=True):
+        write(problem, target)
+    digests = {str(target): problem.digest for problem, target in zip(problems, targets, strict=True)}
+    _print_written(digests, [], as_json)
+    return 0
+
+
+def _reader(
+    file_format: str, symmetry: str, indefinite: str
+) -> tuple[Callable[[Path], "ContactProblem"], tuple[str, ...]]:
+    """Return what reads a file of a format, and the endings of such files.
+
+    Raises:
+        ProblemError: if an option has an unknown value.
+    """
+    from typing import cast
+
+    from ....problems import read_fclib
+    from ....problems.contact.problem import UNNAMED
+    from ....problems.exchange.fclib.files import SUFFIXES as FCLIB_SUFFIXES
+    from ....problems.exchange.repair import Repair
+    from ....problems.exchange.storage import SUFFIXES, read_problem
+
+    repair = Repair(cast("Symmetry", symmetry), cast("Indefinite", indefinite))
+    if file_format == "fclib":
+        return lambda file: read_fclib(file, repair.symmetry, repair.indefinite), FCLIB_SUFFIXES
+
+    def read(file: Path) -> "ContactProblem":
+        problem = read_problem(file, repair=repair, format_name=file_format)
+        return problem.renamed(file.stem) if problem.name == UNNAMED else problem
+
+    return read, SUFFIXES
+
+
+def _apply(
+    sources: Sequence[Path], files_of: Callable[[Path], Any], act: Callable[[Path, Path], Any]
+) -> tuple[list[Any], list[str]]:
+    """Return what ``act`` returns for each file and its source, and a message for each file in a folder that fails.
+
+    Raises:
+        ProblemError: if a file named on the command line fails, or a folder has no file.
+    """
+    from ....problems.errors import ProblemError
+
+    found, broken = [], []
+    for source in sources:
+        for file in files_of(source):
+            try:
+                found.append(act(file, source))
+            except ProblemError as error:
+                if file == source:
+                    raise
+                broken.append(options.spell_options(str(error)))
+    return found, broken
+
+
+def _import_targets(
+    sources: Sequence[Path], files_of: Callable[[Path], Any], output: Path, force: bool
+) -> dict[Path, Path]:
+    """Return the problem file of each file; files of a folder keep their relative paths.
+
+    Raises:
+        BenchError: if two files have the same target, or a target exists and ``force`` is not given.
+        ProblemError: if a folder has no files of the format.
+    """
+    from ...report.layout.output_file import refuse_taken
+
+    is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
+    targets = {}
+    for source in sources:
+        for file in files_of(source):
+            place = file.relative_to(source) if source.is_dir() else Path(file.name)
+            targets[file] = output if is_file else output / place.with_suffix(PROBLEM_SUFFIX)
+    _refuse_one_for_several(list(targets.values()), [str(file) for file in targets], is_file)
+    refuse_taken(targets.values(), force)
+    return targets
+
+
+def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:
+    from ...errors import BenchError
+
+    if is_file and len(sources) > 1:
+        raise BenchError(f"{targets[0]} is one file for {len(sources)} problems; name a folder with --output.")
+    first: dict[Path, str] = {}
+    for target, source in zip(targets, sources, strict=True):
+        if target in first:
+            raise BenchError(f"{first[target]} and {source} would both be written to {target}; write one at a time.")
+        first[target] = source
+
+
+def _print_surveys(found: Sequence["Survey"]) -> None:
+    """Print a table; the names of the files come last because they may be long."""
+    heads = (
+        "form",
+        "contacts",
+        "joints",
+        "rows",
+        "rank",
+        "μ",
+        "μ_r [m]",
+        "asymmetry",
+        "cond.",
+        "guesses",
+        "solution",
+        "file",
+    )
+    rows = [
+        (
+            one.form,
+            str(one.contacts),
+            str(one.joints),
+            str(one.rows),
+            "–" if one.rank is None else str(one.rank),
+            _range(one.friction),
+            "–" if one.rolling_friction is None else _range(one.rolling_friction),
+            f"{one.asymmetry:.1e}" if one.asymmetry else "0",
+            f"{one.conditioning:.3g}",
+            str(one.guesses or "–"),
+            "–" if one.solution is None else f"{one.solution:.1e}",
+            one.file,
+        )
+        for one in found
+    ]
+    if not rows:
+        return
+    widths = [max(len(line[column]) for line in (heads, *rows)) for column in range(len(heads) - 1)]
+    for line in (heads, *rows):
+        cells = [f"{cell:>{width}}" for cell, width in zip(line, widths, strict=False)]
+        print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
+    print(
+        "\nrank: estimated; asymmetry: of W or M, over its largest entry; cond.: largest of a contact's block of G; "
+        "solution: judged residual of the stored one"
+    )
+
+
+def _range(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:g}" if ends[0] == ends[1] else "{:g}…{:g}".format(*ends)
+
+
+def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool) -> None:
+    from ...report.layout.text import print_json
+
+    if as_json:
+        print_json({"files": digests, "broken": list(broken)})
+        return
+    print_files(digests)
+    _print_broken(broken)
+
+
+def print_files(digests: Mapping[str, str]) -> None:
+    """Print files of problems, each with the digest that runs identify the problem by."""
+    width = max((len(file) for file in digests), default=0)
+    for file, digest in digests.items():
+        print(f"{file:<{width}}  problem digest {digest[:16]}")
+
+
+def _print_broken(broken: Sequence[str]) -> None:
+    for sentence in broken:
+        print(f"proxbench: {sentence}", file=sys.stderr)

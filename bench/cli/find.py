@@ -1,0 +1,65 @@
+"""``proxbench list`` and ``proxbench generate``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options
+
+
+def list_names(
+    what: Annotated[
+        str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; all by default.")
+    ] = "",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="List this one only.")] = "",
+    suite: Annotated[str, options.selection(metavar="SUITE", help="List the problems of this suite only.")] = "",
+    plugin: options.PluginFiles = None,
+    as_json: options.Json = False,
+) -> None:
+    """List solvers, suites, problems and scenes."""
+    from ..report.layout.text import print_json
+    from .listing import listing_rows, print_listing
+
+    rows = listing_rows(what, suite, name)
+    if as_json:
+        print_json(rows)
+    else:
+        print_listing(rows, in_full=bool(name))
+
+
+def generate(
+    names: Annotated[list[str] | None, typer.Argument(metavar="PROBLEM", help="Problems to make.")] = None,
+    suite: Annotated[
+        str, options.selection(metavar="SUITE", help="Make all problems of this suite that come from scenes.")
+    ] = "",
+    output: Annotated[
+        Path | None, options.output(metavar="FOLDER", help="Folder for the files; the cache by default.")
+    ] = None,
+    plugin: options.PluginFiles = None,
+    as_json: options.Json = False,
+) -> None:
+    """Make problems from their scenes.
+
+    Each file is printed with the digest of its problem.
+    """
+    from ...problems.exchange.catalog import suite_members
+    from ...problems.exchange.storage import read_problem
+    from ...problems.hard import HARD_CASES
+    from ..errors import BenchError
+    from ..measure.contacts.generate import generate as make
+    from ..report.layout.text import print_json
+    from .exchange.problem_files import print_files
+
+    chosen = list(names or [])
+    if suite:
+        chosen += [name for name in suite_members(suite) if name not in HARD_CASES and name not in chosen]
+        if not chosen:
+            raise BenchError(f"no problem of the suite {suite!r} comes from a scene; load its problems by name.")
+    if not chosen:
+        raise BenchError("name the problems to generate, or a --suite.")
+    digests = {str(file): read_problem(file).digest for file in make(chosen, output)}
+    if as_json:
+        print_json(digests)
+    else:
+        print_files(digests)

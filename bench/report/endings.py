@@ -1,0 +1,56 @@
+"""How cases ended, in words."""
+
+from typing import Any
+
+import pandas as pd
+
+from ...problems.contact.solver import Status
+from ..store.frames import RunFrames
+from ..store.outcome import Outcome, claim_reason
+
+CASE = ["problem", "solver"]
+"""Columns that identify a case."""
+
+
+def attempted_points(frames: RunFrames) -> pd.DataFrame:
+    """Return the points of a run that were attempted."""
+    attempted: pd.DataFrame = frames.points[frames.points["total_seconds"].notna()]
+    return attempted
+
+
+def case_endings(frames: RunFrames) -> pd.DataFrame:
+    """Return how each case ended, in the order of the cases.
+
+    Columns: outcome (the fault of the case, else the worst of its ladder), reason, and notes, those of the finest point
+    that has any.
+    """
+    attempted = attempted_points(frames)
+    ladders = dict(iter(attempted.groupby(CASE, sort=False)))
+    rows = []
+    for case in frames.cases.to_dict("records"):
+        ladder = ladders.get((case["problem"], case["solver"]), attempted.iloc[:0])
+        noted = ladder[ladder["notes"] != ""]
+        notes = "" if noted.empty else f"at {noted['tolerance'].iloc[-1]:.0e}: {noted['notes'].iloc[-1]}"
+        rows.append((*_ending(case, ladder), notes))
+    return pd.DataFrame(rows, columns=["outcome", "reason", "notes"], index=frames.cases.index)
+
+
+def _ending(case: dict[Any, Any], ladder: pd.DataFrame) -> tuple[str, str]:
+    """Return the outcome of a case with its attempted points, and the reason."""
+    if case["outcome"] != Outcome.MEASURED:
+        return str(case["outcome"]), str(case["reason"])
+    for outcome in (Outcome.WRONG, Outcome.RELAXED):
+        if len(claims := ladder[ladder["outcome"] == outcome]):
+            first = claims.iloc[0]
+            if first["status"] == Status.INFEASIBLE:
+                return outcome.value, str(first["reason"])
+            return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
+    if not case["is_tried"]:
+        reached = f"below {ladder['tolerance'].iloc[-1]:.0e}" if len(ladder) else "yet"
+        return Outcome.UNFINISHED.value, f"not measured {reached}"
+    if ladder.empty:
+        return str(case["outcome"]), str(case["reason"])
+    last = ladder.iloc[-1]
+    if last["outcome"] == Outcome.SOLVED:
+        return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"
+    return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"

@@ -1,0 +1,73 @@
+"""Starts of the solve of a step: warm from the impulses of the last step, cold from zero, or warm and then cold."""
+
+from dataclasses import dataclass
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Stop
+from ...problems.errors import suggestion
+from ...problems.motion.stepping.stepper import Stepper
+from ...solvers.composite.fallback import Fallback
+from ..errors import BenchError
+
+WARM, COLD, WARM_THEN_COLD = STARTS = ("warm", "cold", "warm-then-cold")
+
+DEFAULT_START = WARM
+"""The start unless one is named: it takes the fewest sweeps on most scenes and tolerances."""
+
+WARM_ITERATIONS = 500
+"""Iterations from the last impulses before "warm-then-cold" starts from zero: in a pile at rest they may stall."""
+
+
+class UnsupportedStepError(BenchError):
+    """The solver cannot treat the contact problem of a step."""
+
+
+def default_start(stepper: Stepper) -> str:
+    """Return the start unless one is named; a stepper that offers no impulses starts cold."""
+    return DEFAULT_START if stepper.uses_last_impulses else COLD
+
+
+def check_start(name: str) -> None:
+    """Check that a start has this name.
+
+    Raises:
+        BenchError: if none has, with the nearest name.
+    """
+    if name not in STARTS:
+        raise BenchError(f"there is no start {name!r}{suggestion(name, STARTS)}")
+
+
+@dataclass(frozen=True)
+class StepSolver:
+    """A solver with a start, as steppers take it.
+
+    Attributes:
+        solver: the solver.
+        start: one of ``STARTS``.
+    """
+
+    solver: Solver
+    start: str
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        """Prepare ``problem``; the ``solve`` of what is returned gets the impulses of the last step.
+
+        Raises:
+            UnsupportedStepError: if the solver cannot treat it.
+        """
+        reason = self.solver.supports(problem)
+        if reason:
+            raise UnsupportedStepError(f"it cannot treat this step: {reason}")
+        if self.start == WARM_THEN_COLD:
+            return Fallback(self.solver, warm_iterations=WARM_ITERATIONS).prepare(problem)
+        prepared = self.solver.prepare(problem)
+        return _FromZero(prepared) if self.start == COLD else prepared
+
+
+@dataclass(frozen=True)
+class _FromZero:
+    prepared: Prepared
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        return self.prepared.solve(stop, None, observe)

@@ -1,0 +1,210 @@
+"""Problems as plain arrays, as ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` or a JSON object of the same names.
+
+================================= =========================================================================
+``c``                             free velocity [m/s], shape (n_rows,)
+``mu``                            friction coefficient, one number or shape (n_contacts,); needless for ``dim`` 1
+``G``                             Delassus matrix [1/kg], shape (n_rows, n_rows), dense; or its CSR form in
+``data``, ``indices``, ``indptr`` three arrays
+``W`` with ``Minv`` or ``M``      instead of G, its factors: force directions, shape (n_dofs, n_rows), and the
+                                  inverse mass or mass matrix: its diagonal, shape (n_dofs,), its diagonal
+                                  blocks, shape (n_blocks, k, k), or the whole matrix
+``dim``                           rows per contact: 1, 2 or 3; found from the lengths of ``c`` and ``mu`` if left out
+``normal``                        "first" (default) or "last": where the normal row stands among the rows of a contact
+``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, judged
+``version``                       1; optional
+================================= =========================================================================
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...arrays import FloatArray, IntArray
+from ...contact.factors import InverseMass
+from ...contact.laws import Laws
+from ...contact.problem import ContactProblem
+from ...errors import ProblemError, suggestion
+from ..repair import Repair
+from ..stored_solution import with_stored_solution
+
+Arrays = Mapping[str, NDArray[Any]]
+
+VERSION = 1
+"""Newest version of the names above."""
+
+CSR_PARTS = ("data", "indices", "indptr")
+
+FACTORS = ("W", "Minv", "M")
+
+KNOWN = ("G", *CSR_PARTS, *FACTORS, "c", "mu", "dim", "normal", "impulses", "version")
+
+EXAMPLE = "numpy.savez(file, G=G, c=c, mu=mu)"
+
+DEFAULT_DIM = 3
+"""Rows per contact where one friction coefficient holds for all contacts."""
+
+
+def recognises(arrays: Arrays) -> bool:
+    """Whether the arrays look like plain arrays of a problem."""
+    return not {"G", "c", "mu", "W"}.isdisjoint(arrays)
+
+
+def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
+    """Return the problem that plain arrays define.
+
+    Args:
+        arrays: the arrays of the file by name, see the module.
+        repair: how a matrix that is not symmetric or not semidefinite is read.
+
+    Raises:
+        ProblemError: if an array is missing, unknown, or does not fit the others.
+    """
+    for key in arrays:
+        if key not in KNOWN:
+            raise ProblemError(f"there is an unknown array {key!r}{suggestion(key, KNOWN)}")
+    check_version(arrays, VERSION)
+    if "c" not in arrays:
+        raise ProblemError(f"there is no array 'c', the free velocity; write it with {EXAMPLE}.")
+    dim = _dim(arrays)
+    if "mu" not in arrays and dim != 1:
+        raise ProblemError("there is no array 'mu', the friction coefficients; add it, or dim=1 for no friction.")
+    c, mu = arrays["c"], arrays.get("mu", np.array(0.0))
+    order = _order(arrays, dim, c.size)
+    if not {"W", "Minv", "M"}.isdisjoint(arrays):
+        directions, inverse = _factors(arrays, repair)
+        if directions.ndim == 2 and directions.shape[1] == c.size:
+            directions = directions[:, order]
+        problem = ContactProblem.from_factors(directions, inverse, _in_order(c, order), mu, dim)
+    else:
+        problem = problem_of_delassus(_delassus(arrays), c, mu, order, repair, dim=dim)
+    if "impulses" not in arrays:
+        return problem
+    return with_stored_solution(problem, _in_order(stored_impulses(arrays["impulses"], c.size), order))
+
+
+def problem_of_delassus(
+    matrix: Any,
+    c: NDArray[Any],
+    mu: NDArray[Any],
+    order: IntArray,
+    repair: Repair,
+    *,
+    dim: int = 3,
+    laws: Laws | None = None,
+    **provenance: Any,
+) -> ContactProblem:
+    """Return the problem of G and c with their rows put in order, G repaired as chosen.
+
+    Args:
+        matrix: G [1/kg], dense or sparse, shape (n_rows, n_rows).
+        c: free velocity [m/s], shape (n_rows,).
+        mu: friction coefficient, one number or one for each contact.
+        order: the row that comes first, second, …, shape (n_rows,).
+        repair: how a G that is not symmetric or not semidefinite is read.
+        dim: rows per contact.
+        laws: any mixture of laws, instead of ``mu`` and ``dim``.
+        provenance: where the problem comes from.
+
+    Raises:
+        ProblemError: as ``ContactProblem.from_delassus``.
+    """
+    rows = len(order)
+    if np.shape(matrix) == (rows, rows) and np.issubdtype(matrix.dtype, np.number):
+        matrix, said, is_asymmetric = repair.delassus(sp.csr_array(sp.csr_array(matrix)[order][:, order]))
+        attributes: dict[str, Any] = {"provenance": provenance | said, "allow_asymmetric": is_asymmetric}
+    else:
+        attributes = {"provenance": provenance}  # which is refused below
+    return ContactProblem.from_delassus(matrix, _in_order(c, order), mu, dim, laws=laws, **attributes)
+
+
+def check_version(arrays: Arrays, newest: int) -> None:
+    """Raise ``ProblemError`` if a file says that it has a version that is not read."""
+    version = arrays.get("version", np.array(newest))
+    if version.size != 1 or version.dtype.kind not in "iu" or not 1 <= version.item() <= newest:
+        raise ProblemError(f"'version' must be a whole number up to {newest}; write the file in version {newest}.")
+
+
+def normal_first(n_contacts: int, first_row: int = 0) -> IntArray:
+    """Return rows T1, T2, N of contacts in the order N, T1, T2, rows before ``first_row`` left in place."""
+    contacts = first_row + np.arange(3 * n_contacts).reshape(-1, 3)[:, [2, 0, 1]].ravel()
+    return np.append(np.arange(first_row), contacts).astype(np.int64)
+
+
+def stored_impulses(given: NDArray[Any], n_rows: int) -> FloatArray:
+    """Return the impulses of a file as numbers, shape (n_rows,).
+
+    Raises:
+        ProblemError: if they are not finite numbers, one a row.
+    """
+    if given.size != n_rows or given.dtype.kind not in "fiu" or not np.isfinite(given).all():
+        raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one a row; got shape {given.shape}.")
+    return given.astype(np.float64).ravel()
+
+
+def _dim(arrays: Arrays) -> int:
+    """Return the rows per contact, as given or from the lengths of c and μ."""
+    if "dim" in arrays:
+        if arrays["dim"].size != 1 or arrays["dim"].dtype.kind not in "iu":
+            raise ProblemError("'dim' must be one whole number: 1, 2 or 3 rows per contact.")
+        return int(arrays["dim"].item())
+    if "mu" not in arrays or arrays["mu"].ndim == 0:
+        return DEFAULT_DIM
+    rows, contacts = arrays["c"].size, arrays["mu"].size
+    if contacts == 0 or rows % contacts or rows // contacts not in (1, 2, 3):
+        raise ProblemError(f"'c' has {rows} rows and 'mu' {contacts} contacts; there must be 1, 2 or 3 rows a contact.")
+    return rows // contacts
+
+
+def _order(arrays: Arrays, dim: int, rows: int) -> IntArray:
+    """Return the rows in the order N, T1, T2."""
+    place = str(arrays.get("normal", np.array("first")))
+    if place not in ("first", "last"):
+        raise ProblemError(f"'normal' is {place!r}, and must be 'first' or 'last'.")
+    order = np.arange(rows)
+    if place == "last" and dim in (2, 3) and rows % dim == 0:
+        order = np.roll(order.reshape(-1, dim), 1, axis=1).ravel()
+    return order
+
+
+def _in_order(values: NDArray[Any], order: IntArray) -> NDArray[Any]:
+    return values[order] if values.ndim == 1 else values
+
+
+def _delassus(arrays: Arrays) -> Any:
+    has_parts = [part for part in CSR_PARTS if part in arrays]
+    if ("G" in arrays) == bool(has_parts):
+        raise ProblemError(f"give the Delassus matrix once, as array 'G' or as CSR arrays {', '.join(CSR_PARTS)}.")
+    if "G" in arrays:
+        return arrays["G"]
+    if len(has_parts) < len(CSR_PARTS):
+        missing = next(part for part in CSR_PARTS if part not in arrays)
+        raise ProblemError(f"the Delassus matrix has no array {missing!r}; CSR needs {', '.join(CSR_PARTS)}.")
+    data, indices, indptr = (arrays[part] for part in CSR_PARTS)
+    rows = arrays["c"].size
+    try:
+        if indices.dtype.kind not in "iu" or indptr.dtype.kind not in "iu":
+            raise ValueError("indices must be whole numbers")
+        matrix = sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(rows, rows))
+        matrix.check_format(full_check=True)  # compiled code later relies on the indices
+    except (ValueError, TypeError) as error:
+        raise ProblemError(f"the CSR arrays are no {rows} x {rows} matrix: {error}.") from None
+    return matrix
+
+
+def _factors(arrays: Arrays, repair: Repair) -> tuple[NDArray[Any], Any]:
+    """Return W and M⁻¹."""
+    if "W" not in arrays or ("Minv" in arrays) == ("M" in arrays) or "G" in arrays or "data" in arrays:
+        raise ProblemError("give either 'G', or 'W' with one of 'Minv' and 'M'.")
+    if "Minv" in arrays:
+        return arrays["W"], _whole(arrays["Minv"])
+    mass = _whole(arrays["M"])
+    mass = repair.mass(sp.csr_array(sp.diags_array(mass) if mass.ndim == 1 else mass))[0]
+    return arrays["W"], InverseMass.of_mass(mass)
+
+
+def _whole(matrix: NDArray[Any]) -> Any:
+    """Return a matrix of diagonal blocks, shape (n, k, k), as a whole one, and any other as it is."""
+    return sp.block_diag(list(matrix), format="csr") if matrix.ndim == 3 else matrix

@@ -1,0 +1,24 @@
+"""Impulses that a file stores as the solution of its problem: judged, and known as an answer only where they pass."""
+
+from ..arrays import FloatArray
+from ..contact.answer import Answer
+from ..contact.judge import judge
+from ..contact.problem import ContactProblem
+
+CONFIRMED = 1e-4
+"""Judged residual up to which stored impulses are taken for a solution."""
+
+RESIDUAL = "stored_solution_residual"
+"""The entry of the provenance with the judged residual of the stored impulses."""
+
+
+def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:
+    """Return the problem with the residual of stored impulses in its provenance.
+
+    Args:
+        problem: the problem.
+        impulses: Λ [N s], shape (n_rows,). They become the known answer if their residual is at most ``CONFIRMED``.
+    """
+    residual = judge(problem, impulses).residual
+    known = Answer(witness=impulses) if residual <= CONFIRMED else None
+    return problem.answered(known, **{RESIDUAL: residual})

@@ -1,0 +1,166 @@
+"""What a file of a problem holds, in numbers that say how hard the problem is: size, rank, friction, conditioning."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from ..arrays import FloatArray
+from ..contact.coupling import row_lengths
+from ..contact.problem import ContactProblem
+from ..errors import ProblemError
+from .fclib.conversion import GUESSES
+from .fclib.files import SUFFIXES as FCLIB_SUFFIXES
+from .fclib.files import is_fclib_name, read_fclib
+from .repair import ASYMMETRY, Repair
+from .storage import SUFFIXES, read_problem
+from .stored_solution import RESIDUAL
+
+RANK_TOLERANCE = 1e-9
+"""Eigenvalues of the scaled G below this part of the largest one are taken for zero."""
+
+MOST_RANK_ROWS = 8000
+"""Rows up to which the rank is estimated; the factors of larger matrices can fill."""
+
+_WAYS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
+"""Repairs in the order in which they are tried, so that a matrix of whatever asymmetry is described."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """One file.
+
+    Attributes:
+        file: its path.
+        title: what it calls its problem.
+        form: "G" or "factors", which of the two the problem holds.
+        contacts: number of contacts.
+        joints: number of bilateral rows.
+        rows: number of rows.
+        dofs: degrees of freedom; ``None`` where the problem holds G only.
+        rank: estimated rank of G; ``None`` where that is not affordable.
+        friction: least and largest μ, 0 without friction.
+        rolling_friction: least and largest μ_r [m]; ``None`` without rolling friction.
+        asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 where that is rounding.
+        conditioning: largest condition number of the block of G of one contact, inf for a singular one.
+        guesses: how many guesses are stored.
+        solution: judged residual of the stored impulses; ``None`` if none were written.
+    """
+
+    file: str
+    title: str
+    form: str
+    contacts: int
+    joints: int
+    rows: int
+    dofs: int | None
+    rank: int | None
+    friction: tuple[float, float]
+    rolling_friction: tuple[float, float] | None
+    asymmetry: float
+    conditioning: float
+    guesses: int
+    solution: float | None
+
+
+def survey(path: Path) -> Survey:
+    """Return what a file holds.
+
+    Raises:
+        ProblemError: if the file holds no problem; asymmetry of whatever size is no reason.
+    """
+    problem = _read(path)
+    laws, said = problem.laws, problem.provenance
+    rolling, residual = laws.friction_coefficient[laws.is_rolling], said.get(RESIDUAL)
+    joints = int(laws.is_bilateral.sum())
+    return Survey(
+        file=str(path),
+        title=str(said.get("title", "")),
+        form="G" if problem.factors is None else "factors",
+        contacts=problem.n_contacts - joints,
+        joints=joints,
+        rows=problem.n_rows,
+        dofs=None if problem.factors is None else problem.factors.n_dofs,
+        rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
+        friction=_range(laws.friction_coefficient[laws.is_friction & ~laws.is_rolling]),
+        rolling_friction=_range(rolling) if len(rolling) else None,
+        asymmetry=float(said.get(ASYMMETRY, 0.0)),
+        conditioning=float(block_conditioning(problem).max(initial=0.0)),
+        guesses=int(said.get(GUESSES, 0)),
+        solution=None if residual is None else float(residual),
+    )
+
+
+def _read(path: Path) -> ContactProblem:
+    """Return the problem of a file with the first repair that admits it; it is looked at only."""
+    for way in _WAYS[:-1]:
+        try:
+            return _read_so(path, way)
+        except ProblemError:
+            continue
+    return _read_so(path, _WAYS[-1])
+
+
+def _read_so(path: Path, way: Repair) -> ContactProblem:
+    if is_fclib_name(path.name):
+        return read_fclib(path, way.symmetry, way.indefinite)
+    return read_problem(path, repair=way)
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+
+
+def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUFFIXES)) -> Iterator[Path]:
+    """Yield the file, or all files with one of the endings in a folder and its folders, in the order of their names.
+
+    Raises:
+        ProblemError: if there are none.
+    """
+    if not path.is_dir():
+        yield path
+        return
+    found = sorted(file for file in path.rglob("*") if file.suffix in suffixes)
+    if not found:
+        raise ProblemError(f"there is no file in {path} that ends in {' or '.join(suffixes)}.")
+    yield from found
+
+
+def estimated_rank(problem: ContactProblem) -> int | None:
+    """Return how many eigenvalues of the scaled D^-½ G D^-½, D its diagonal, exceed ``RANK_TOLERANCE`` of the largest.
+
+    By Sylvester's law of inertia they are as many as the positive pivots of G − σI, factorised sparse and without
+    exchanges; ``None`` where that fails. G is made symmetric before.
+    """
+    delassus, diagonal = problem.delassus(), problem.delassus_diagonal
+    moved = np.flatnonzero(diagonal > 0.0)
+    if not len(moved):
+        return 0
+    scale = sp.diags_array(1.0 / np.sqrt(diagonal[moved]))
+    scaled: Any = scale @ sp.csr_array(0.5 * (delassus + delassus.T))[moved][:, moved] @ scale
+    shift = RANK_TOLERANCE * float(abs(scaled).sum(axis=1).max())
+    shifted = sp.csc_array(scaled - shift * sp.eye_array(len(moved)))
+    symmetric = {"SymmetricMode": True}
+    try:
+        factors = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    except (RuntimeError, MemoryError):
+        return None
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        return None
+    return int((factors.U.diagonal() > 0.0).sum())
+
+
+def block_conditioning(problem: ContactProblem) -> FloatArray:
+    """Return the condition number of the diagonal block of G of each contact, shape (n_contacts,); inf for singular.
+
+    Rows of rolling friction count in the judge's unit, which is a velocity; joints are left out.
+    """
+    blocks, layout = problem.delassus_blocks(), problem.layout
+    lengths = layout.pad(row_lengths(problem))
+    diagonal = (blocks.values[blocks.starts[:-1]] * lengths[:, :, None] * lengths[:, None, :])[~layout.is_bilateral]
+    found: FloatArray = np.linalg.cond(diagonal) if len(diagonal) else np.zeros(0)
+    return np.where(np.isfinite(found), found, np.inf)

@@ -1,0 +1,22 @@
+"""A solver that solves in other processes than the one that made it only."""
+
+import os
+from typing import Any
+
+from proxbench.problems import ContactProblem, Model
+from proxbench.solvers import create
+
+
+class Elsewhere:
+    """SORprox, elsewhere."""
+
+    name, model, has_iterates = "Elsewhere", Model.COULOMB, False
+
+    def __init__(self) -> None:
+        self._made_in = os.getpid()
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return None if os.getpid() != self._made_in else "this process made it"
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        return create("SORprox").prepare(problem)

@@ -1,0 +1,91 @@
+"""A dump of Kamino: its natural map is ours to single precision, and its answer is judged.
+
+``files/kamino-stack.npz`` is a dump of Newton 1.8.0 on its CPU device: three boxes of mass ratio 1 : 10 : 100 on each
+other and on the ground, twelve steps of 2 ms, with ``natural_map`` as Kamino's metrics gave it.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.problems import ProblemError, judge
+from proxbench.problems.exchange.formats.kamino import problem_of_arrays
+from proxbench.problems.exchange.repair import Repair
+from proxbench.solvers import solve
+
+DUMP = dict(np.load(Path(__file__).parent / "files" / "kamino-stack.npz"))
+EXPECTED = float(DUMP.pop("natural_map"))
+
+
+def natural_map(impulses: np.ndarray, velocity: np.ndarray, friction: np.ndarray) -> float:
+    """Return max |λ − P_K(λ − v − s)| over contacts of rows N, T1, T2; s is De Saxcé's μ‖v_T‖ along N."""
+    worst = 0.0
+    for impulse, moved, mu in zip(impulses.reshape(-1, 3), velocity.reshape(-1, 3), friction, strict=True):
+        point = impulse - moved - np.array([mu * np.hypot(moved[1], moved[2]), 0.0, 0.0])
+        normal, tangent = point[0], np.hypot(point[1], point[2])
+        if mu * tangent <= -normal:
+            image = np.zeros(3)
+        elif tangent <= mu * normal:
+            image = point
+        else:
+            length = (normal + mu * tangent) / (1.0 + mu * mu)
+            image = np.append(length, mu * length * point[1:] / tangent)
+        worst = max(worst, float(np.abs(impulse - image).max()))
+    return worst
+
+
+def test_the_natural_map_of_its_metrics_is_ours_to_single_precision() -> None:
+    problem = problem_of_arrays(DUMP, Repair())
+    assert (problem.n_contacts, problem.n_rows) == (12, 36)
+    impulses = DUMP["lambdas"].astype(np.float64).reshape(-1, 3)[:, [2, 0, 1]].ravel()
+    ours = natural_map(impulses, problem.relative_velocity(impulses), DUMP["mu"])
+    rounding = np.finfo(np.float32).eps * float(np.abs(problem.delassus()).dot(np.abs(impulses)).max())
+    assert abs(ours - EXPECTED) <= 10 * rounding
+    assert rounding < 0.5 * EXPECTED  # so that the comparison says something
+
+
+def test_its_answer_is_judged_and_ours_is_better() -> None:
+    problem = problem_of_arrays(DUMP, Repair(indefinite="project"))
+    stored = problem.provenance["stored_solution_residual"]
+    solution = solve(problem, tolerance=1e-8)
+    assert isinstance(stored, float)
+    assert 1e-8 < stored < 1e-3
+    assert judge(problem, solution.impulses).residual <= 1e-8
+
+
+def test_the_preconditioner_is_undone() -> None:
+    scaled = problem_of_arrays(DUMP, Repair())
+    diagonal = DUMP["D"].diagonal() / DUMP["P"].astype(np.float64) ** 2
+    order = np.arange(36).reshape(-1, 3)[:, [2, 0, 1]].ravel()
+    np.testing.assert_allclose(scaled.delassus().diagonal(), diagonal[order], rtol=1e-6)
+    assert not np.allclose(DUMP["P"], 1.0)
+
+
+def test_joints_and_limits_stand_before_the_contacts() -> None:
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(6, 6)).astype(np.float32)
+    G = root @ root.T
+    arrays = {"D": G, "v_f": np.ones(6), "mu": np.array([0.3]), "njc": np.array(2), "nl": np.array(1)}
+    problem = problem_of_arrays(arrays, Repair())
+    assert problem.laws.kind.tolist() == [3, 3, 0, 0, 2]
+    order = [0, 1, 2, 5, 3, 4]
+    np.testing.assert_allclose(problem.delassus().toarray(), G[order][:, order], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"D": None}, "there is no array 'D'"),
+        ({"nbc": np.array(2)}, "2 rows have bounded multipliers"),
+        ({"nc": np.array([12, 12])}, "'nc' must be one whole number; dump one world at a time"),
+        ({"nc": np.array(13)}, "must have 1521 numbers|must have 39 numbers"),
+        ({"P": -DUMP["P"]}, "'P', the preconditioner, must be positive"),
+        ({"D": DUMP["D"] + np.eye(36, dtype=np.float32)}, "misses v_plus by .*; dump D before the solve"),
+        ({"lambdas": DUMP["lambdas"] * np.nan}, "'impulses' must be 36 finite numbers"),
+    ],
+)
+def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str) -> None:
+    arrays = {name: value for name, value in (DUMP | changes).items() if value is not None}
+    with pytest.raises(ProblemError, match=words):
+        problem_of_arrays(arrays, Repair())

@@ -1,0 +1,186 @@
+"""Matrices of files that miss symmetry or definiteness: each remedy does what it is named for, and says so."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from handmade_fclib import Data, H, M, W, global_data, local_data, matrix_data, write_data
+from hypothesis import given
+from hypothesis import strategies as st
+from proxbench.problems import ProblemError, judge, read_fclib, write_fclib
+from proxbench.problems.exchange.fclib import conversion
+from proxbench.problems.exchange.repair import LARGEST_ASYMMETRY, LARGEST_NEGATIVE, asymmetry, semidefinite, symmetric
+
+COUPLED = M + 0.25 * (np.eye(6, k=3) + np.eye(6, k=-3))
+"""A mass matrix of three blocks, as of a body whose centre of mass is off its origin."""
+
+
+def crooked(by: float) -> Data:
+    """Return the local problem with one entry of W larger by a part of the largest."""
+    matrix = W.copy()
+    matrix[1, 4] += by * np.abs(W).max()
+    return local_data(matrix=matrix)
+
+
+def with_mass(matrix: np.ndarray) -> Data:
+    """Return the global problem with another M."""
+    parts = {f"fclib_global/M/{name}": value for name, value in matrix_data(matrix, "triplets").items()}
+    return global_data() | parts
+
+
+def test_a_small_asymmetry_is_replaced_by_the_mean_and_recorded(tmp_path: Path) -> None:
+    path = write_data(tmp_path / "p.hdf5", crooked(1e-3))
+    problem = read_fclib(path)
+    matrix = problem.delassus()
+    assert abs(matrix - matrix.T).max() == 0.0
+    assert matrix[1, 4] == pytest.approx(W[1, 4] + 0.5 * 1e-3 * np.abs(W).max(), rel=1e-15)
+    assert problem.provenance["asymmetry"] == pytest.approx(1e-3)
+    said = "W misses symmetry by 1.0e-03 of its largest entry, and is replaced by (W + Wᵀ)/2"
+    assert problem.provenance["matrix"] == said
+    assert not problem.allow_asymmetric
+
+
+def test_an_asymmetry_is_kept_bit_by_bit_on_request(tmp_path: Path) -> None:
+    problem = read_fclib(write_data(tmp_path / "p.hdf5", crooked(0.3)), "keep")
+    assert problem.allow_asymmetric
+    assert problem.delassus()[1, 4] == W[1, 4] + 0.3 * np.abs(W).max()
+    assert "is kept so" in str(problem.provenance["matrix"])
+    write_fclib(problem, tmp_path / "again.hdf5")
+    assert read_fclib(tmp_path / "again.hdf5", "keep").digest == problem.digest
+
+
+def test_a_kept_asymmetry_that_was_written_here_can_be_read_symmetric(tmp_path: Path) -> None:
+    kept = read_fclib(write_data(tmp_path / "p.hdf5", crooked(1e-3)), "keep")
+    write_fclib(kept, tmp_path / "again.hdf5")
+    for way in ("mean", "lower", "upper"):
+        assert read_fclib(tmp_path / "again.hdf5", way).digest == read_fclib(tmp_path / "p.hdf5", way).digest
+
+
+@pytest.mark.parametrize(("by", "symmetry"), [(2 * LARGEST_ASYMMETRY, "mean"), (1e-3, "refuse")])
+@pytest.mark.parametrize("form", ["W", "M"])
+def test_an_asymmetry_beyond_the_remedy_is_refused_with_its_size_and_a_remedy(
+    form: str, by: float, symmetry: Any, tmp_path: Path
+) -> None:
+    matrix = M.copy()
+    matrix[0, 3] += by * np.abs(M).max()
+    matrix[3, 0] += 0.001 * by
+    data = crooked(by) if form == "W" else with_mass(matrix)
+    with pytest.raises(ProblemError, match=rf"{form} misses symmetry by \d\.\de-0\d of its largest entry") as caught:
+        read_fclib(write_data(tmp_path / "p.hdf5", data), symmetry)
+    assert ("`symmetry` lower or upper" if by > LARGEST_ASYMMETRY else "`symmetry` mean") in str(caught.value)
+
+
+def test_an_asymmetry_of_rounding_is_left_as_it_is(tmp_path: Path) -> None:
+    problem = read_fclib(write_data(tmp_path / "p.hdf5", crooked(1e-13)), "refuse")
+    assert problem.delassus()[1, 4] == W[1, 4] + 1e-13 * np.abs(W).max()
+    assert "asymmetry" not in problem.provenance
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_a_mass_matrix_stored_by_one_triangle_is_read_as_the_whole_one(side: str, tmp_path: Path) -> None:
+    half = np.tril(COUPLED) if side == "lower" else np.triu(COUPLED)
+    path = write_data(tmp_path / "half.hdf5", with_mass(half))
+    with pytest.raises(ProblemError, match=rf"only its {side} triangle has entries; read it with `symmetry` {side}"):
+        read_fclib(path)
+    whole = read_fclib(write_data(tmp_path / "whole.hdf5", with_mass(COUPLED)))
+    found = read_fclib(path, side)  # type: ignore[arg-type]
+    assert found.digest == whole.digest
+    assert f"is read by its {side} triangle" in str(found.provenance["matrix"])
+
+
+def test_a_mass_matrix_off_by_rounding_of_its_writer_is_read_by_the_mean(tmp_path: Path) -> None:
+    bent = COUPLED.copy()
+    bent[3, 0] += 1.5e-6 * M.max()
+    problem = read_fclib(write_data(tmp_path / "p.hdf5", with_mass(bent)))
+    assert problem.provenance["asymmetry"] == pytest.approx(1.5e-6, rel=1e-6)
+    mean = 0.5 * (bent + bent.T)
+    expected = H.T @ np.linalg.solve(mean, H)
+    np.testing.assert_allclose(problem.delassus().toarray(), expected, rtol=1e-14, atol=1e-15)
+
+
+def test_a_mass_matrix_is_never_kept_unsymmetric(tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="a mass matrix M must be symmetric"):
+        read_fclib(write_data(tmp_path / "p.hdf5", with_mass(np.tril(COUPLED))), "keep")
+
+
+@pytest.mark.parametrize("option", [{"symmetry": "average"}, {"indefinite": "clip"}])
+def test_an_unknown_word_is_refused_with_the_known_ones(option: dict[str, Any], tmp_path: Path) -> None:
+    name, word = next(iter(option.items()))
+    with pytest.raises(ProblemError, match=f"`{name}` '{word}' is unknown; "):
+        read_fclib(write_data(tmp_path / "p.hdf5", local_data()), **option)
+
+
+def indefinite(least: float) -> np.ndarray:
+    """Return W with its least eigenvalue replaced by a part of the largest."""
+    values, vectors = np.linalg.eigh(W)
+    values[0] = least * values[-1]
+    matrix = (vectors * values) @ vectors.T
+    return 0.5 * (matrix + matrix.T)
+
+
+def test_a_delassus_matrix_with_a_small_negative_eigenvalue_is_taken_by_name_only(tmp_path: Path) -> None:
+    path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-3e-8)))
+    with pytest.raises(ProblemError, match="must be positive semidefinite; read it with `indefinite` project"):
+        read_fclib(path)
+    problem = read_fclib(path, indefinite="project")
+    assert problem.provenance["least_eigenvalue"] == pytest.approx(-3e-8, rel=1e-6)
+    values = np.linalg.eigvalsh(problem.delassus().toarray())
+    assert values[0] >= -1e-15 * values[-1]
+    assert judge(problem, np.zeros(6)).residual > 0.0
+
+
+def test_a_matrix_that_is_far_from_semidefinite_is_refused_in_spite_of_the_name(tmp_path: Path) -> None:
+    path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-2 * LARGEST_NEGATIVE)))
+    with pytest.raises(ProblemError, match="replaces those up to 1e-06"):
+        read_fclib(path, indefinite="project")
+
+
+@given(st.integers(0, 10_000), st.integers(1, 12))
+def test_the_projection_is_the_nearest_semidefinite_matrix(seed: int, n: int) -> None:
+    """A − P is then negative semidefinite and orthogonal to P, the conditions of the projection onto a cone."""
+    rng = np.random.default_rng(seed)
+    basis, _ = np.linalg.qr(rng.normal(size=(n, n)))
+    values = np.append(rng.uniform(-LARGEST_NEGATIVE, 1.0, n - 1), 1.0)
+    matrix = (basis * values) @ basis.T
+    matrix = 0.5 * (matrix + matrix.T)
+    found = semidefinite(sp.csr_array(matrix))[0].toarray()
+    removed = matrix - found
+    assert np.linalg.eigvalsh(found)[0] >= -1e-9
+    assert np.linalg.eigvalsh(removed)[-1] <= 1e-14
+    assert abs((removed * found).sum()) <= 1e-14
+
+
+@given(st.integers(0, 10_000), st.sampled_from(["mean", "lower", "upper"]))
+def test_every_remedy_returns_a_symmetric_matrix_and_leaves_a_symmetric_one_alone(seed: int, how: Any) -> None:
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(5, 5))
+    matrix = matrix + matrix.T
+    same, said = symmetric(sp.csr_array(matrix), "A", how)
+    assert np.array_equal(same.toarray(), matrix)
+    assert said == {}
+    bent = matrix.copy()
+    bent[3, 1] += 5e-3 * np.abs(matrix).max()
+    found = symmetric(sp.csr_array(bent), "A", how)[0].toarray()
+    assert np.array_equal(found, found.T)
+    assert found[1, 3] == {"mean": 0.5 * (bent[1, 3] + bent[3, 1]), "lower": bent[3, 1], "upper": bent[1, 3]}[how]
+
+
+def test_a_mass_matrix_whose_inverse_is_too_large_is_condensed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_data(tmp_path / "p.hdf5", with_mass(COUPLED))
+    factored = read_fclib(path)
+    monkeypatch.setattr(conversion, "MOST_ENTRIES", 5)
+    condensed = read_fclib(path)
+    assert condensed.factors is None
+    assert "condensed" in condensed.provenance
+    np.testing.assert_allclose(condensed.delassus().toarray(), factored.delassus().toarray(), rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(condensed.free_velocity, factored.free_velocity, rtol=1e-13, atol=1e-15)
+
+
+def test_asymmetry_is_the_largest_difference_over_the_largest_entry() -> None:
+    crooked = W.copy()
+    crooked[0, 3] += 0.125
+    assert asymmetry(sp.csr_array(W)) == 0.0
+    assert asymmetry(sp.csr_array(crooked)) == 0.125 / np.abs(crooked).max()
+    assert asymmetry(sp.csr_array((3, 3))) == 0.0
