@@ -1,6 +1,7 @@
 """Contact problems, their force laws, the judge, scenes and time stepping."""
 
 from . import compilation as _compilation  # noqa: F401  registers the notice
+from .capture.step import from_mujoco
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge
 from .contact.laws import LawKind, Laws
@@ -22,6 +23,7 @@ __all__ = [
     "ProblemError",
     "ProxbenchError",
     "Verdict",
+    "from_mujoco",
     "judge",
     "load",
     "project",

@@ -46,7 +46,11 @@ PARTS = {
 }
 """Module of each solver that is mainly a part of ``Robust``, and listed apart."""
 
-PEERS = {"PinocchioADMM": "peers.pinocchio_admm", "PinocchioPGS": "peers.pinocchio_pgs"}
+PEERS = {
+    "PinocchioADMM": "peers.pinocchio_admm",
+    "PinocchioPGS": "peers.pinocchio_pgs",
+    "MuJoCo": "peers.mujoco_constraints",
+}
 """Module of each outside solver, whose library is an optional dependency."""
 
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}

@@ -84,6 +84,7 @@ AT_HOME = {
             "run",
             "simulation/command",
             "exchange/bundles",
+            "exchange/capture",
         )
     },
     "h5py": {f"problems/exchange/fclib/{name}.py" for name in ("container", "files")},

@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
@@ -73,10 +74,10 @@ def write_whole(path: Path, content: bytes) -> None:
         raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
 
 
-def packed_problem(problem: ContactProblem) -> bytes:
-    """Return ``problem`` as the content of a problem file, compressed."""
+def packed_problem(problem: ContactProblem, beside: Mapping[str, NDArray[Any]] | None = None) -> bytes:
+    """Return ``problem`` as the content of a problem file, compressed, with further arrays ``beside`` it."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **_arrays(problem))
+    np.savez_compressed(buffer, **{**_arrays(problem), **(beside or {})})
     return buffer.getvalue()
 
 
