@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ProblemError
-from ..exchange.archive import DAMAGES, ArchiveError, read_arrays
-from ..exchange.storage import packed_problem, read_problem, write_whole
+from ..exchange.files.archive import DAMAGES, ArchiveError, read_arrays
+from ..exchange.files.problem_file import packed_problem, read_problem, write_whole
 from .engine_model import EngineModel
 from .rows import RefusedRow
 from .step import CapturedStep

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ProblemError, suggestion
+from ..exchange.files.problem_file import write_whole
 from ..exchange.folder import DESCRIPTION
-from ..exchange.storage import write_whole
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
 from .installed import mujoco, without_log

@@ -19,8 +19,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import FloatArray
-from ..contact.factors import InverseMass
 from ..contact.judge import judge
+from ..contact.matrices.factors import InverseMass
 from ..contact.problem import FREE_FALL, ContactProblem
 from ..errors import ProblemError
 from .contact_keys import distinct_keys

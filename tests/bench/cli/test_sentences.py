@@ -81,8 +81,8 @@ def test_a_mistake_gets_the_sentence_that_mends_it(
 
 
 def test_a_simulation_of_a_plugin_asks_for_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from proxbench.problems.exchange.plugins.files import PluginFile
     from proxbench.problems.exchange.plugins.offers import forget
-    from proxbench.problems.exchange.plugins.offers.files import PluginFile
 
     result = tmp_path / "tower.npz"
     line = f"simulate block(mass=2.0) --duration 0.002 --plugin {PLUGIN} --output {result} --quiet"
