@@ -11,7 +11,8 @@
 
 typedef struct {
     const pb_problem *problem;
-    double *x, *best, *step; /* impulses in padded blocks [N s], the best so far, step size of each law [kg] */
+    double *x, *old, *older, *best; /* impulses in padded blocks [N s]: now, one and two sweeps ago, the best */
+    double *step;                   /* step size of each law [kg] */
 } solver;
 
 static double seconds(void) {
@@ -44,6 +45,8 @@ static double radius(const pb_problem *p, const double *x, int law) {
 
 static void sweep(solver *s) {
     const pb_problem *p = s->problem;
+    double *kept = s->older;
+    s->older = s->old, s->old = memcpy(kept, s->x, 8 * (size_t)(p->n_blocks * p->width));
     for (int law = 0; law < p->n_laws; law++) {
         double moved[3], squared = 0.0, bound = radius(p, s->x, law), scale = 1.0;
         for (int k = 0; k < p->row_count[law]; k++) {
@@ -77,6 +80,15 @@ static double residual(const pb_problem *p, const double *x) {
     return isnan(largest) ? INFINITY : fmax(largest, 2.2e-14 * hidden);
 }
 
+static int repeats(const solver *s) { /* whether the iterates are in a cycle of two */
+    double size = 0.0, one = 0.0, two = 0.0;
+    for (int64_t i = 0; i < s->problem->n_blocks * s->problem->width; i++) {
+        size = fmax(size, fabs(s->x[i]));
+        one = fmax(one, fabs(s->x[i] - s->old[i])), two = fmax(two, fabs(s->x[i] - s->older[i]));
+    }
+    return two <= 3.6e-15 * size && one > 3.6e-15 * size;
+}
+
 const pb_description *proxbench_describe(void) {
     static const pb_description about = {
         PB_INTERFACE, sizeof(pb_description), "pgs", "1.0", PB_COULOMB, 0, PB_BLOCKS | PB_SCALES, PB_ALL_LAWS,
@@ -92,7 +104,8 @@ int32_t proxbench_prepare(const pb_problem *p, const char *options, void **prepa
     }
     size_t lanes = (size_t)(p->n_blocks * p->width) + 1;
     solver *s = *prepared = malloc(sizeof(solver));
-    *s = (solver){p, calloc(lanes, 8), calloc(lanes, 8), calloc((size_t)p->n_laws + 1, 8)};
+    *s = (solver){p, calloc(lanes, 8), calloc(lanes, 8), calloc(lanes, 8), calloc(lanes, 8),
+                  calloc((size_t)p->n_laws + 1, 8)};
     for (int law = 0; law < p->n_laws; law++) {
         double largest = 0.0;
         for (int k = 0; k < p->row_count[law]; k++) largest = fmax(largest, diagonal(p, p->first_row[law] + k));
@@ -116,6 +129,7 @@ int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *re
         if (found < lowest) lowest = found, memcpy(s->best, s->x, size);
         if (found <= request->tolerance) status = PB_SOLVED;
         else if (!(found < 1e8 * first)) status = PB_DIVERGED;
+        else if (done > 2 && repeats(s)) status = PB_OSCILLATING;
         else if (done >= request->max_iterations) status = PB_ITERATION_LIMIT;
         else if (seconds() > end) status = PB_TIME_LIMIT;
         for (next = done + (done < 18 ? 1 + done / 2 : 10); status < 0 && done < next && done < request->max_iterations;) {
@@ -133,5 +147,5 @@ int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *re
 
 void proxbench_free(void *prepared) {
     solver *s = prepared;
-    free(s->x), free(s->best), free(s->step), free(s);
+    free(s->x), free(s->old), free(s->older), free(s->best), free(s->step), free(s);
 }
