@@ -180,10 +180,17 @@ def native_parts(name: str) -> list[str]:
     """
 
     def found(written: Name) -> list[str]:
-        own = [str(written)] if written.plain in _NATIVE else []
+        own = [_native_text(written)] if written.plain in _NATIVE else []
         return own + [name for part in written.parts for name in found(part)]
 
     return found(parse(name))
+
+
+def _native_text(written: Name) -> str:
+    """Return the name of a file in another language as the solver itself writes it."""
+    options = {key: value for key, value in written.options.items() if key != "path"}
+    first = [repr(written.options["path"])] if "path" in written.options else []
+    return f"{written.plain}({', '.join([*first, *(f'{key}={value!r}' for key, value in options.items())])})"
 
 
 def _built_in(name: str) -> Callable[..., Solver]:

@@ -90,7 +90,7 @@ class Program:
     Attributes:
         source: what messages call it.
         facts: what it says about itself.
-        prepared: the problem that it has prepared last, as an object that stands for it.
+        prepared: an object that stands for the problem that it has prepared last.
     """
 
     def __init__(self, command: list[str], source: str) -> None:
@@ -149,8 +149,11 @@ class Program:
         try:
             child = subprocess.Popen(self._command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except OSError as error:
-            raise SolverError(f"{self.source} cannot be started: {error.strerror}; build it for this machine.") from None
-        assert child.stdin is not None and child.stdout is not None
+            raise SolverError(
+                f"{self.source} cannot be started: {error.strerror}; build it for this machine."
+            ) from None
+        assert child.stdin is not None
+        assert child.stdout is not None
         self._child, self._owner, self.prepared = child, os.getpid(), None
         self._into, self._from = child.stdin.fileno(), child.stdout.fileno()
         weakref.finalize(self, _end, child, self._owner)
@@ -182,7 +185,7 @@ class PreparedProgram:
     """A program's solver made ready for one problem."""
 
     def __init__(self, program: Program, problem: ContactProblem) -> None:
-        self._program, self._n_rows = program, problem.n_rows
+        self._program, self._n_rows, self._token = program, problem.n_rows, object()
         self._content = ProblemArrays.of(problem, program.facts.forms).message()
         self._prepare()
 
@@ -195,7 +198,7 @@ class PreparedProgram:
         """
         program, n_rows = self._program, self._n_rows
         program.ensure_own()
-        if program.prepared is not self:
+        if program.prepared is not self._token:
             self._prepare()
         if self._refused is not Status.SOLVED:
             return refused_solution(n_rows, self._refused, self._message)
@@ -229,7 +232,7 @@ class PreparedProgram:
         self._program.send(PREPARE, 0, self._content)
         code, _, self._message = read_prepared(self._program.source, self._program.receive((PREPARE,), 0))
         self._refused = status_of(self._program.source, code)
-        self._program.prepared = self
+        self._program.prepared = self._token
 
 
 def _end(child: "subprocess.Popen[bytes]", owner: int) -> None:

@@ -1,12 +1,13 @@
 """The messages between Proxbench and an executable: how they are packed, and what answers must look like.
 
-A message is a head of 16 bytes, the length of what follows (uint64), what it is (uint32) and a code (int32), and a body.
+A message is a head of 16 bytes, the length of the body (uint64), its kind (uint32) and a code (int32), and the body.
 Numbers are in the byte order of the machine, doubles and int64 at multiples of 8 bytes from the beginning of the body.
 
     to the executable       body
     1 describe              nothing; the code is the version of the interface
     2 prepare               pb_problem, with offsets from the beginning of the body instead of addresses, and its arrays
-    3 solve                 tolerance, max_seconds (double), max_iterations (int64), threads, is_observed (uint32), start
+    3 solve                 tolerance, max_seconds (double), max_iterations (int64), threads, is_observed (uint32),
+                            start [n_rows]
 
     from the executable     body
     1 description           interface, model, sides, forms, laws, flags (int32), then name, line feed, version
@@ -77,7 +78,9 @@ def read_description(source: str, message: Message) -> SolverFacts:
         SolverError: if the message is no description, or the interface is of another version.
     """
     if len(message.body) < _DESCRIPTION.size:
-        raise BrokenInterfaceError(f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name")
+        raise BrokenInterfaceError(
+            f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name"
+        )
     interface, model, sides, *masks = _DESCRIPTION.unpack_from(message.body)
     name, _, version = text_of(message.body[_DESCRIPTION.size :]).partition("\n")
     return SolverFacts.checked(source, interface, name, version.strip(), model, sides, tuple(masks))
@@ -86,7 +89,9 @@ def read_description(source: str, message: Message) -> SolverFacts:
 def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
     """Return the status, the seconds and the text of an executable that has prepared a problem."""
     if len(message.body) < _SECONDS.size:
-        raise BrokenInterfaceError(f"{source} sent {len(message.body)} bytes where it prepared; send seconds and a text")
+        raise BrokenInterfaceError(
+            f"{source} sent {len(message.body)} bytes where it prepared; send seconds and a text"
+        )
     (seconds,) = _SECONDS.unpack_from(message.body)
     return message.code, seconds, text_of(message.body[_SECONDS.size :])
 
@@ -101,7 +106,7 @@ def read_answer(source: str, message: Message) -> Answer:
     iterations, count, seconds = _COUNTS.unpack_from(message.body) if size >= 0 else (0, -1, 0.0)
     if not 0 <= 8 * count <= size:
         raise BrokenInterfaceError(
-            f"{source} sent {len(message.body)} bytes as a solution; send iterations, n_rows, seconds and n_rows impulses"
+            f"{source} sent {len(message.body)} bytes as a solution; send iterations, n_rows, seconds and impulses"
         )
     impulses = np.frombuffer(message.body, np.float64, count, _COUNTS.size).copy()
     return Answer(message.code, iterations, seconds, impulses, text_of(message.body[_COUNTS.size + 8 * count :], 2000))

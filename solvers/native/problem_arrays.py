@@ -1,7 +1,7 @@
 """A contact problem as the plain arrays of ``pb_problem``, copied into one piece of memory.
 
-What a solver writes to these arrays changes nothing of the problem. The same memory, with offsets in place of addresses,
-is what executables receive.
+What a solver writes to these arrays changes nothing of the problem. Executables receive the same memory, with offsets
+in place of addresses.
 """
 
 import ctypes

@@ -119,10 +119,7 @@ class PreparedLibrary:
         self._set_start(start)
         self._impulses.fill(np.nan)
         result.iterations, result.message = 0, None
-        if observe is None:
-            code = self._call(self._handle, *self._addresses)
-        else:
-            code = self._observed(observe)
+        code = self._call(self._handle, *self._addresses) if observe is None else self._observed(observe)
         if self._ahead.tobytes() != _GUARD_BYTES or self._behind.tobytes() != _GUARD_BYTES:
             raise BrokenInterfaceError(f"{self._source} wrote beyond the {self._n_rows} impulses of the problem")
         if not 0 <= code < len(STATUSES):

@@ -61,8 +61,8 @@ class TimedSolve:
         solution: with impulses of the harness's own.
         prepare: wall seconds of ``prepare`` [s].
         solve: wall seconds of ``solve`` and of copying its impulses [s].
-        processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of an
-            executable [s].
+        processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
+            an executable [s].
     """
 
     solution: Solution
