@@ -13,7 +13,7 @@ from ...problems.exchange.index import ProblemSummary, stored_summaries, summary
 from ...problems.exchange.plugin_scenes import plugin_scenes
 from ...problems.exchange.plugins import Offer
 from ...problems.motion.scenes.registry import SCENES
-from ...solvers.registry import available, composites, create, parts, peers, plugin_solvers
+from ...solvers.registry import available, composites, create, natives, parts, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
@@ -147,6 +147,8 @@ def _solvers() -> list[dict[str, Any]]:
     rows += [_peer(name) for name in peers()]
     for name, example in composites().items():
         rows.append(_row(name, "", model="its parts'", options=[f"as in {example}", *option_texts(name)]))
+    for name, example in natives().items():
+        rows.append(_row(name, "", model="its own", options=[f"as in {example}", "options=''"]))
     return rows + [_offered(offer, _solver_of_plugin) for offer in offers]
 
 

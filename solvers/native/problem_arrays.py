@@ -21,7 +21,7 @@ ALIGNMENT = 64
 MAX_WEIGHT = 1e300
 """Weight of laws of a problem at rest, where any violation is infinite relative to the free velocity [s/m]."""
 
-_TYPES = {"d": np.dtype(np.float64), "i": np.dtype(np.int32)}
+_TYPES: dict[str, np.dtype[Any]] = {"d": np.dtype(np.float64), "i": np.dtype(np.int32)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,9 @@
 
 import pickle
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
+import native_builds
 import pytest
 from proxbench.bench import load as load_run
 from proxbench.bench import resume, run
@@ -20,38 +19,23 @@ from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.problems.errors import PluginError
-from proxbench.solvers.native.structures import include_folder
 
-NATIVE = Path(__file__).parents[2] / "solvers" / "native"
-EXAMPLES = Path(__file__).parents[3] / "docs" / "plugins"
 PROBLEM = "hard-stack-10"
-
-
-def compiled(folder: Path, source: Path) -> Path:
-    if shutil.which("cc") is None:
-        pytest.skip("there is no C compiler")
-    library = folder / f"lib{source.stem}.so"
-    options = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-O2", "-shared", "-fPIC", f"-I{include_folder()}"]
-    subprocess.run(["cc", *options, str(source), "-o", str(library), "-lm"], check=True)
-    return library
 
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("faulty"), NATIVE / "faulty.c")
+    return native_builds.faulty_library(tmp_path_factory.mktemp("faulty"))
 
 
 @pytest.fixture(scope="module")
 def sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("sweeps"), EXAMPLES / "pgs.c")
+    return native_builds.sweeps_in_c(tmp_path_factory.mktemp("sweeps"))
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    script = tmp_path_factory.mktemp("program") / "faulty"
-    script.write_text(f"#!{sys.executable}\n" + (NATIVE / "faulty_program.py").read_text())
-    script.chmod(0o700)
-    return script
+    return native_builds.faulty_program(tmp_path_factory.mktemp("program"))
 
 
 def name_of(file: Path, fault: str) -> str:

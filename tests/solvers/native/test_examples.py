@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from native_builds import EXAMPLES, build_in_c
 from proxbench.bench.conformance.solver_checks import SOLVER_CHECKS
 from proxbench.problems import judge, load
 from proxbench.problems.arrays import FloatArray
@@ -68,3 +69,12 @@ def test_an_unreadable_option_is_refused_with_a_sentence(text: str) -> None:
 @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=lambda check: check.name)
 def test_it_passes_the_conformance_test(text: str, check: object) -> None:
     check.run(create(text))  # type: ignore[attr-defined]
+
+
+def test_the_library_of_the_guide_sweeps_over_frictionless_contacts(tmp_path: Path) -> None:
+    guide = (EXAMPLES.parent / "how-to" / "solver-in-c.md").read_text(encoding="utf-8")
+    (tmp_path / "guide.c").write_text(guide.partition("```c\n")[2].partition("```")[0])
+    library = build_in_c(tmp_path / "guide.so", tmp_path / "guide.c", options=("-Wno-unused-parameter",))
+    problem = load("hard-stack-10")
+    solution = create(f"Shared({library})").prepare(problem).solve(Stop(max_iterations=3000))
+    assert judge(problem, solution.impulses).residual <= 1e-6

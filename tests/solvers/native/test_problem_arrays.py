@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from native_builds import build_in_c
 from proxbench.problems import judge, load
 from proxbench.problems.contact.problem import ContactProblem
 from proxbench.problems.contact.residual import Residual
@@ -97,7 +98,7 @@ def test_a_problem_that_holds_its_matrix_alone_has_no_factors() -> None:
     assert ProblemArrays.of(problem, ALL).structure.forms == ALL & ~FACTORS
 
 
-def test_the_structures_have_the_layout_of_the_header(build, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_structures_have_the_layout_of_the_header(tmp_path: Path) -> None:
     """Sizes and offsets as the C compiler sees them."""
     kinds = {"description": Description, "problem": Problem, "request": Request, "result": Result}
     lines = ['#include "proxbench.h"', "#include <stddef.h>", "#include <stdio.h>", "int main(void) {"]
@@ -110,5 +111,5 @@ def test_the_structures_have_the_layout_of_the_header(build, tmp_path: Path) -> 
             wanted.append(getattr(kind, field[0]).offset)
     source = tmp_path / "layout.c"
     source.write_text("\n".join([*lines, "return 0; }"]))
-    done = subprocess.run([build("layout", str(source))], capture_output=True, text=True, check=True)
+    done = subprocess.run([build_in_c(tmp_path / "layout", source)], capture_output=True, text=True, check=True)
     assert list(map(int, done.stdout.split())) == wanted

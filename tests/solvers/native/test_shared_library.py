@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from native_builds import FOLDER, build_in_c
 from proxbench.problems import ContactProblem, load
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.solver import SolverError, Status, Stop
@@ -125,16 +126,17 @@ def test_iterates_are_shown_read_only_and_an_error_of_the_observer_is_raised(fau
     assert shown == [1, 2]
 
 
-def test_files_that_are_no_solver_are_refused_with_the_remedy(build, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_files_that_are_no_solver_are_refused_with_the_remedy(tmp_path: Path) -> None:
+    def variant(name: str, option: str) -> Path:
+        return build_in_c(tmp_path / name, FOLDER / "faulty.c", options=(option,))
+
     (tmp_path / "text.so").write_text("no library")
     bad = {
         tmp_path / "none.so": "there is no shared library .*; build it, or correct its path",
         tmp_path / "text.so": "cannot be loaded as a shared library .*; build it with cc -shared -fPIC",
-        build("lacking.so", "faulty.c", "-shared", "-DWITHOUT_FREE"): "has no function proxbench_free; include prox",
-        build(
-            "newer.so", "faulty.c", "-shared", "-DVERSION=2"
-        ): "has version 2 of the interface, .* needs version 1; b",
-        build("modern.so", "faulty.c", "-shared", "-DMODEL=9"): "describes model 9; return one of pb_model",
+        variant("lacking.so", "-DWITHOUT_FREE"): "has no function proxbench_free; include proxbench.h",
+        variant("newer.so", "-DVERSION=2"): "has version 2 of the interface, .* needs version 1; build it again",
+        variant("modern.so", "-DMODEL=9"): "describes model 9; return one of pb_model",
     }
     for file, sentence in bad.items():
         with pytest.raises(SolverError, match=sentence):
