@@ -48,8 +48,8 @@ def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]
         PluginError: if a file cannot be read.
     """
     uses = []
-    for part, source in zip(registry.native_parts(name), sources, strict=True):
-        place = _place(part)
+    for number, part in enumerate(_native_parts(name)):
+        place, source = _place(part), str(sources[number]) if number < len(sources) else ""
         uses.append(PluginUse(kind="solver", name=part, source=source, file=str(place), sha256=_sha256(place)))
         _in_use[str(place)] = uses[-1]
     return tuple(uses)

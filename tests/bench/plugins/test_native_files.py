@@ -40,7 +40,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def name_of(file: Path, fault: str) -> str:
     kind = "Shared" if file.suffix == ".so" else "Executable"
-    return f"{kind}('{file}', options='{fault}')"
+    return f"{kind}('{file}'{fault and f', options={fault!r}'})"
 
 
 FAULTS = (
@@ -141,16 +141,17 @@ def test_a_library_solves_where_solves_follow_each_other(sweeps: Path) -> None:
 def test_a_run_measures_libraries_and_programs_and_counts_lies(
     faulty: Path, sweeps: Path, program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    own = native_builds.sweeps_as_program(tmp_path)
     names = [f"Shared('{sweeps}')", name_of(faulty, "lie"), name_of(faulty, "hang"), name_of(faulty, "crash")]
-    names += [name_of(program, ""), name_of(program, "hang")]
+    names += [name_of(program, ""), name_of(program, "hang"), f"Executable('{own}')"]
     limits = Limits(solve_seconds=2.0, case_seconds=20.0)
     run([PROBLEM], names, results=str(tmp_path), run_id="it", tolerances=[1e-2], limits=limits)
     cases = load_run(tmp_path / "it").cases.set_index("solver")["outcome"].to_dict()
     points = load_run(tmp_path / "it").points.set_index("solver")["outcome"].to_dict()
-    assert points[names[0]] == "solved"
+    assert points[names[0]] == points[names[6]] == "solved"
     assert points[names[1]] == points[names[4]] == "wrong"
     assert [cases[names[number]] for number in (2, 3, 5)] == ["timeout", "crashed", "timeout"]
     monkeypatch.setattr(native_files, "_in_use", {})
     with pytest.raises(BenchError, match="name it with `plugins`"):
         resume(tmp_path / "it")
-    resume(tmp_path / "it", plugins=[faulty, sweeps, program])
+    resume(tmp_path / "it", plugins=[faulty, sweeps, program, own])

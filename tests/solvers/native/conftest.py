@@ -23,8 +23,7 @@ def rust_library(folder: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def program(folder: Path) -> Path:
-    sources = (native_builds.EXAMPLES / name for name in ("pgs_process.c", "pgs.c"))
-    return native_builds.build_in_c(folder / "pgs", *sources)
+    return native_builds.sweeps_as_program(folder)
 
 
 @pytest.fixture(scope="session")

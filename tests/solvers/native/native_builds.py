@@ -36,6 +36,11 @@ def sweeps_in_c(folder: Path) -> Path:
     return build_in_c(folder / "libpgs.so", EXAMPLES / "pgs.c")
 
 
+def sweeps_as_program(folder: Path) -> Path:
+    """Build the example in C as a program."""
+    return build_in_c(folder / "pgs", EXAMPLES / "pgs_process.c", EXAMPLES / "pgs.c")
+
+
 def faulty_program(folder: Path) -> Path:
     """Make the program that is as faulty as its first argument says."""
     script = folder / "faulty"
