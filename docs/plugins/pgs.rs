@@ -19,7 +19,7 @@ const SCALES_AND_SPARSE: u32 = 1 | 4;
 
 #[repr(C)]
 pub struct Description {
-    interface: u32, size: u32,
+    interface_version: u32, size: u32,
     name: *const c_char, version: *const c_char,
     model: i32, sides: i32,
     forms: u32, laws: u32, flags: u32, reserved: u32,
@@ -133,7 +133,7 @@ fn distance(one: &[f64], other: &[f64]) -> f64 {
 #[no_mangle]
 pub extern "C" fn proxbench_describe() -> *const Description {
     static ABOUT: Description = Description {
-        interface: 1, size: std::mem::size_of::<Description>() as u32,
+        interface_version: 1, size: std::mem::size_of::<Description>() as u32,
         name: b"pgs-rust\0".as_ptr() as *const c_char, version: b"1.0\0".as_ptr() as *const c_char,
         model: 0, sides: 0, forms: SCALES_AND_SPARSE, laws: 127, flags: 1, reserved: 0,
     };

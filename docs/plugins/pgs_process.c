@@ -46,7 +46,7 @@ int main(int count, char **arguments) {
         if (fread(body, 1, h.length, stdin) != h.length) return 1;
         if (h.kind == DESCRIBE) {
             const pb_description *d = proxbench_describe();
-            int32_t numbers[6] = {(int32_t)d->interface, d->model, d->sides, (int32_t)d->forms, (int32_t)d->laws,
+            int32_t numbers[6] = {(int32_t)d->interface_version, d->model, d->sides, (int32_t)d->forms, (int32_t)d->laws,
                                   (int32_t)d->flags};
             char text[200];
             snprintf(text, sizeof text, "%s\n%s", d->name, d->version);

@@ -9,7 +9,7 @@ import shlex
 import subprocess
 import time
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -64,6 +64,8 @@ class Executable(NativeSolver):
         SolverError: if the file is missing or cannot be started, ends, or answers in another version of the interface.
     """
 
+    program: "Program" = field(init=False, repr=False, compare=False)
+
     kind: ClassVar[str] = "executable"
     example: ClassVar[str] = "Executable(./mine)"
 
@@ -77,11 +79,11 @@ class Executable(NativeSolver):
     def prepare(self, problem: ContactProblem) -> Prepared:
         """Send the arrays that the program asks for, and let it prepare them."""
         self.check_supports(problem)
-        return PreparedProgram(self.program, problem)  # type: ignore[attr-defined]
+        return PreparedProgram(self.program, problem)
 
     def processor_seconds(self) -> float:
         """Return the processor time of the program [s]; 0 where the system does not count it."""
-        return self.program.processor_seconds()  # type: ignore[attr-defined,no-any-return]
+        return self.program.processor_seconds()
 
 
 class Program:

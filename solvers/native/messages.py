@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from .native_solver import BrokenInterfaceError, SolverFacts
+from .native_solver import BrokenInterfaceError, SolverFacts, check_interface
 from .structures import text_of
 
 DESCRIBE, PREPARE, SOLVE, ITERATE = 1, 2, 3, 4
@@ -81,9 +81,10 @@ def read_description(source: str, message: Message) -> SolverFacts:
         raise BrokenInterfaceError(
             f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name"
         )
-    interface, model, sides, *masks = _DESCRIPTION.unpack_from(message.body)
+    interface, model, sides, forms, laws, flags = _DESCRIPTION.unpack_from(message.body)
+    check_interface(source, interface)
     name, _, version = text_of(message.body[_DESCRIPTION.size :]).partition("\n")
-    return SolverFacts.checked(source, interface, name, version.strip(), model, sides, tuple(masks))
+    return SolverFacts.checked(source, name, version.strip(), model, sides, (forms, laws, flags))
 
 
 def read_prepared(source: str, message: Message) -> tuple[int, float, str]:

@@ -54,18 +54,13 @@ class SolverFacts:
 
     @staticmethod
     def checked(
-        source: str, interface: int, name: str, version: str, model: int, sides: int, masks: tuple[int, int, int]
+        source: str, name: str, version: str, model: int, sides: int, masks: tuple[int, int, int]
     ) -> "SolverFacts":
         """Return the facts of ``source``, with the ``masks`` forms, laws and flags.
 
         Raises:
-            SolverError: if the interface is of another version, or the model does not exist.
+            SolverError: if the model does not exist.
         """
-        if interface != INTERFACE:
-            raise SolverError(
-                f"{source} has version {interface} of the interface, and this Proxbench needs version {INTERFACE}; "
-                "build it again with the present proxbench.h."
-            )
         if not 0 <= model < len(MODELS):
             raise SolverError(f"{source} describes model {model}; return one of pb_model.")
         try:
@@ -73,6 +68,15 @@ class SolverFacts:
         except ProblemError as error:
             raise SolverError(f"{source} describes no valid model: {error}") from None
         return SolverFacts(name[:MAX_NAME_LENGTH], version[:MAX_NAME_LENGTH], kind, *masks)
+
+
+def check_interface(source: str, version: int) -> None:
+    """Raise ``SolverError`` unless ``source`` has this version of the interface."""
+    if version != INTERFACE:
+        raise SolverError(
+            f"{source} has version {version} of the interface, and this Proxbench needs version {INTERFACE}; "
+            "build it again with the present proxbench.h."
+        )
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,9 @@ enum pb_laws { /* laws that the solver supports */
 enum pb_flags { PB_SHOWS_ITERATES = 1, PB_IS_RANDOMISED = 2 };
 
 typedef struct {
-    uint32_t interface, size;  /* PB_INTERFACE, sizeof(pb_description) */
+    uint32_t interface_version, size; /* PB_INTERFACE, sizeof(pb_description) */
     const char *name, *version;
-    int32_t model, sides;      /* pb_model, sides of the pyramid */
+    int32_t model, sides;             /* pb_model, sides of the pyramid */
     uint32_t forms, laws, flags, reserved;
 } pb_description;
 
@@ -83,10 +83,14 @@ typedef struct {
     const char *message;           /* NULL, or the reason for the status */
 } pb_result;
 
-#if defined(_WIN32)
+#ifdef _WIN32
 #define PB_EXPORT __declspec(dllexport)
 #else
 #define PB_EXPORT __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
 #endif
 
 PB_EXPORT const pb_description *proxbench_describe(void);
@@ -100,4 +104,8 @@ PB_EXPORT int32_t proxbench_prepare(const pb_problem *problem, const char *optio
 PB_EXPORT int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *result);
 
 PB_EXPORT void proxbench_free(void *prepared);
+
+#ifdef __cplusplus
+}
+#endif
 #endif

@@ -7,7 +7,7 @@ guards, whose bytes must stay as they are; the impulses are NaN before each call
 
 import ctypes
 from ctypes import POINTER, byref, c_char_p, c_int32, c_void_p
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +20,7 @@ from .native_solver import (
     BrokenInterfaceError,
     NativeSolver,
     SolverFacts,
+    check_interface,
     granted_threads,
     refused_solution,
     status_of,
@@ -47,6 +48,8 @@ class Shared(NativeSolver):
             version of the interface.
     """
 
+    library: ctypes.CDLL = field(init=False, repr=False, compare=False)
+
     kind: ClassVar[str] = "shared library"
     example: ClassVar[str] = "Shared(./libmine.so)"
 
@@ -68,14 +71,15 @@ class Shared(NativeSolver):
         library.proxbench_free.argtypes, library.proxbench_free.restype = (c_void_p,), None
         library.proxbench_solve.restype = c_int32
         object.__setattr__(self, "library", library)
-        found = library.proxbench_describe()
+        source, found = f"shared library {self.path}", library.proxbench_describe()
         if not found:
-            raise SolverError(f"shared library {self.path} describes nothing; return the address of a pb_description.")
+            raise SolverError(f"{source} describes nothing; return the address of a pb_description.")
         about = found.contents
-        if about.interface == 1 and about.size < ctypes.sizeof(Description):
-            raise SolverError(f"shared library {self.path} describes itself in {about.size} bytes; set size to sizeof.")
-        given = about.interface, text_of(about.name), text_of(about.version), about.model, about.sides
-        return SolverFacts.checked(f"shared library {self.path}", *given, (about.forms, about.laws, about.flags))
+        check_interface(source, about.interface_version)
+        if about.size < ctypes.sizeof(Description):
+            raise SolverError(f"{source} describes itself in {about.size} bytes; set size to sizeof(pb_description).")
+        masks = about.forms, about.laws, about.flags
+        return SolverFacts.checked(source, text_of(about.name), text_of(about.version), about.model, about.sides, masks)
 
     def prepare(self, problem: ContactProblem) -> Prepared:
         """Copy the arrays that the library asks for, and let it prepare them."""
@@ -89,7 +93,7 @@ class PreparedLibrary:
     def __init__(self, solver: Shared, problem: ContactProblem) -> None:
         self._solver, self._arrays = solver, ProblemArrays.of(problem, solver.facts.forms)
         self._n_rows, self._source = problem.n_rows, f"shared library {solver.path}"
-        library = solver.library  # type: ignore[attr-defined]
+        library = solver.library
         self._call, self._free = library.proxbench_solve, library.proxbench_free
         prepared, message = c_void_p(), c_char_p()
         arguments = byref(self._arrays.structure), solver.options.encode(), byref(prepared), byref(message)

@@ -75,7 +75,7 @@ class Description(ctypes.Structure):
     """``pb_description``: what a solver says about itself."""
 
     _fields_ = (
-        ("interface", c_uint32),
+        ("interface_version", c_uint32),
         ("size", c_uint32),
         ("name", c_char_p),
         ("version", c_char_p),

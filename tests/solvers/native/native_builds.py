@@ -21,6 +21,12 @@ def build_in_c(made: Path, *sources: Path, options: tuple[str, ...] = ()) -> Pat
     return _build("cc", made, *standard, *shared, *options, *paths)
 
 
+def build_in_cpp(made: Path, source: Path) -> Path:
+    """Compile a C++ file into a program."""
+    options = ("-std=c++11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{include_folder()}")
+    return _build("c++", made, *options, str(source), "-o", str(made))
+
+
 def build_in_rust(made: Path, source: Path) -> Path:
     """Compile a Rust file into a library."""
     return _build("rustc", made, "-O", "-D", "warnings", "--crate-type", "cdylib", str(source), "-o", str(made))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from proxbench.bench.measure.contacts.protocol import Measurement
 from proxbench.problems import load
 from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.solvers import create
@@ -98,3 +99,13 @@ def test_files_that_are_no_program_are_refused_with_the_remedy(faulty_program: P
         create(f"Executable({text})")
     with pytest.raises(SolverError, match="has version 2 of the interface"):
         faulty(faulty_program, "version")
+
+
+def test_the_processor_time_of_the_program_counts_as_that_of_its_case(program: Path) -> None:
+    solver = Executable(str(program))
+    measurement = Measurement(load("hard-stack-10"), solver)
+    before = solver.processor_seconds()
+    solves = measurement.round(Stop(1e-8, max_iterations=2000), 0.1).solves
+    spent = solver.processor_seconds() - before
+    assert spent > 0.0
+    assert sum(one.processor for one in solves) >= 0.9 * spent

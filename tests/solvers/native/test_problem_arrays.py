@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from native_builds import build_in_c
+from native_builds import build_in_c, build_in_cpp
 from proxbench.problems import judge, load
 from proxbench.problems.contact.problem import ContactProblem
 from proxbench.problems.contact.residual import Residual
@@ -113,3 +113,9 @@ def test_the_structures_have_the_layout_of_the_header(tmp_path: Path) -> None:
     source.write_text("\n".join([*lines, "return 0; }"]))
     done = subprocess.run([build_in_c(tmp_path / "layout", source)], capture_output=True, text=True, check=True)
     assert list(map(int, done.stdout.split())) == wanted
+
+
+def test_the_header_is_one_of_c_and_of_cpp(tmp_path: Path) -> None:
+    source = tmp_path / "empty.cpp"
+    source.write_text('#include "proxbench.h"\nint main() { return PB_SOLVED; }\n')
+    assert build_in_cpp(tmp_path / "empty", source).exists()
