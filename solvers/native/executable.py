@@ -56,9 +56,13 @@ END_SECONDS = 1.0
 
 @dataclass(frozen=True)
 class Executable(NativeSolver):
-    """A solver in a program, ``Executable('./mine')``; see ``NativeSolver`` for its attributes.
+    """A solver in a program, ``Executable('./mine')``.
 
-    The options are the arguments of the program, split as a shell splits them.
+    Attributes:
+        path: the program, absolute or relative to the working folder.
+        options: its arguments, split as a shell splits them.
+        facts: what it says about itself.
+        program: the running program.
 
     Raises:
         SolverError: if the file is missing or cannot be started, ends, or answers in another version of the interface.

@@ -41,7 +41,13 @@ _WITHOUT_OBSERVER = OBSERVER()
 
 @dataclass(frozen=True)
 class Shared(NativeSolver):
-    """A solver in a shared library, ``Shared('./libmine.so')``; see ``NativeSolver`` for its attributes.
+    """A solver in a shared library, ``Shared('./libmine.so')``.
+
+    Attributes:
+        path: the library, absolute or relative to the working folder.
+        options: text that its ``proxbench_prepare`` receives.
+        facts: what it says about itself.
+        library: the loaded library.
 
     Raises:
         SolverError: if the file is missing, is no shared library, lacks a function of ``proxbench.h``, or has another
