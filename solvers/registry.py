@@ -1,6 +1,7 @@
 """The list of solvers, including those of plugins, and their creation from names with options."""
 
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -56,10 +57,18 @@ PEERS = {
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}
 """Module of each solver that is made of other solvers."""
 
-_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS}
+_NATIVE = {"Shared": "native.shared_library", "Executable": "native.executable"}
+"""Module of each solver that is a file in another language."""
+
+_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS, **_NATIVE}
 """Names that plugins cannot use."""
 
 _EXAMPLES = {"Refined": "Refined(ClarabelCoulomb)", "Fallback": "Fallback(SORprox, NSGS)"}
+
+_NATIVE_EXAMPLES = {"Shared": "Shared(./libmine.so)", "Executable": "Executable(./mine)"}
+
+_PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'\"=,()]+?))\s*(?=[,)])")
+"""The path of a file in another language, the first argument, with or without quotes."""
 
 
 def available() -> list[str]:
@@ -80,6 +89,11 @@ def peers() -> list[str]:
 def composites() -> dict[str, str]:
     """Return an example of each built-in solver that is made of other solvers, by its name."""
     return dict(_EXAMPLES)
+
+
+def natives() -> dict[str, str]:
+    """Return an example of each solver that is a file in another language, by its name."""
+    return dict(_NATIVE_EXAMPLES)
 
 
 def plugin_solvers() -> list[Offer]:
@@ -161,6 +175,27 @@ def plain_names(name: str) -> list[str]:
     return names(parse(name))
 
 
+def native_parts(name: str) -> list[str]:
+    """Return the names of a solver and of its parts that are files in another language, each with its options.
+
+    Raises:
+        SolverError: if the text is not a name.
+    """
+
+    def found(written: Name) -> list[str]:
+        own = [_native_text(written)] if written.plain in _NATIVE else []
+        return own + [name for part in written.parts for name in found(part)]
+
+    return found(parse(name))
+
+
+def _native_text(written: Name) -> str:
+    """Return the name of a file in another language as the solver itself writes it."""
+    options = {key: value for key, value in written.options.items() if key != "path"}
+    first = [repr(written.options["path"])] if "path" in written.options else []
+    return f"{written.plain}({', '.join([*first, *(f'{key}={value!r}' for key, value in options.items())])})"
+
+
 def _built_in(name: str) -> Callable[..., Solver]:
     make: Callable[..., Solver] = getattr(import_module(f".{_OWN[name]}", __package__), name)
     return make
@@ -184,10 +219,13 @@ def _plugin_factory(offer: Offer) -> Any:
 def parse(text: str) -> Name:
     """Parse a name such as ``"SORprox(relaxation=1.5)"``; values are Python literals.
 
+    The path of a file in another language needs no quotes: ``"Shared(./libmine.so)"``.
+
     Raises:
         SolverError: if the text is not a name, or a name with keyword options.
     """
-    return read_name(text, "solver", "SORprox(relaxation=1.5)", SolverError)
+    named = _PATH.sub(lambda found: f"{found[1]}(path={found[2] or found[3] or found[4] or ''!r}", text)
+    return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
 def solve(

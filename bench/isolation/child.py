@@ -19,6 +19,7 @@ import psutil
 from ...problems.errors import first_line
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import Names, register
+from ...solvers.native.native_solver import BrokenInterfaceError
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
 from .process_tree import describe_exit, end_with_parent
@@ -114,7 +115,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
                     register(file, names)
                 task = pickle.loads(assignment.task)
             answer, numbers = task.answer(request, arguments)
-        except MisbehaviourError as error:
+        except (MisbehaviourError, BrokenInterfaceError) as error:
             answer = _fault(Outcome.MISBEHAVED, str(error))
         except BaseException as error:
             reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MB of memory"

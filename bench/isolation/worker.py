@@ -166,9 +166,8 @@ class Worker:
         return next(iter(descendants(self._supervisor.process)), 0)
 
     def processor_seconds(self) -> float:
-        """Return the processor time that the process of the case has used [s]."""
-        case = self.process
-        return processor_seconds(case) if case else 0.0
+        """Return the processor time that the process of the case, and those that it keeps, have used [s]."""
+        return sum(map(processor_seconds, descendants(self._supervisor.process)))
 
     def waited_seconds(self) -> float:
         """Return for how long the case was ready to run while others ran [s]; 0 where the system does not count it."""

@@ -21,7 +21,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..isolation.process_tree import threads
+from ..isolation.process_tree import descendants, threads
 from .machine import busy_seconds
 
 PROBE_OBJECTS = 1000
@@ -99,11 +99,11 @@ class MeasuringCore:
                 os.sched_setaffinity(0, before)
 
     def pin(self, process: int) -> None:
-        """Pin all threads of a process to the core; again, as long as others started some meanwhile."""
+        """Pin all threads of a process and its descendants to the core; again, as long as others started meanwhile."""
         if self.number is None:
             return
         for _ in range(MAX_PINNING):
-            for thread in threads(process):
+            for thread in [thread for one in (process, *descendants(process)) for thread in threads(one)]:
                 with contextlib.suppress(OSError):  # a thread that has ended
                     os.sched_setaffinity(thread, {self.number})
             if self.holds(process):

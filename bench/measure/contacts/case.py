@@ -155,13 +155,13 @@ class Case(LadderCase[MeasuredRound]):
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
-        """Return the answer of the process, once nothing that it has started runs any more."""
-        found = super()._ask(request, *arguments, largest=largest)
+        """Return the answer of the process, once nothing that it has started runs any more but its executables."""
+        found, kept = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
         for _ in range(MAX_RESTS):
-            if found is None or self._worker is None or not self._worker.n_started():
+            if found is None or self._worker is None or self._worker.n_started() <= kept:
                 return found
             found = super()._ask("rest") and found
-        left = 0 if self._worker is None else self._worker.n_started()
+        left = 0 if self._worker is None else self._worker.n_started() - kept
         if left:
             self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {counted(left, 'process', 'processes')} running"))
         return None if left else found

@@ -26,6 +26,7 @@ from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_it
 from ....problems.exchange.files.problem_file import read_problem
 from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
+from ....solvers.native.executable import Executable
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
 from ...plugins.solver_specs import SolverSpec
@@ -63,7 +64,8 @@ class TimedSolve:
         solution: with impulses of the harness's own.
         prepare: wall seconds of ``prepare`` [s].
         solve: wall seconds of ``solve`` and of copying its impulses [s].
-        processor: processor seconds of both, of all threads and of processes that were waited for [s].
+        processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
+            an executable [s].
     """
 
     solution: Solution
@@ -199,7 +201,7 @@ class Measurement:
         impulses = np.zeros(problem.n_rows)
         gc.disable()
         try:
-            worked = _processor_seconds()
+            worked = self._processor_seconds()
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
@@ -214,12 +216,17 @@ class Measurement:
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
-            worked = _processor_seconds() - worked
+            worked = self._processor_seconds() - worked
         finally:
             if collecting:
                 gc.enable()
         refuse(solution_fault(problem, solution))
         return TimedSolve(replace(solution, impulses=impulses), ready - began, done - ready, worked)
+
+    def _processor_seconds(self) -> float:
+        """Return the processor time of this process, and of the program of a solver that is an executable [s]."""
+        program = self.solver.processor_seconds() if isinstance(self.solver, Executable) else 0.0
+        return _processor_seconds() + program
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
