@@ -33,10 +33,10 @@ from ..store.records import PluginUse
 from ..store.store import refuse_links_out
 from .history import Failure, Segment, check_segments
 from .kept_states import kept_arrays, restore_kept
-from .outputs import read_outputs
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
 from .step_row import step_columns
 from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
+from .view.outputs import read_outputs
 
 SUFFIX = ".npz"
 

@@ -20,9 +20,9 @@ from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
 from .history import Failure, Segment, extended, planned_segment
 from .kept_states import KeptStates
-from .outputs import SimulationOutputs
 from .plan import SimulationPlan
 from .step_row import STATUSES, StepRow, step_columns
+from .view.outputs import SimulationOutputs
 
 SWITCH = np.dtype(
     [("begin", "<f8"), ("end", "<f8"), ("law", "u1"), ("contact", "<i8"), ("before", "u1"), ("after", "u1")]

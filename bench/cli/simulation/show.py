@@ -13,11 +13,11 @@ from ...errors import FailedSimulationError, InterruptedSimulationError, Unwrita
 from ...report.layout.output_file import drawn, output_file
 from ...report.layout.text import output_width, print_json
 from ...simulation.file import SUFFIX, read_simulation, write_simulation
-from ...simulation.outputs import SimulationOutputs, choose_outputs, write_recording
 from ...simulation.plan import make_simulation_plan
 from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
 from ...simulation.view.live import LiveSummary
+from ...simulation.view.outputs import SimulationOutputs, choose_outputs, write_recording
 from ...simulation.view.table import document, print_simulation
 from .. import options
 from .interrupts import deferred_interrupts

@@ -12,9 +12,9 @@ from ....problems.representation import counted
 from ...errors import InterruptedRunError
 from ...plugins.problems import carry, problem_of
 from ...plugins.solver_specs import SolverSpec
+from ...simulation.generate import generate
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
-from ..contacts.generate import generate
 from ..trajectories.methods import Method
 from ..trajectories.problems import reference_members, simulate_references, trajectory_of
 from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted

@@ -10,10 +10,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ....problems.contact.problem import FREE_FALL, ContactProblem
-from ....problems.contact.solver import Stop
-from ....problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
-from ....problems.exchange.catalog import (
+from ...problems.contact.problem import FREE_FALL, ContactProblem
+from ...problems.contact.solver import Stop
+from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ...problems.exchange.catalog import (
     FUNNEL_SIZES,
     MIXED_PILES,
     PILE_SIZES,
@@ -21,17 +21,17 @@ from ....problems.exchange.catalog import (
     plugin_problems,
     problem_names,
 )
-from ....problems.exchange.files.problem_file import SUFFIX, save_problem
-from ....problems.hard import HARD_CASES
-from ....problems.hard.spheres import with_rolling_friction
-from ....problems.motion.bodies.mixed_friction import MixedFriction
-from ....problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
-from ....problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
-from ....problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
-from ....problems.motion.stepping.midpoint import MidpointRule
-from ....problems.motion.stepping.step import Step
-from ....solvers.registry import create
-from ...plugins.describing import plugin_problem
+from ...problems.exchange.files.problem_file import SUFFIX, save_problem
+from ...problems.hard import HARD_CASES
+from ...problems.hard.spheres import with_rolling_friction
+from ...problems.motion.bodies.mixed_friction import MixedFriction
+from ...problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
+from ...problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
+from ...problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
+from ...problems.motion.stepping.midpoint import MidpointRule
+from ...problems.motion.stepping.step import Step
+from ...solvers.registry import create
+from ..plugins.describing import plugin_problem
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""

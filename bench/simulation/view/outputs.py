@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..report.layout.output_file import drawn, picture_files, refuse_pictures, refuse_taken
+from ...report.layout.output_file import drawn, picture_files, refuse_pictures, refuse_taken
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def choose_outputs(
         refuse_pictures(chosen.chart, force or is_own)
     if chosen.recording is not None:
         is_own = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
-        from ..recordings.file import refuse_bad_path  # rerun takes a second to import
+        from ...recordings.file import refuse_bad_path  # rerun takes a second to import
 
         refuse_bad_path(chosen.recording, force or is_own)
         refuse_taken([chosen.recording], force or is_own)
