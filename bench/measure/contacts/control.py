@@ -11,7 +11,8 @@ First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are wit
 ``MAX_SLOW_SOLVES`` more are beyond it. In the latter case the ratio t₁/t becomes part of the row, and beyond
 ``MAX_RATIO`` the solver has misbehaved. A solver may load or compile something in its first solve. Before it is
 accused, first solves are repeated in forks that have solved another problem to the same tolerance, and the faster ones
-count, compared with one more round of repeated ones: the machine may be slower by now.
+count, compared with one more round of repeated ones: the machine may be slower by now. Only solves that were not
+preempted accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
@@ -132,8 +133,9 @@ class Controls:
                 break
         loaded = [self._first_solve(stop, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
         solves, seconds = min(solves, loaded, key=_median), max(seconds, again())
-        if _is_repeated(seconds, _median(solves)):
-            raise _repeats(stop, f"take {_median(solves):.3g} s", seconds)
+        undisturbed = [solve for solve in solves if not solve.timed.is_preempted]
+        if len(undisturbed) > MAX_SLOW_SOLVES // 2 and _is_repeated(seconds, _median(undisturbed)):
+            raise _repeats(stop, f"take {_median(undisturbed):.3g} s", seconds)
         return solves
 
     def copies(self, stop: Stop, seconds: float) -> list[ControlSolve]:
