@@ -37,7 +37,7 @@ def matrix(
 
     options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:
-        raise BenchError("--quiet prints no page; name a file for it: --output FILE.")
+        raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
     if output is not None and not output.parent.is_dir():
         raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
     table = None if output is None else output.with_suffix(".csv")
@@ -68,7 +68,7 @@ def matrix(
             write_file(output, page.encode())
             write_file(table, csv_content(matrix_table(cells)))
         except UnwritableError:
-            print(matrix_page(cells, tolerance, command), end="")  # it took long to measure
+            print(matrix_page(cells, tolerance, command), end="")  # the measurement took long
             raise
         if not quiet:
             print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or at fault")
@@ -80,7 +80,7 @@ def matrix(
 def _command(
     suite: str, problems: list[str] | None, solvers: list[str] | None, tolerance: float, output: Path | None
 ) -> str:
-    """Return the command line that makes the page again."""
+    """Return the command line that reproduces the page."""
     words = ["proxbench matrix"]
     words += [f"--problem {name}" for name in problems or []] or [f"--suite {suite}"]
     words += [f'--solver "{name}"' for name in solvers or []]

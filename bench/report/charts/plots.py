@@ -14,7 +14,7 @@ def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
     """Return what accuracy costs on a problem and how its solvers converge; see ``Run.plot``."""
     own = frames.only([problem])
     if not has_drawable_rows(own, problem):
-        raise BenchError(f"no solver has a finite residual on {problem}, so there is nothing to draw.")
+        raise BenchError(f"no solver has a finite residual on {problem}; plot another problem.")
     return trajectory_chart(own, problem) if own.is_study else problem_chart(own, problem)
 
 
@@ -26,12 +26,12 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
     against = baseline_of(frames, baseline)
     charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
     if kind not in charts:
-        raise BenchError(f"there is no profile {kind!r}{suggestion(kind, charts)}")
+        raise BenchError(f"unknown profile {kind!r}{suggestion(kind, charts)}")
     return charts[kind]
 
 
 def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return the judged residual over iterations on a problem; see ``plot_convergence``."""
     if not (frames.iterations["problem"] == problem).any():
-        raise BenchError(f"no solver has iterates on {problem}, so there is nothing to draw.")
+        raise BenchError(f"no solver has iterates on {problem}; plot another problem.")
     return convergence(frames, problem)

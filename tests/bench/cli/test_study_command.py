@@ -50,7 +50,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --start hot", "there is no start 'hot'"),
         ("funnel --solver SORprox --solver Jprox", "one solver"),
         ("funnel --solve-seconds 3", "--solve-seconds limits a study"),
-        ("--study --resume nowhere.npz", "holds no study"),
+        ("--study --resume nowhere.npz", "is not a study; omit --study"),
         ("--study --quiet --json funnel", "exclude each other"),
     ],
 )
