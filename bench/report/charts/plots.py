@@ -26,7 +26,7 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
     against = baseline_of(frames, baseline)
     charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
     if kind not in charts:
-        raise BenchError(f"unknown profile {kind!r}{suggestion(kind, charts)}")
+        raise BenchError(f"there is no profile {kind!r}{suggestion(kind, charts)}")
     return charts[kind]
 
 
