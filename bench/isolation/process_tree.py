@@ -80,7 +80,7 @@ def processor_seconds(process: int) -> float:
 def describe_exit(status: int) -> str:
     """Return a sentence about how a process ended, from its wait status."""
     if os.WIFEXITED(status):
-        return f"its process exited with code {os.WEXITSTATUS(status)}"
+        return f"its process ended with exit code {os.WEXITSTATUS(status)}"
     try:
         return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
     except ValueError:

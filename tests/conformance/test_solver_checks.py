@@ -246,7 +246,7 @@ def test_problems_are_held_to_their_promises() -> None:
 
     for check in PROBLEM_CHECKS:
         check.run(lambda: made(Answer(impulses=(np.ones(1),))))
-    with pytest.raises(Violation, match="fixed seed"):
+    with pytest.raises(Violation, match="fixed random seed"):
         OF_PROBLEMS["deterministic"].run(lambda: made(free_velocity=-float(rng.random())))
     with pytest.raises(Violation, match="the judge reads"):
         OF_PROBLEMS["answer"].run(lambda: made(Answer(impulses=(np.zeros(1),))))
