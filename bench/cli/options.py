@@ -129,7 +129,7 @@ Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""
 
 Charts = Annotated[bool, flag("--charts/--no-charts", help="Draw charts.")]
-"""Draw charts beside the tables."""
+"""Draw charts in addition to the tables."""
 
 Residual = Annotated[
     str,

@@ -98,7 +98,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
         if not residual <= WRONG_FACTOR * STOP.tolerance:
             raise Violation(
                 f"{how} its solution of {trial.problem.name}, carried back, has a residual of {residual:.1e}; "
-                "let nothing depend on how a problem is stated."
+                "make the method independent of the statement of the problem."
             )
     return again
 

@@ -97,7 +97,7 @@ def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) 
     try:
         return judge(problem, impulses, solver.model).residual
     except ProblemError as error:
-        raise Violation(f"its supports lets {problem.name} through, but {error}") from error
+        raise Violation(f"its supports accepts {problem.name}, but {error}") from error
 
 
 def meet_answer(problem: ContactProblem, impulses: FloatArray) -> None:

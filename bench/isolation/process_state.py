@@ -133,7 +133,7 @@ def _monitoring_tools() -> list[str | None]:
 
 
 def _scheduling() -> tuple[int, int | None]:
-    """Return the priority of this process, and its scheduling policy where the system has several."""
+    """Return the priority of this process, and its scheduling policy if the system has several."""
     policy = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else None
     return os.getpriority(os.PRIO_PROCESS, 0), policy
 

@@ -79,8 +79,8 @@ def carried(solver: Any) -> bytes:
     except Exception as error:
         what = f"{type(error).__name__}: {error}"
         raise BenchError(
-            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({what:.200}); let it hold "
-            "plain options only, or offer its class from a plugin file."
+            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({what:.200}); store "
+            "plain options only, or provide its class in a plugin file."
         ) from None
     finally:
         if by_value:

@@ -64,7 +64,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
     Args:
         points: as in ``RunFrames``, of any number of cases.
         levels: the accuracies.
-        limit: of the time of one solve [s].
+        limit: time limit of one solve [s].
     """
     counted = reaching(points, max(levels, default=np.inf), limit)
     counted = counted[counted["total_seconds"].notna()]
@@ -81,7 +81,7 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
     Args:
         points: as in ``RunFrames``, of any number of cases.
         accuracy: judged residual.
-        limit: of the time of one solve [s].
+        limit: time limit of one solve [s].
     """
     reached = reaching(points, accuracy, limit).dropna(subset="total_seconds")
     least = reached.sort_values("total_seconds", kind="stable").drop_duplicates(["problem", "solver"])

@@ -30,7 +30,7 @@ STILL = 1e-6
 
 WORDS = {
     "limit cycle": "error after one period of the limit cycle, of the range of each coordinate",
-    "end position": "error of the last position, over the longest way of a coordinate",
+    "end position": "error of the last position, over the longest path of a coordinate",
     "aggregates": "deviation of means over the second half from those of the reference, relative",
 }
 """The meaning of errors, by their kind."""
@@ -60,7 +60,7 @@ def motion_warning(trajectory: TrajectoryRecord) -> str:
     if trajectory.way is None or trajectory.way > STILL * trajectory.scale:
         return ""
     return (
-        f"nothing of {trajectory.name} moves in {trajectory.duration:g} s: errors have no motion to be related to; "
+        f"nothing of {trajectory.name} moves in {trajectory.duration:g} s, so that errors have no scale; "
         "choose options of the scene or a duration in which it moves."
     )
 

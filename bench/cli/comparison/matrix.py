@@ -17,7 +17,7 @@ def matrix(
     max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iterations of one solve.")] = 200_000,
     output: Annotated[
         Path | None,
-        options.output(metavar="FILE", help="Markdown page, beside a CSV file of all cells; printed if left out."),
+        options.output(metavar="FILE", help="Markdown page, with a CSV file of all cells; printed if omitted."),
     ] = None,
     plugin: options.PluginFiles = None,
     quiet: options.Quiet = False,

@@ -89,6 +89,6 @@ def _shown_times(comparison: Comparison, frame: pd.DataFrame) -> pd.DataFrame:
 def _legend(comparison: Comparison) -> str:
     part = f"{100 * comparison.slowdown:g} %"
     return (
-        f"ratio: of times after to before, over {comparison.scale:.3f}, by which times of all solvers differ alike. "
-        f"slower, faster: by more than {part} with a certainty of 95 %, which is that of all cases together."
+        f"ratio: times after over times before, divided by {comparison.scale:.3f}, the common factor of all solvers. "
+        f"slower, faster: by more than {part}, with simultaneous 95 % confidence over all cases."
     )

@@ -38,7 +38,7 @@ MAX_CURVE_POINTS = 300_000
 MIN_CURVE_POINTS = 20
 """Least number of points of a curve."""
 
-LAWS = {1: "no friction (1 row *per contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
+LAWS = {1: "no friction (1 row per contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
 """Laws of problems by their rows per contact."""
 
 RECORDINGS = "recordings"

@@ -99,7 +99,7 @@ def test_a_message_is_no_larger_than_allowed(pipe: Pipe) -> None:
 def test_what_is_no_json_object_is_no_message(pipe: Pipe, content: bytes) -> None:
     writer = threading.Thread(target=write_message, args=(pipe.into, content))
     writer.start()
-    with pytest.raises(NoMessageError, match="not (a )?JSON"):
+    with pytest.raises(NoMessageError, match=r"not (a )?JSON"):
         read_object(pipe.out, 2**20, time.monotonic() + 30.0)
     writer.join()
 
