@@ -335,7 +335,7 @@ def resume(
 
 
 def load(run_dir: os.PathLike[str] | str) -> Run:
-    """Load a stored run from its folder or from a bundle; damaged case files are left out and named.
+    """Load a stored run from its folder or from a bundle; damaged case files are omitted and named.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.

@@ -81,10 +81,10 @@ def report_run(
     page: bool = False,
     profiles: str = "common",
 ) -> int:
-    """Print the tables of a run, then write its files; return 1 if a case failed, is damaged or was left out.
+    """Print the tables of a run, then write its files; return 1 if a case failed, is damaged or was omitted.
 
     Tables are printed first, so that they are shown even if no file can be written; a sentence on standard error then
-    gives the reason. With ``quiet`` that is an error.
+    gives the reason. With ``quiet``, this is an error.
 
     Args:
         run: the run.
@@ -148,7 +148,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print the tables of some problems of a run; return 1 if a case of them failed, or the run is damaged.
+    """Print the tables of some problems of a run; return 1 if one of their cases failed, or the run is damaged.
 
     Raises:
         BenchError: if the run has no such problem.

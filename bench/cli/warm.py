@@ -85,4 +85,4 @@ def _simulate() -> None:
 
 def _cache_folder() -> str:
     """Return the folder of numba's cache, or a description of the default folders."""
-    return os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ beside the modules"
+    return os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ of the modules"

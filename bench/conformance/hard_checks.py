@@ -33,7 +33,7 @@ REPETITIONS = 50
 
 
 def is_true_on(group: str, solver: Solver) -> None:
-    """On hard cases of one group: finite, true to its status and the known answer, inputs untouched."""
+    """On hard cases of one group, results are finite and agree with status and known answer; inputs are unchanged."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = tried(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":

@@ -92,8 +92,8 @@ def resume_measuring(
     changed = differing(record.machine, this_machine())
     if changed and not mix:
         raise BenchError(
-            f"{folder} was started with another machine or source ({'; '.join(changed)}), whose times do not compare; "
-            f"begin a new run, or mix them with `mix=True`."
+            f"{folder} was started with another machine or source ({'; '.join(changed)}), whose times are not "
+            f"comparable; begin a new run, or mix them with `mix=True`."
         )
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)

@@ -55,7 +55,7 @@ def excluded_points(frames: RunFrames) -> int:
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
-    """Return in words what distinguishes two machines and their software; empty if their times compare."""
+    """Return in words what distinguishes two machines and their software; empty if their times are comparable."""
     return [*other_hardware(before, now, _COMPARED), *other_software(before, now)]
 
 
@@ -137,25 +137,25 @@ def warnings(frames: RunFrames) -> list[str]:
     if busy_cores(frames.info) > BUSY:
         found.append(
             f"BUSY: other programs used {busy_cores(frames.info):.1f} other cores on average while solves were timed; "
-            "times do not compare with those of another run; measure again on a quiet machine"
+            "times are not comparable with those of another run; measure again on a quiet machine"
         )
     if drift(frames) > UNSTEADY:
         found.append(
             f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
-            "different problems do not compare; measure again on a quiet machine"
+            "different problems are not comparable; measure again on a quiet machine"
         )
     measured = hosts(frames)
     if len(measured) > 1:
         shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in measured.items())
         found.append(
             f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
-            "different problems do not compare"
+            "different problems are not comparable"
         )
     mixed = mixtures(frames)
     if mixed:
         found.append(
             f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
-            "sessions do not compare; measure again in one"
+            "sessions are not comparable; measure again in one"
         )
     return found
 

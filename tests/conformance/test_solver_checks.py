@@ -206,7 +206,7 @@ def the_violation(check: str, fault: str) -> str:
 @pytest.mark.parametrize(
     ("effect", "words"),
     [
-        ("moves", "changed the working folder; put back"),
+        ("moves", "changed the working folder; restore"),
         ("raises errors of numpy", "changed numpy's error state"),
         ("draws from numpy", "changed numpy's global random state"),
         ("sets the environment", "changed the environment"),

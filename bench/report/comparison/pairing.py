@@ -1,4 +1,4 @@
-"""The comparable part of two runs: the same solvers on problems of equal digests, and whether times compare."""
+"""The comparable part of two runs: the same solvers on problems of equal digests, and whether times are comparable."""
 
 import re
 from collections.abc import Iterable
@@ -67,7 +67,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
     if before.info.judge != after.info.judge:
         raise BenchError(
             f"{before.folder} was judged by version {before.info.judge} of the judge, {after.folder} by version "
-            f"{after.info.judge}; residuals of both do not compare, measure the older one again."
+            f"{after.info.judge}; residuals of both are not comparable, measure the older one again."
         )
     notes = [f"{run.folder}: {sentence}" for run in (before, after) for sentence in (*warnings(run), *run.damaged)]
     keys, left_out = _common_cases(before, after)

@@ -45,7 +45,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
 def page(frames: RunFrames, baseline: str = "") -> str:
     """Return the page of a run, as in ``write_page``."""
     if frames.is_study:
-        raise BenchError(f"{frames.folder} is over trajectories, and pages are of contact problems; draw its charts.")
+        raise BenchError(f"{frames.folder} is over trajectories and has no page; draw its charts.")
     require_cases(frames)
     document = page_document(frames, baseline_of(frames, baseline))
     drawing, script = (_in_script(text) for text in (drawing_script(), "\n".join(map(_source, SCRIPTS))))
