@@ -33,7 +33,7 @@ REPETITIONS = 50
 
 
 def is_true_on(group: str, solver: Solver) -> None:
-    """On hard cases of one group, results are finite and agree with status and known answer; inputs are unchanged."""
+    """On hard cases of one group, results are finite and agree with status and known answer; inputs are kept."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = tried(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
@@ -89,7 +89,7 @@ HARD_CHECKS: tuple[Check[Solver], ...] = (
     *(
         Check(
             f"hard {group}",
-            f"On hard cases ({group}): finite, true to its status and the known answer, inputs untouched.",
+            f"On hard cases ({group}), results are finite and agree with status and known answer; inputs are kept.",
             partial(is_true_on, group),
         )
         for group in CASE_GROUPS
