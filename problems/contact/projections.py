@@ -91,14 +91,16 @@ def onto_cone(
         The projected N and parts.
     """
     lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
-    found = np.maximum(normal, 0.0)
-    # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
     cones = list(zip(friction, lengths, fixed, strict=True))
+    # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
+    found = np.full(len(normal), -np.inf)
     for active in chain.from_iterable(combinations(cones, count) for count in range(1, len(cones) + 1)):
         numerator, denominator = normal, np.ones(1)
         for mu, length, a in active:
             numerator, denominator = numerator + mu * (length - a), denominator + mu**2
         found = np.maximum(found, numerator / denominator)
+    is_inside = np.all([length <= a + mu * normal for mu, length, a in cones], axis=0)
+    found = np.maximum(np.where(is_inside, normal, found), 0.0)  # inside, N₀ to the last bit
     shortened = []
     for part, length, mu, a in zip(parts, lengths, friction, fixed, strict=True):
         radius = a + mu * found

@@ -34,9 +34,10 @@ def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
     Raises:
         ProblemError: if a block of M is not symmetric positive definite, or M⁻¹ would have too many entries.
     """
-    if inverse_entries(mass) > MAX_ENTRIES:
+    sizes = block_sizes(mass)
+    if int((sizes**2).sum()) > MAX_ENTRIES:
         raise ProblemError(
-            "M couples many degrees of freedom with each other, and its inverse would have more than "
+            f"M couples {int(sizes.max())} degrees of freedom with each other, and its inverse would have more than "
             f"{MAX_ENTRIES} entries; give the problem by its Delassus matrix."
         )
     pattern = mass.copy()
@@ -49,11 +50,12 @@ def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
     return _from_blocks(inverses, mass)
 
 
-def inverse_entries(mass: sp.csr_array[Any]) -> int:
-    """Return how many entries M⁻¹ has, block by block, for M in canonical CSR."""
+def block_sizes(mass: sp.csr_array[Any]) -> IntArray:
+    """Return the size of each diagonal block of M in canonical CSR, the number of degrees of freedom that it couples."""
     pattern = mass.copy()
     pattern.eliminate_zeros()
-    return int((np.diff(_sorted_out(pattern.indptr, pattern.indices)[1]) ** 2).sum())
+    sizes: IntArray = np.diff(_sorted_out(pattern.indptr, pattern.indices)[1])
+    return sizes
 
 
 def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:

@@ -146,9 +146,9 @@ def test_observed_and_timed_solves_end_in_the_same_bits(name: str) -> None:
     problem = load_problem("funnel-30")
     measurement = Measurement(problem, create(name))
     stop = Stop(1e-5, 500, 10.0)
-    timed = measurement.round(stop, 0.0).solves[-1].solution
+    timed, answers = measurement.round(stop, 0.0)
     observed = create(name).prepare(problem.fresh()).solve(stop, observe=lambda iteration, impulses: None)
-    assert timed.impulses.tobytes() == observed.impulses.tobytes()
+    assert answers[-1].tobytes() == observed.impulses.tobytes()
     assert timed.status is observed.status
 
 
@@ -156,10 +156,11 @@ def test_a_round_goes_on_for_its_time_but_a_failure_is_measured_once() -> None:
     problem = load_problem("hard-counterexample")
     measurement = Measurement(problem, create("SORprox", relaxation=0.5))
     measurement.warm_up(Stop(1e-6))
-    found = measurement.round(Stop(1e-6), 0.05)
-    assert found.solves[-1].solution.status is Status.SOLVED
-    assert len(found.solves) > 3
-    assert len(Measurement(problem, create("SORprox")).round(Stop(1e-6), 0.05).solves) == 1
+    found, _ = measurement.round(Stop(1e-6), 0.05)
+    assert found.status is Status.SOLVED
+    assert len(found.processor) > 3
+    failed, _ = Measurement(problem, create("SORprox")).round(Stop(1e-6), 0.05)
+    assert len(failed.processor) == 1
 
 
 @pytest.mark.slow

@@ -165,3 +165,16 @@ def test_impulses_of_joints_stay_and_each_friction_keeps_its_own_bound(rolling_r
     projected = project(laws, given_impulses)
     assert projected[:4].tolist() == [-7.0, 2.0, 0.3, 0.4]
     assert projected[4:] == pytest.approx(np.full(rolling_rows, 0.2 / np.sqrt(rolling_rows)))
+
+
+def test_a_point_inside_a_cone_keeps_its_normal_part_to_the_last_bit() -> None:
+    """Methods take N = N₀ for the sign of a contact that sticks."""
+    rng = np.random.default_rng(5)
+    normal, tangent = rng.uniform(0.0, 1.0, 10_000), rng.normal(size=(10_000, 2))
+    mu = rng.uniform(0.05, 2.0, 10_000)
+    tangent *= (mu * normal / np.linalg.norm(tangent, axis=1) * (1.0 - 1e-15))[:, None]
+    inside = np.sqrt(np.einsum("ij,ij->i", tangent, tangent)) <= mu * normal
+    found, (part,) = onto_cone(normal, (tangent,), (mu,), (np.zeros(10_000),))
+    assert inside.sum() > 1000
+    assert np.array_equal(found[inside], normal[inside])
+    assert np.array_equal(part[inside], tangent[inside])

@@ -66,16 +66,3 @@ def test_a_jump_from_outside_is_no_increment(at: int) -> None:
     safeguarded.note_jump()
     safeguarded.sweep(FIRST - at + 1)
     assert iterates.cuts == 0
-
-
-def test_restored_steps_are_the_first_ones_again() -> None:
-    class Restored(Scripted):
-        def scale_steps(self, fraction: np.ndarray) -> None:
-            self.fraction = fraction.copy()
-
-    iterates = Restored([(-1.0) ** k for k in range(FIRST)])
-    safeguarded = SafeguardedIterates(iterates)  # type: ignore[arg-type]
-    safeguarded.sweep(FIRST)
-    assert iterates.fraction.tolist() == [CUT]
-    safeguarded.restore_steps()
-    assert iterates.fraction.tolist() == [1.0]
